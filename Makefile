@@ -1,0 +1,139 @@
+# Everything starts here: `make help`.
+
+PYTHON ?= python3
+PRESET ?= case3
+PYTEST_ARGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+
+# ROS stays on this machine unless the command line says otherwise.
+export ROS_AUTOMATIC_DISCOVERY_RANGE := LOCALHOST
+export PYTHONNOUSERSITE := 1
+export ROS_LOG_DIR ?= $(CURDIR)/.ros/log
+export MPLCONFIGDIR ?= $(CURDIR)/.cache/matplotlib
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# Where ROS comes from: wheels, or the ROS 2 Jazzy that is sourced. There the system's numpy is
+# what ROS was built against and stays; --no-deps keeps pip from replacing it or anything of ROS.
+ifeq ($(ROS_DISTRO),jazzy)
+ROS := jazzy
+VENV_OPTIONS := --system-site-packages
+REQUIREMENTS := requirements/lock.txt
+WITHOUT := numpy
+CHECK := true
+else
+ROS := wheels
+VENV_OPTIONS :=
+REQUIREMENTS := requirements/ros-wheels.txt requirements/lock.txt
+WITHOUT := nothing
+CHECK := $(BIN)/python -m pip check --quiet
+endif
+
+# Stamps are written last and in one move: what was interrupted is begun again.
+ENVIRONMENT := $(VENV)/.environment
+PACKAGE := $(VENV)/.package
+MADE_FOR := $(CURDIR) with ROS from $(ROS)
+
+# An environment is bound to its place, to its ROS and to its Python (when one is asked for).
+ifneq ($(wildcard $(ENVIRONMENT)),)
+ifneq ($(shell cat $(VENV)/.made-for 2>/dev/null),$(MADE_FOR))
+$(ENVIRONMENT): FORCE
+else ifeq ($(shell $(BIN)/python -c 'print(1)' 2>/dev/null),)
+$(ENVIRONMENT): FORCE
+else ifneq ($(origin PYTHON),file)
+which_python = $(shell $(1) -c 'import sys; print(sys.version_info[:2])' 2>/dev/null)
+ifneq ($(call which_python,$(BIN)/python),$(call which_python,$(PYTHON)))
+$(ENVIRONMENT): FORCE
+endif
+endif
+endif
+
+# Not a target of its own: a recipe line with $(MAKE) in it would run even under `make -n`.
+define CHECK_PYTHON
+$(PYTHON) -c '' 2>/dev/null || { \
+    echo "error: '$(PYTHON)' does not run. Name a Python 3.11 or newer: make PYTHON=python3.12" >&2; exit 1; }; \
+$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+    echo "error: $$($(PYTHON) --version) is too old. Name a Python 3.11 or newer:" >&2; \
+    echo "       make PYTHON=python3.12" >&2; exit 1; }; \
+$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+    echo "error: $(PYTHON) has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }
+endef
+ifeq ($(ROS),jazzy)
+define CHECK_ROS_PYTHON
+$(PYTHON) -c 'import rclpy' 2>/dev/null || { \
+    echo "error: ROS_DISTRO is jazzy, but $(PYTHON) cannot import rclpy. Is Jazzy sourced, and this" >&2; \
+    echo "       Jazzy's own Python (3.12)? Without a ROS: unset ROS_DISTRO, and the wheels do." >&2; exit 1; }; \
+$(PYTHON) -c 'import numpy' 2>/dev/null || { \
+    echo "error: $(PYTHON) has no numpy. On Ubuntu: apt install python3-numpy" >&2; exit 1; }
+endef
+else
+CHECK_ROS_PYTHON := true
+endif
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help demo test lint setup bench lock clean check-ros FORCE
+
+help:  ## say what can be made
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+demo: setup  ## watch the robot drive: PRESET=case3
+	$(BIN)/cmpsp demo $(PRESET)
+
+test: export ROS_PYTHON_CHECK_FIELDS := 1
+test: setup  ## run the tests; more options for pytest in PYTEST_ARGS
+	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
+
+lint: setup  ## ruff, mypy, and who may import whom
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m mypy
+	$(BIN)/lint-imports
+
+setup: check-ros $(PACKAGE)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
+
+bench: setup  ## measure
+	$(BIN)/cmpsp bench
+
+lock:  ## pin today's newest versions in requirements/
+	@$(CHECK_PYTHON)
+	rm -rf .cache/lock
+	$(PYTHON) -m venv .cache/lock
+	.cache/lock/bin/python requirements/lock.py
+	rm -rf .cache/lock
+
+clean:  ## remove the environment and whatever can be made again (runs/ stays)
+	rm -rf $(VENV) build install log .ros .cache .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .import_linter_cache .coverage htmlcov *.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+check-ros:
+	@if [ -n "$$ROS_DISTRO" ] && [ "$$ROS_DISTRO" != jazzy ]; then \
+	    echo "error: ROS 2 '$$ROS_DISTRO' is sourced; this package is for Jazzy." >&2; \
+	    echo "       Source Jazzy, or use a shell without any ROS: the wheels do then." >&2; exit 1; fi
+
+# Same pins as in the environment that is there: a new date on the files is no reason to begin again.
+$(ENVIRONMENT): $(wildcard requirements/*.txt) | check-ros
+	@if [ "$$(cat $(VENV)/.made-for 2>/dev/null)" = '$(MADE_FOR)' ] && [ '$(filter FORCE,$^)' = '' ] \
+	    && cat $(REQUIREMENTS) | cmp -s - $@; then touch $@; \
+	else \
+	    set -e; \
+	    $(CHECK_PYTHON); \
+	    $(CHECK_ROS_PYTHON); \
+	    echo 'Making $(VENV): a minute or two, once.'; \
+	    rm -rf $(VENV); \
+	    $(PYTHON) -m venv $(VENV_OPTIONS) $(VENV); \
+	    cat $(REQUIREMENTS) > $(VENV)/.requirements; \
+	    grep -v '^$(WITHOUT)==' $(VENV)/.requirements > $(VENV)/requirements.txt; \
+	    $(BIN)/python -m pip install --quiet --no-deps -r $(VENV)/requirements.txt; \
+	    $(CHECK); \
+	    echo '$(MADE_FOR)' > $(VENV)/.made-for; \
+	    mv $(VENV)/.requirements $@; \
+	fi
+
+# Editable; needs no network. The build tools are in the lock.
+$(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
+	@rm -f $@
+	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@touch $@

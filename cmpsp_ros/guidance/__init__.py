@@ -1,0 +1,1 @@
+"""The guidance law: from odometry to commands as a pure state machine, without ROS."""

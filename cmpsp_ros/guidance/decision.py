@@ -1,0 +1,85 @@
+"""What the guidance law decides at a control step, and how sure it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import Horizon
+
+Array = NDArray[np.float64]
+
+
+class Rung(IntEnum):
+    """Rungs of the ladder: what is commanded, from best to last."""
+
+    NOMINAL = 0
+    ELASTIC = 1
+    SHIFTED = 2
+    STOP = 3
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Controls over the horizon and the path they lead along.
+
+    Attributes:
+        horizon: When each control is held.
+        controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
+        poses: Predicted poses ``(N + 1, 3)`` [m, m, rad].
+    """
+
+    horizon: Horizon
+    controls: Array
+    poses: Array
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Outcome of one control step.
+
+    Attributes:
+        stamp: Time stamp of the odometry that it answers [ns].
+        step: Number of the control step, from 0.
+        rung: Rung of the ladder.
+        reason: Why that rung, in a sentence.
+        wheel_speeds: Commanded wheel speeds (right, left), shape ``(2,)`` [rad/s].
+        twist: The same as speed and turn rate, shape ``(2,)`` [m/s, rad/s].
+        time_left: Time to the final time [s]; 0 once it has passed.
+        plan: The plan followed; None when stopped.
+        miss: Distance of the plan's end from the goal [m]; the robot's own once stopped.
+        margin: Least clearance from obstacles and road edges during the coming control period,
+            between samples too, the robot's own radius taken off [m].
+        worst_margin: The same along the whole plan [m].
+        slack: Largest violation the relaxation left in the linearised constraints [m]; 0 unless
+            elastic.
+        iterations: C-MPSP iterations done.
+        qp_iterations: Iterations of the QP back end in the last of them.
+        active_rows: Constraints active in the last of them.
+        failures: Failed control steps in a row, this one included.
+        finished: Whether the final time has passed.
+        phases: Computing time by phase [ms], where a timer was given.
+    """
+
+    stamp: int
+    step: int
+    rung: Rung
+    reason: str
+    wheel_speeds: Array
+    twist: Array
+    time_left: float
+    plan: Plan | None
+    miss: float
+    margin: float
+    worst_margin: float
+    slack: float = 0.0
+    iterations: int = 0
+    qp_iterations: int = 0
+    active_rows: int = 0
+    failures: int = 0
+    finished: bool = False
+    phases: Mapping[str, float] = field(default_factory=dict)

@@ -1,0 +1,214 @@
+"""The guidance law: one pure object from odometry to decisions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.audit import Audit, Verdict
+from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.initial_guess import initial_guess
+from cmpsp_ros.guidance.planner import Improvement, Planner
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+_MILLISECONDS = 1e-6
+
+
+class GuidanceLaw:
+    """Clock to horizon, warm start, iterations, audit, ladder, command.
+
+    It reads no clock and no file: the same odometry gives the same decisions, bit for bit.
+    """
+
+    def __init__(
+        self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0
+    ) -> None:
+        """Start at rest, waiting for the first odometry.
+
+        Args:
+            settings: All settings.
+            timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
+        """
+        self._timer = timer
+        self.reconfigure(settings)
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again: the next odometry is time 0."""
+        self._start: int | None = None
+        self._due = 0
+        self._step = 0
+        self._failures = 0
+        self._plan: Plan | None = None
+        self._held = np.zeros(2)
+
+    def reconfigure(self, settings: GuidanceSettings) -> None:
+        """Take new settings, from the next control step on."""
+        self._settings = settings
+        self._planner = Planner(settings)
+        self._audit = Audit(settings)
+        self._period = to_nanoseconds(settings.control_period)
+        self._final = to_nanoseconds(settings.final_time)
+
+    def update(self, stamp: int, pose: Array) -> Decision | None:
+        """Decide, if a control step is due.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
+
+        Returns:
+            The decision, or None between two control steps.
+        """
+        if self._start is None:
+            self._start = stamp
+            self._due = 0
+        now = stamp - self._start
+        if now < self._due:
+            return None
+        if now >= self._final:
+            self._due = now + self._period
+            return self._halt(stamp, pose, 'The final time has passed.', finished=True)
+        horizon = remaining(now, self._period, self._final)
+        self._due = horizon.next_instant
+        decision = self._decide(stamp, pose, horizon)
+        self._step += 1
+        return decision
+
+    def halt(self, stamp: int, reason: str) -> Decision:
+        """Stop for a reason that odometry does not show.
+
+        The plan is dropped, and the next odometry is decided on at once.
+
+        Args:
+            stamp: Present time [ns].
+            reason: Why, in a sentence.
+        """
+        self._plan = None
+        self._due = 0
+        return self._halt(stamp, np.full(3, math.nan), reason)
+
+    def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
+        began = self._timer()
+        improvement = self._planner.improve(pose, self._held, self._guess(pose, horizon), horizon)
+        solved = self._timer()
+        plan = improvement.plan
+        verdict = self._audit.check(pose, plan.controls, horizon.durations)
+        rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
+        reason = self._describe(improvement)
+        if not (improvement.solved and verdict.passed):
+            self._failures += 1
+            reason = verdict.reason if improvement.solved else improvement.reason
+            rung, shifted, verdict = self._fall_back(pose, horizon, verdict)
+            if shifted is None:
+                self._forget_after_failures()
+                return self._halt(stamp, pose, reason, improvement)
+            plan = shifted
+            reason += ' The last audited plan goes on.'
+        else:
+            self._failures = 0
+        self._plan = plan
+        self._held = plan.controls[0]
+        self._forget_after_failures()
+        audited = self._timer()
+        return Decision(
+            stamp=stamp,
+            step=self._step,
+            rung=rung,
+            reason=reason,
+            wheel_speeds=plan.controls[0],
+            twist=self._settings.robot.twist(plan.controls[0]),
+            time_left=(self._final - horizon.edges[0]) / NANOSECONDS,
+            plan=plan,
+            miss=math.dist(plan.poses[-1, :2], self._settings.goal),
+            margin=verdict.margin,
+            worst_margin=verdict.worst_margin,
+            slack=improvement.slack if improvement.elastic else 0.0,
+            iterations=improvement.iterations,
+            qp_iterations=improvement.qp_iterations,
+            active_rows=improvement.active_rows,
+            failures=self._failures,
+            phases={
+                'solve': (solved - began) * _MILLISECONDS,
+                'audit': (audited - solved) * _MILLISECONDS,
+            },
+        )
+
+    def _guess(self, pose: Array, horizon: Horizon) -> Array:
+        if self._plan is None:
+            return initial_guess(self._settings, pose, horizon.durations)
+        return shift(self._plan.controls, self._plan.horizon, horizon)
+
+    def _fall_back(
+        self, pose: Array, horizon: Horizon, refused: Verdict
+    ) -> tuple[Rung, Plan | None, Verdict]:
+        """The last audited plan, shifted by the time that has passed, if it is still clear."""
+        if self._plan is not None:
+            controls = shift(self._plan.controls, self._plan.horizon, horizon)
+            verdict = self._audit.check(pose, controls, horizon.durations)
+            if verdict.passed:
+                poses = self._settings.robot.roll_out(pose, controls, horizon.durations)
+                return Rung.SHIFTED, Plan(horizon, controls, poses), verdict
+        return Rung.STOP, None, refused
+
+    def _forget_after_failures(self) -> None:
+        if self._failures >= self._settings.failure_tolerance:
+            self._plan = None
+
+    def _halt(
+        self,
+        stamp: int,
+        pose: Array,
+        reason: str,
+        improvement: Improvement | None = None,
+        *,
+        finished: bool = False,
+    ) -> Decision:
+        self._held = np.zeros(2)
+        margin = float(self._audit.at(pose).min())
+        elapsed = 0 if self._start is None else stamp - self._start
+        return Decision(
+            stamp=stamp,
+            step=self._step,
+            rung=Rung.STOP,
+            reason=reason,
+            wheel_speeds=np.zeros(2),
+            twist=np.zeros(2),
+            time_left=max(0, self._final - elapsed) / NANOSECONDS,
+            plan=None,
+            miss=math.dist(pose[:2], self._settings.goal),
+            margin=margin,
+            worst_margin=margin,
+            iterations=0 if improvement is None else improvement.iterations,
+            failures=self._failures,
+            finished=finished,
+        )
+
+    def _describe(self, improvement: Improvement) -> str:
+        if not improvement.elastic:
+            return 'The plan meets every constraint.'
+        where = self._audit.names(improvement.slack_where)
+        parts = [where] if where else []
+        if improvement.slack_terminal:
+            parts.append('the goal')
+        return (
+            f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
+            f' {" and ".join(parts)}.'
+        )
+
+
+def warm_up(settings: GuidanceSettings) -> None:
+    """Decide once, far from any run, so that all compiled code is loaded.
+
+    Raises:
+        ValueError: The settings cannot be worked with.
+    """
+    road = settings.road
+    start = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
+    GuidanceLaw(settings).update(0, start)

@@ -1,0 +1,209 @@
+"""From stage-wise derivatives to the quadratic program (45) (54) (57) in the controls alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.problem import Array, Linearisation
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class CondensedQP:
+    """Quadratic program in ``dU``, the stacked control deviations, ``q = (N + 1) r`` of them.
+
+    Minimise ``1/2 dU' H dU + c' dU`` subject to ``S_N dU + output_error = 0``, ``B_C dU <= g``,
+    ``|T dU| <= radius`` and ``lower <= dU <= upper``.
+
+    Attributes:
+        H: Hessian (45), which is ``A_UU`` of (36), shape ``(q, q)``.
+        c: Gradient (45), which is ``b_U`` of (38), shape ``(q,)``.
+        S_N: Sensitivity of the terminal output (55), shape ``(m, q)``.
+        output_error: ``Y_N - Y_N*``, shape ``(m,)``.
+        B_C: Path-constraint rows (58), shape ``(p, q)``.
+        g: Right-hand side (59), shape ``(p,)``.
+        path_stage: Stage ``k`` of each path row, shape ``(p,)``.
+        path_index: Which of the stage's constraints each path row is, shape ``(p,)``.
+        T: Trust-region rows, shape ``(t, q)``.
+        radius: Their bounds, shape ``(t,)``.
+        lower: Least control deviations, shape ``(q,)``.
+        upper: Largest control deviations, shape ``(q,)``.
+    """
+
+    H: Array
+    c: Array
+    S_N: Array
+    output_error: Array
+    B_C: Array
+    g: Array
+    path_stage: Indices
+    path_index: Indices
+    T: Array
+    radius: Array
+    lower: Array
+    upper: Array
+
+
+def sensitivities(A: Array, B: Array) -> Array:
+    """State sensitivities ``B_j^k`` of the recursion (23).
+
+    The products of (23) are associated from the other end, ``B_j^(k+1) = A_k B_j^k``, which gives
+    every ``k`` of one ``j`` in one sweep and needs no ``Phi_j^k``.
+
+    Args:
+        A: ``dF_k/dX_k``, shape ``(N, n, n)``.
+        B: ``dF_k/dU_k``, shape ``(N, n, r)``.
+
+    Returns:
+        ``dX_k/dU_j`` at ``[j, k]``, zero for ``k <= j``; shape ``(N + 1, N + 1, n, r)``.
+    """
+    steps, n, r = B.shape
+    result = np.zeros((steps + 1, steps + 1, n, r))
+    _sensitivities(result, A, B)
+    return result
+
+
+def condense(
+    linearisation: Linearisation,
+    lower: Array,
+    upper: Array,
+    trust_radius: Array | None = None,
+) -> CondensedQP:
+    """Eliminate the states: the quadratic program (45) (54) (57) of one iteration.
+
+    Args:
+        linearisation: Derivatives along the predicted trajectory.
+        lower: Least control deviations, shape ``(N + 1, r)``.
+        upper: Largest control deviations, shape ``(N + 1, r)``.
+        trust_radius: Largest predicted change of each state component at every stage, shape
+            ``(n,)``, infinite where free; None for no trust region.
+
+    Returns:
+        The condensed program; time and memory grow with the square of the horizon.
+    """
+    lin = linearisation
+    steps, n, r = lin.B.shape
+    q = (steps + 1) * r
+    blocks = sensitivities(lin.A, lin.B)
+
+    H = np.empty((q, q))
+    _hessian(H, blocks, lin.A, lin.B, lin.L_XX, lin.L_UX, lin.L_UU)
+    c = np.empty(q)
+    _gradient(c, lin.A, lin.B, lin.L_X, lin.L_U)
+
+    S_N = np.empty((len(lin.output_error), q))
+    last = np.full(len(S_N), steps)
+    _rows(S_N, blocks, last, np.ascontiguousarray(lin.h_X), np.ascontiguousarray(lin.h_U))
+
+    stage, index = np.nonzero(lin.g != -np.inf)
+    B_C = np.empty((len(stage), q))
+    _rows(B_C, blocks, stage, lin.g_X[stage, index], lin.g_U[stage, index])
+
+    tight = [] if trust_radius is None else list(np.flatnonzero(np.isfinite(trust_radius)))
+    trust_stage = np.tile(np.arange(1, steps + 1), len(tight))
+    T = np.empty((len(trust_stage), q))
+    unit = np.repeat(np.eye(n)[tight].reshape(-1, n), steps, axis=0)
+    _rows(T, blocks, trust_stage, unit, np.zeros((len(T), r)))
+    radius = np.empty(0) if trust_radius is None else np.repeat(trust_radius[tight], steps)
+
+    return CondensedQP(
+        H=H,
+        c=c,
+        S_N=S_N,
+        output_error=lin.output_error,
+        B_C=B_C,
+        g=-lin.g[stage, index],
+        path_stage=stage,
+        path_index=index,
+        T=T,
+        radius=radius,
+        lower=lower.reshape(q),
+        upper=upper.reshape(q),
+    )
+
+
+@compiled
+def _sensitivities(result: Array, A: Array, B: Array) -> None:
+    steps, n, r = B.shape
+    for j in range(steps):
+        result[j, j + 1] = B[j]
+        for k in range(j + 1, steps):
+            for a in range(n):
+                for b in range(r):
+                    total = 0.0
+                    for i in range(n):
+                        total += A[k, a, i] * result[j, k, i, b]
+                    result[j, k + 1, a, b] = total
+
+
+@compiled
+def _hessian(
+    H: Array, blocks: Array, A: Array, B: Array, L_XX: Array, L_UX: Array, L_UU: Array
+) -> None:
+    """Column by column: the costate's response to one control, swept backward, as in (39)."""
+    steps, n, r = B.shape
+    response = np.empty((n, r))
+    previous = np.empty((n, r))
+    for l in range(steps + 1):  # noqa: E741
+        response[:, :] = 0.0
+        for k in range(steps, l - 1, -1):
+            # Here `response` is dp_(k+1)/dU_l, with p the costate of the gradient below.
+            for a in range(r):
+                for b in range(r):
+                    total = L_UU[l, a, b] if k == l else 0.0
+                    for i in range(n):
+                        total += L_UX[k, a, i] * blocks[l, k, i, b]
+                        if k < steps:
+                            total += B[k, i, a] * response[i, b]
+                    H[k * r + a, l * r + b] = total
+                    H[l * r + b, k * r + a] = total
+            previous[:, :] = response
+            for a in range(n):
+                for b in range(r):
+                    total = 0.0
+                    for i in range(n):
+                        total += L_XX[k, a, i] * blocks[l, k, i, b]
+                        if k < steps:
+                            total += A[k, i, a] * previous[i, b]
+                    response[a, b] = total
+
+
+@compiled
+def _gradient(c: Array, A: Array, B: Array, L_X: Array, L_U: Array) -> None:
+    steps, n, r = B.shape
+    costate = L_X[steps].copy()
+    previous = np.empty(n)
+    for a in range(r):
+        c[steps * r + a] = L_U[steps, a]
+    for k in range(steps - 1, -1, -1):
+        for a in range(r):
+            total = L_U[k, a]
+            for i in range(n):
+                total += B[k, i, a] * costate[i]
+            c[k * r + a] = total
+        previous[:] = costate
+        for a in range(n):
+            total = L_X[k, a]
+            for i in range(n):
+                total += A[k, i, a] * previous[i]
+            costate[a] = total
+
+
+@compiled
+def _rows(rows: Array, blocks: Array, stage: Indices, by_state: Array, by_control: Array) -> None:
+    """Rows ``by_state dX_k + by_control dU_k`` written in the controls alone, by (19)."""
+    stages, _, n, r = blocks.shape
+    for p in range(rows.shape[0]):
+        k = stage[p]
+        for j in range(stages):
+            for b in range(r):
+                total = by_control[p, b] if j == k else 0.0
+                if j < k:
+                    for i in range(n):
+                        total += by_state[p, i] * blocks[j, k, i, b]
+                rows[p, j * r + b] = total

@@ -1,0 +1,184 @@
+"""The optimal control problem (1)-(6), and its derivatives as arrays over the horizon."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.errors import ProblemError
+
+Array = NDArray[np.float64]
+Hessian = Literal['gauss_newton', 'exact']
+
+
+@dataclass(frozen=True)
+class Dimensions:
+    """Sizes of an optimal control problem.
+
+    Attributes:
+        horizon: ``N``, the number of steps; controls are ``U_0 ... U_N``.
+        state: ``n``.
+        control: ``r``.
+        output: ``m``, components of the terminal output; 0 where there is no terminal constraint.
+        path: ``l``, path constraints at each stage.
+    """
+
+    horizon: int
+    state: int
+    control: int
+    output: int
+    path: int
+
+    def __post_init__(self) -> None:
+        for name, least in (('horizon', 1), ('state', 1), ('control', 1), ('output', 0), ('path', 0)):
+            size = getattr(self, name)
+            if size < least:
+                raise ProblemError(f'{name}: found {size}, wanted at least {least}')
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """Everything the method asks of a problem along a predicted trajectory.
+
+    Jacobians have the derivative along columns, the transposes of the paper's. A path constraint
+    that does not apply at a stage (every one of the state alone at stage 0, where the state is
+    known) has the value ``-inf`` there and takes no row of the quadratic program.
+
+    Attributes:
+        A: ``dF_k/dX_k``, shape ``(N, n, n)``.
+        B: ``dF_k/dU_k``, shape ``(N, n, r)``.
+        L_X: Gradient of the cost by the state (48), shape ``(N + 1, n)``.
+        L_U: Gradient of the cost by the control (48), shape ``(N + 1, r)``.
+        L_XX: Hessian blocks (49), shape ``(N + 1, n, n)``.
+        L_UX: Hessian blocks (51), shape ``(N + 1, r, n)``; (52) is their transpose.
+        L_UU: Hessian blocks (50), shape ``(N + 1, r, r)``.
+        output_error: ``Y_N - Y_N*`` of (11), shape ``(m,)``.
+        h_X: ``dh_N/dX_N``, shape ``(m, n)``.
+        h_U: ``dh_N/dU_N``, shape ``(m, r)``.
+        g: Path constraints (4), met where not positive, shape ``(N + 1, l)``.
+        g_X: ``dg_k/dX_k``, shape ``(N + 1, l, n)``.
+        g_U: ``dg_k/dU_k``, shape ``(N + 1, l, r)``.
+    """
+
+    A: Array
+    B: Array
+    L_X: Array
+    L_U: Array
+    L_XX: Array
+    L_UX: Array
+    L_UU: Array
+    output_error: Array
+    h_X: Array
+    h_U: Array
+    g: Array
+    g_X: Array
+    g_U: Array
+
+    def check(self, size: Dimensions) -> None:
+        """Raise where an array has the wrong shape or a value that is not finite.
+
+        Raises:
+            ProblemError: Names the array, the shape or value found and the one wanted.
+        """
+        N, n, r, m, l = size.horizon, size.state, size.control, size.output, size.path  # noqa: E741
+        wanted = {
+            'A': (N, n, n),
+            'B': (N, n, r),
+            'L_X': (N + 1, n),
+            'L_U': (N + 1, r),
+            'L_XX': (N + 1, n, n),
+            'L_UX': (N + 1, r, n),
+            'L_UU': (N + 1, r, r),
+            'output_error': (m,),
+            'h_X': (m, n),
+            'h_U': (m, r),
+            'g': (N + 1, l),
+            'g_X': (N + 1, l, n),
+            'g_U': (N + 1, l, r),
+        }
+        for field in fields(self):
+            array = getattr(self, field.name)
+            if array.shape != wanted[field.name]:
+                raise ProblemError(
+                    f'{field.name}: found shape {array.shape}, wanted {wanted[field.name]}'
+                )
+            applies = array[array != -np.inf] if field.name == 'g' else array
+            if not np.isfinite(applies).all():
+                raise ProblemError(f'{field.name}: found a value that is not finite')
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """Value of a problem along a predicted trajectory.
+
+    Attributes:
+        cost: ``J`` of (3), without proximal terms: those vanish where nothing changes.
+        output_error: ``Y_N - Y_N*``, shape ``(m,)``.
+        g: Path constraints (4), shape ``(N + 1, l)``, ``-inf`` where one does not apply.
+    """
+
+    cost: float
+    output_error: Array
+    g: Array
+
+
+class OptimalControlProblem(ABC):
+    """A problem of the form (1)-(6), from one known initial state over one horizon.
+
+    A subclass gives the prediction, the value and the derivatives; all of them over the whole
+    horizon at once, so that each can be compiled.
+
+    Attributes:
+        size: Dimensions of all arrays.
+        control_lower: Least controls, shape ``(N + 1, r)``, ``-inf`` where there is no limit.
+        control_upper: Largest controls, shape ``(N + 1, r)``.
+        target: ``Y_N*`` of (5), shape ``(m,)``.
+    """
+
+    size: Dimensions
+    control_lower: Array
+    control_upper: Array
+    target: Array
+
+    @abstractmethod
+    def predict(self, U: Array) -> Array:
+        """Roll the dynamics (1) out from the initial state (6).
+
+        Args:
+            U: Control history, shape ``(N + 1, r)``.
+
+        Returns:
+            States ``X_0 ... X_N``, shape ``(N + 1, n)``.
+        """
+
+    @abstractmethod
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Cost (3), terminal output (5) and path constraints (4) along a trajectory."""
+
+    @abstractmethod
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        """Derivatives along a trajectory.
+
+        Args:
+            X: States, shape ``(N + 1, n)``.
+            U: Controls, shape ``(N + 1, r)``.
+            hessian: Which second derivative of the cost to return. Both must leave the condensed
+                Hessian positive semi-definite: ``exact`` is projected.
+        """
+
+    def check_controls(self, U: Array) -> None:
+        """Raise unless ``U`` is a control history of this problem.
+
+        Raises:
+            ProblemError: Names the shape found and the one wanted, or the first bad stage.
+        """
+        wanted = (self.size.horizon + 1, self.size.control)
+        if U.shape != wanted:
+            raise ProblemError(f'U: found shape {U.shape}, wanted {wanted}')
+        bad = np.flatnonzero(~np.isfinite(U).all(axis=1))
+        if len(bad):
+            raise ProblemError(f'U: found {U[bad[0]]} at stage {bad[0]}, wanted finite numbers')

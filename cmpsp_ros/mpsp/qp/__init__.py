@@ -1,0 +1,61 @@
+"""Quadratic programs by the name of their solver, each answer checked before it is believed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from importlib.util import find_spec
+
+from cmpsp_ros.mpsp.condensing import CondensedQP
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.qp import daqp_backend
+from cmpsp_ros.mpsp.qp.solution import Backend, Penalties, QPSolution, QPStatus, kkt_residual
+
+__all__ = ['Backend', 'Penalties', 'QPSolution', 'QPStatus', 'available', 'backend', 'solve_qp']
+
+_TOLERANCE = 1e-5
+
+
+def available() -> tuple[str, ...]:
+    """Names of all back ends installed here, the native ones first."""
+    native = ('daqp',)
+    if find_spec('qpsolvers') is None:
+        return native
+    import qpsolvers  # noqa: PLC0415 (slow to import, and most runs need daqp alone)
+
+    return native + tuple(name for name in qpsolvers.available_solvers if name not in native)
+
+
+@cache
+def backend(name: str) -> Backend:
+    """The back end of that name.
+
+    Raises:
+        ProblemError: No back end of that name is installed; says which are.
+    """
+    if name == 'daqp':
+        return daqp_backend.solve
+    if name not in available():
+        raise ProblemError(f'qp: found {name!r}, wanted one of {", ".join(available())}')
+    from cmpsp_ros.mpsp.qp.qpsolvers_backend import QpsolversBackend  # noqa: PLC0415
+
+    return QpsolversBackend(name)
+
+
+def solve_qp(qp: CondensedQP, name: str, penalties: Penalties | None = None) -> QPSolution:
+    """Solve a condensed program and check the answer against the optimality conditions.
+
+    Args:
+        qp: The program.
+        name: Back end.
+        penalties: Weights of the exact L1 relaxation of (54) and (57); None keeps them hard.
+
+    Returns:
+        The solution; its status is `QPStatus.FAILED` where a back end claims one that is not.
+    """
+    solution = backend(name)(qp, penalties)
+    if solution.status is QPStatus.SOLVED:
+        residual = kkt_residual(qp, solution, penalties)
+        if not residual <= _TOLERANCE:
+            return replace(solution, status=QPStatus.FAILED)
+    return solution

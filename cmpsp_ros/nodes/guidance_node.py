@@ -1,0 +1,250 @@
+"""The guidance node: odometry in, velocity commands out, a reason for each."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Odometry
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
+
+from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
+from cmpsp_ros.nodes.guidance_messages import OdometryError, level_of, pose_of
+from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
+from cmpsp_ros.nodes.health import Health, Report, StepTimes
+from cmpsp_ros.nodes.lifecycle import guard_change_state
+from cmpsp_ros.nodes.parameters import declare
+from cmpsp_ros.nodes.runtime import run
+from cmpsp_ros.nodes.stamps import stamp_ns
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.parameters.table import is_of_ros
+
+if TYPE_CHECKING:
+    from rclpy.lifecycle import LifecycleState
+    from rclpy.parameter import Parameter
+
+    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.parameters.table import Values
+
+_ODOMETRY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
+_WATCH_PERIOD = 0.05
+
+UNCONFIGURED, INACTIVE, ACTIVE = 'unconfigured', 'inactive', 'active'
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class GuidanceNode(LifecycleNode):
+    """Feeds odometry to the guidance law and publishes what it decides.
+
+    Whatever ends its activity - deactivation, shutdown, a signal, an exception, odometry that is
+    lost or cannot be used - the last command it publishes is a zero twist.
+    """
+
+    def __init__(self) -> None:
+        """Declare the parameters and, with `autostart`, go on to the active state."""
+        super().__init__('guidance')
+        guard_change_state(self)
+        self._values: Values | None = None
+        self._refusal = ''
+        self._state = UNCONFIGURED
+        self._outputs: GuidanceOutputs | None = None
+        self._begin()
+        autostart = True
+        try:
+            self._values = declare(self, TABLE, 'guidance')
+            autostart = self._values['autostart']
+        except ParameterError as error:
+            self._refusal = str(error)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        self._health = Health(self, self._report)
+        if autostart and self.trigger_configure() == SUCCESS:
+            self.trigger_activate()
+
+    def stop(self) -> None:
+        """Leave the active state, with a zero twist, before the process ends."""
+        if self._state == ACTIVE:
+            self.trigger_deactivate()
+        self.trigger_shutdown()
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Validate the whole set of parameters, load compiled code, open the topics."""
+        try:
+            if self._values is None:
+                return self._refuse(self._refusal)
+            self._settings = guidance_settings(self._values)
+            warm_up(self._settings)
+        except Exception as error:  # noqa: BLE001 (rclpy would swallow it without a word)
+            return self._refuse(str(error) or type(error).__name__)
+        self._refusal = ''
+        self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
+        self._outputs = GuidanceOutputs(self, self._values)
+        self._inputs = (
+            self.create_subscription(Odometry, 'odom', self._on_odometry, _ODOMETRY),
+            self.create_service(Trigger, '~/reset', self._on_reset),
+            self.create_timer(_WATCH_PERIOD, self._watch),
+        )
+        self._state = INACTIVE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin: the next odometry is time 0."""
+        self._begin()
+        self._law.reset()
+        self._outputs.show(self._settings)
+        self._state = ACTIVE
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the robot and go silent."""
+        self._halt('The guidance node was deactivated.')
+        self._state = INACTIVE
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the topics."""
+        subscription, service, timer = self._inputs
+        self.destroy_subscription(subscription)
+        self.destroy_service(service)
+        self.destroy_timer(timer)
+        self._outputs.close()
+        self._outputs = None
+        self._state = UNCONFIGURED
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the robot if it is still guided."""
+        return self.on_deactivate(state) if self._state == ACTIVE else SUCCESS
+
+    def _begin(self) -> None:
+        self._times = StepTimes()
+        self._heard_at: int | None = None
+        self._halted_at: int | None = None
+        self._decision: Decision | None = None
+
+    def _refuse(self, reason: str) -> TransitionCallbackReturn:
+        self._refusal = reason
+        for line in reason.splitlines():
+            self.get_logger().error(f'cannot configure: {line}')
+        return FAILURE
+
+    def _on_odometry(self, message: Odometry) -> None:
+        if self._state != ACTIVE:
+            return
+        began = time.perf_counter_ns()
+        try:
+            pose = pose_of(message, self._settings.frame_id)
+            self._check_age(stamp_ns(message.header.stamp))
+        except OdometryError as error:
+            self._halt_for(str(error))
+            return
+        self._heard_at = self._now()
+        try:
+            decision = self._law.update(stamp_ns(message.header.stamp), pose)
+        except Exception as error:  # noqa: BLE001 (a robot must stop for any of them)
+            self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
+            return
+        if decision is None:
+            return
+        self._outputs.command(decision)
+        self._times.add((time.perf_counter_ns() - began) / 1e6, self._settings.control_period)
+        self._note(decision)
+
+    def _check_age(self, stamp: int) -> None:
+        age, timeout = (self._now() - stamp) / 1e9, self._settings.odom_timeout
+        if age > timeout:
+            raise OdometryError(
+                f'Odometry is {age:.3f} s old (odom_timeout {timeout} s); is use_sim_time right?'
+            )
+
+    def _watch(self) -> None:
+        if self._state != ACTIVE or self._heard_at is None:
+            return
+        silence, timeout = (self._now() - self._heard_at) / 1e9, self._settings.odom_timeout
+        if silence > timeout:
+            self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+
+    def _halt_for(self, reason: str) -> None:
+        """Stop now, and again every control period while the reason lasts."""
+        now = self._now()
+        period = self._settings.control_period * 1e9
+        if self._halted_at is None or not 0 <= now - self._halted_at < period:
+            self._halt(reason)
+            self._halted_at = now
+
+    def _halt(self, reason: str) -> None:
+        decision = self._law.halt(self._now(), reason)
+        self._outputs.command(decision)
+        self._note(decision)
+
+    def _note(self, decision: Decision) -> None:
+        self._outputs.report(decision)
+        if self._decision is None or decision.rung != self._decision.rung:
+            log = self.get_logger()
+            say = log.info if decision.rung == 0 or decision.finished else log.warning
+            say(f'{decision.rung.name.lower()}: {decision.reason}')
+        self._decision, self._halted_at = decision, None
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._begin()
+        self._law.reset()
+        response.success = True
+        response.message = 'Time 0 is the next odometry.'
+        return response
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._changed(parameters)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        self._values, self._settings = self._changed(parameters)
+        if self._outputs is None:
+            return
+        self._law.reconfigure(self._settings)
+        self._outputs.show(self._settings)
+
+    def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
+        if self._values is None:
+            raise ParameterError(Problem('guidance', 'a refused set of parameters', 'a restart'))
+        changes = {each.name: each.value for each in parameters if not is_of_ros(each.name)}
+        values = TABLE.reconfigure(self._values, changes)
+        return values, guidance_settings(values)
+
+    def _report(self) -> Report:
+        decision, state = self._decision, self._state
+        listeners = self._outputs.command_subscribers if self._outputs else 0
+        values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
+        if decision is not None:
+            values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
+        if self._heard_at is not None:
+            values['odometry_age'] = (self._now() - self._heard_at) / 1e9
+        values |= self._times.values()
+        if self._refusal:
+            level, message = DiagnosticStatus.ERROR, self._refusal
+        elif state != ACTIVE:
+            level, message = DiagnosticStatus.OK, f'The node is {state}.'
+        elif decision is None:
+            level, message = DiagnosticStatus.WARN, 'Waiting for odometry.'
+        else:
+            level, message = level_of(decision), decision.reason
+        rung = None if decision is None else decision.rung
+        return Report(level, message, (level, state, rung, listeners), values)
+
+    def _now(self) -> int:
+        return int(self.get_clock().now().nanoseconds)
+
+
+def main() -> None:
+    """Run the node until a signal."""
+    sys.exit(run(GuidanceNode, name='guidance'))

@@ -1,0 +1,88 @@
+"""Road, obstacles and goal as markers for RViz and Foxglove."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from geometry_msgs.msg import Point
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time
+
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+
+_SEGMENTS = 180
+_HEIGHT = 0.2
+
+_ROAD = (0.45, 0.45, 0.45, 1.0)
+_OBSTACLE = (0.85, 0.25, 0.2, 0.9)
+_MARGIN = (0.95, 0.6, 0.1, 0.9)
+_GOAL = (0.1, 0.6, 0.25, 0.9)
+
+
+def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
+    """Markers of everything that does not move, replacing all that were there.
+
+    Obstacles have a ring around them at the distance that the robot's centre keeps.
+    """
+    clear = Marker(action=Marker.DELETEALL)
+    clear.header.frame_id = settings.frame_id
+    markers = [clear]
+
+    def add(namespace: str, marker: Marker) -> None:
+        marker.ns = namespace
+        marker.id = len(markers)
+        marker.header.frame_id = settings.frame_id
+        marker.header.stamp = stamp
+        marker.pose.orientation.w = 1.0
+        markers.append(marker)
+
+    road = settings.road
+    for radius in (road.inner_radius, road.outer_radius):
+        add('road', _ring(road.center, radius, 0.05, _ROAD))
+    add('centre_line', _ring(road.center, road.center_radius, 0.02, _ROAD))
+    keep = settings.robot_radius + settings.safety.margin
+    for obstacle in settings.obstacles:
+        add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
+        add('obstacle_names', _text(obstacle.center, obstacle.name))
+        if keep > 0.0:
+            add('margins', _ring(obstacle.center, obstacle.radius + keep, 0.02, _MARGIN))
+    add('goal', _disc(settings.goal, max(settings.goal_tolerance, 0.1), _GOAL))
+    return MarkerArray(markers=markers)
+
+
+def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) -> Marker:
+    marker = Marker(type=Marker.CYLINDER, color=_color(color))
+    marker.pose.position.x, marker.pose.position.y = map(float, center)
+    marker.pose.position.z = _HEIGHT / 2.0
+    marker.scale.x = marker.scale.y = 2.0 * float(radius)
+    marker.scale.z = _HEIGHT
+    return marker
+
+
+def _ring(
+    center: tuple[float, float], radius: float, width: float, color: tuple[float, ...]
+) -> Marker:
+    marker = Marker(type=Marker.LINE_STRIP, color=_color(color))
+    marker.scale.x = width
+    angles = [math.tau * i / _SEGMENTS for i in range(_SEGMENTS + 1)]
+    marker.points = [
+        Point(x=center[0] + radius * math.cos(a), y=center[1] + radius * math.sin(a))
+        for a in angles
+    ]
+    return marker
+
+
+def _text(center: tuple[float, float], text: str) -> Marker:
+    marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=_color((1.0, 1.0, 1.0, 1.0)))
+    marker.pose.position.x, marker.pose.position.y = map(float, center)
+    marker.pose.position.z = 2.0 * _HEIGHT
+    marker.scale.z = 0.3
+    return marker
+
+
+def _color(rgba: tuple[float, ...]) -> ColorRGBA:
+    return ColorRGBA(**dict(zip('rgba', rgba, strict=True)))

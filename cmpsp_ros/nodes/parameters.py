@@ -1,0 +1,91 @@
+"""The parameter table as parameters of a ROS 2 node."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from cmpsp_ros.parameters.parameter import ParameterType
+from cmpsp_ros.parameters.table import is_of_ros
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from cmpsp_ros.parameters.parameter import Node as NodeName
+    from cmpsp_ros.parameters.parameter import Parameter as Row
+    from cmpsp_ros.parameters.table import ParameterTable, Values
+
+_TYPES = {
+    ParameterType.BOOL: Parameter.Type.BOOL,
+    ParameterType.INTEGER: Parameter.Type.INTEGER,
+    ParameterType.DOUBLE: Parameter.Type.DOUBLE,
+    ParameterType.STRING: Parameter.Type.STRING,
+    ParameterType.DOUBLE_ARRAY: Parameter.Type.DOUBLE_ARRAY,
+    ParameterType.STRING_ARRAY: Parameter.Type.STRING_ARRAY,
+}
+
+
+def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
+    """Read everything the node was started with, and declare what it uses.
+
+    Both nodes read one file: parameters of the other one are checked as well, but not declared.
+
+    Args:
+        node: A node made with or without `automatically_declare_parameters_from_overrides`;
+            without is better, for with it rclpy cannot construct a node that is given an empty
+            list.
+        table: The parameters of both nodes.
+        which: The node's name in the table.
+
+    Returns:
+        The complete set of both nodes, as plain Python of the table's types.
+
+    Raises:
+        ParameterError: If any key is unknown, any value missing or not what it may be; with all
+            problems of the set, and before anything is declared.
+
+    """
+    values = table.resolve(_overrides(node))
+    for key, row in table.keys(values):
+        if which in row.nodes:
+            _declare(node, key, row, values[key])
+    return values
+
+
+def collect(node: Node) -> dict[str, Any]:
+    """Values that the node's parameters have now, as rclpy holds them.
+
+    Args:
+        node: A node whose parameters are declared.
+
+    Returns:
+        Raw values by key, for the table to read again; those of ROS itself are left out.
+
+    """
+    parameters = node.get_parameters_by_prefix('')
+    return {key: each.value for key, each in parameters.items() if not is_of_ros(key)}
+
+
+def _overrides(node: Node) -> dict[str, Any]:
+    # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
+    overrides: dict[str, Parameter] = node._parameter_overrides  # noqa: SLF001
+    return {key: each.value for key, each in overrides.items()}
+
+
+def _declare(node: Node, key: str, row: Row, value: Any) -> None:
+    if node.has_parameter(key):
+        # Declared by rclpy from the command line or a file, without words, with a fixed type.
+        node.undeclare_parameter(key)
+    fixed = '' if row.reconfigurable else '; cannot be changed while the node runs'
+    descriptor = ParameterDescriptor(
+        description=row.description,
+        additional_constraints=f'{row.wanted}{fixed}',
+        # A fixed type would be enforced by rclpy, in words that help no one, and refuse 2 for 2.0.
+        dynamic_typing=True,
+    )
+    node.declare_parameter(key, value, descriptor, ignore_override=True)
+    if value == []:
+        # An empty list shows no type, and rclpy takes it for one of bytes.
+        node.set_parameters([Parameter(key, _TYPES[row.type], value)])

@@ -1,0 +1,60 @@
+"""Quality of service: what publishers offer, as subscriptions and bags want it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from rclpy.duration import Duration
+
+
+def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
+    """Return the most a subscription can ask for and still hear every publisher.
+
+    Args:
+        offered: What the publishers offer.
+        depth: Messages the subscription's queue holds.
+
+    Returns:
+        Profile that is reliable if they all are, and transient local if they all are.
+
+    """
+    profiles = list(offered)
+    reliable = all(each.reliability == ReliabilityPolicy.RELIABLE for each in profiles)
+    latched = all(each.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in profiles)
+    return QoSProfile(
+        depth=depth,
+        reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+    )
+
+
+def for_bag(profile: QoSProfile) -> Qos:
+    """Convert a profile to the bag's form; both number the policies as the middleware does."""
+    return Qos(
+        QosHistory(int(profile.history)),
+        profile.depth,
+        QosReliability(int(profile.reliability)),
+        QosDurability(int(profile.durability)),
+        _time(profile.deadline),
+        _time(profile.lifespan),
+        QosLiveliness(int(profile.liveliness)),
+        _time(profile.liveliness_lease_duration),
+        profile.avoid_ros_namespace_conventions,
+    )
+
+
+def _time(duration: Duration) -> QosTime:
+    return QosTime(*divmod(duration.nanoseconds, 10**9))

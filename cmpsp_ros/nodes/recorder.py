@@ -1,0 +1,271 @@
+"""The recorder: every topic of the graph into one bag, with the parameters of all nodes."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.callback_groups import CallbackGroup
+from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSCompatibility, qos_check_compatible
+
+from cmpsp_ros.bags.errors import BagError, UnknownTypeError
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.nodes.parameter_watch import ParameterWatch
+from cmpsp_ros.nodes.qos import for_bag, hearing_all
+from cmpsp_ros.nodes.runtime import StartupError, run
+
+if TYPE_CHECKING:
+    from rclpy.clock import ROSClock
+    from rclpy.subscription import Subscription
+
+TAKE_PERIOD = 0.01
+"""Time between two rounds through the queues [s]."""
+
+FLUSH_PERIOD = 1.0
+"""Longest stretch of a recording that is lost when the process is killed [s]."""
+
+QUEUE_DEPTH = 10_000
+"""Messages a topic may hold between two rounds; memory is taken only as they come."""
+
+DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
+"""The end: nothing published before the signal has come for the first [s], or the second [s]."""
+
+
+class _Polled(CallbackGroup):
+    """Keeps subscriptions out of the executor.
+
+    It would wake for every message, at many times the price of taking it; that price decides how
+    much of a core a recorder takes away from the nodes it watches.
+    """
+
+    def can_execute(self, _entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, _entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, _entity: Any) -> None:
+        """Nothing begins, so nothing ends."""
+
+
+@dataclass
+class _Recorded:
+    """A topic being recorded."""
+
+    subscription: Subscription
+    publisher_count: int
+
+
+class Recorder(Node):
+    """Records until it is stopped.
+
+    Serialised messages go from the middleware's queues to the bag as they are. A message's time
+    is the node's clock at its reception. A publisher that comes later, and whose quality of
+    service does not fit the subscription made for the first ones, is not heard: a warning says so.
+
+    Raises:
+        StartupError: `output` is missing, exists, or cannot be created.
+
+    """
+
+    def __init__(self) -> None:
+        super().__init__('recorder')
+        output = self._declare('output', '', 'Folder of the new bag; must not exist. Required.')
+        names = Parameter.Type.STRING_ARRAY
+        listed = self._declare('topics', names, 'Topics to record; all when empty.')
+        excluded = self._declare('exclude_topics', names, 'Topics not to record.')
+        period = self._declare(
+            'discovery_period', 0.1, 'Time between two looks at the graph [s].', (0.01, 10.0)
+        )
+        if not output:
+            msg = 'parameter output: expected the folder of the new bag, got nothing'
+            raise StartupError(msg)
+        self._listed = {self.resolve_topic_name(name) for name in listed or []}
+        self._excluded = {self.resolve_topic_name(name) for name in excluded or []}
+        self._topics: dict[str, _Recorded] = {}
+        self._left_out: set[str] = set()
+        self._polled = _Polled()
+        try:
+            self._bag = BagWriter(Path(output).expanduser())
+        except BagError as error:
+            msg = f'parameter output: {error}'
+            raise StartupError(msg) from error
+        self._broken = False
+        self._parameter_watch = ParameterWatch(self, self._bag.set_parameters)
+        # Simulated time may stand still; looking and taking must go on.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._taking = self.create_timer(TAKE_PERIOD, self._take, clock=steady)
+        self.create_timer(period, self._discover, clock=steady)
+        self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
+        self.get_logger().info(f'recording to {self._bag.path}')
+        self._discover()
+
+    def stop(self) -> None:
+        """Take what is still on its way, then close the bag.
+
+        Raises:
+            BagError: The bag could not be closed, or not with all messages.
+
+        """
+        try:
+            if not self._broken:
+                self._drain()
+        finally:
+            self._bag.close()
+        for name in sorted(self._listed - self._topics.keys()):
+            self.get_logger().warning(f'{name} was to be recorded and had no publisher')
+        self.get_logger().info(
+            f'{self._bag.message_count} messages of {len(self._topics)} topics '
+            f'recorded to {self._bag.path}'
+        )
+
+    def _declare(
+        self, name: str, default: Any, text: str, bounds: tuple[float, float] | None = None
+    ) -> Any:
+        descriptor = ParameterDescriptor(description=text, read_only=True)
+        if bounds is not None:
+            low, high = bounds
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        return self.declare_parameter(name, default, descriptor).value
+
+    def _discover(self) -> None:
+        for name, types in self.get_topic_names_and_types():
+            if not self._wanted(name):
+                continue
+            count = self.count_publishers(name)
+            recorded = self._topics.get(name)
+            if recorded is None:
+                if count > 0:
+                    self._begin(name, types, count)
+            elif count != recorded.publisher_count:
+                recorded.publisher_count = count
+                self._check_publishers(name, recorded.subscription)
+        self._parameter_watch.poll()
+
+    def _wanted(self, name: str) -> bool:
+        if name in self._excluded or name in self._left_out:
+            return False
+        if self._listed:
+            return name in self._listed
+        return not any(part.startswith('_') for part in name.split('/'))
+
+    def _begin(self, name: str, types: list[str], count: int) -> None:
+        """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
+        publishers = self.get_publishers_info_by_topic(name)
+        if not publishers:
+            return
+        try:
+            message_class = _message_class(name, types)
+            self._bag.topic(name, types[0], [for_bag(each.qos_profile) for each in publishers])
+        except UnknownTypeError as error:
+            self._left_out.add(name)
+            self.get_logger().warning(str(error))
+            return
+        subscription = self.create_subscription(
+            message_class,
+            name,
+            lambda _: None,
+            hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
+            callback_group=self._polled,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
+        self._topics[name] = _Recorded(subscription, count)
+
+    def _check_publishers(self, name: str, subscription: Subscription) -> None:
+        for each in self.get_publishers_info_by_topic(name):
+            fit, reason = qos_check_compatible(each.qos_profile, subscription.qos_profile)
+            if fit == QoSCompatibility.ERROR:
+                who = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+                self.get_logger().warning(
+                    f'{name} of {who} is not recorded: incompatible QoS: {reason}'
+                )
+
+    def _take(self, *, ending: bool = False) -> int | None:
+        """Write all that has been received.
+
+        Args:
+            ending: There is no waiting for simulated time to begin any more.
+
+        Returns:
+            Earliest time of publication among the messages [ns], None when there are none.
+
+        """
+        clock = cast('ROSClock', self.get_clock())
+        now = clock.now().nanoseconds
+        if now == 0 and not ending:
+            return None
+        batch = []
+        for name, recorded in self._topics.items():
+            handle, message_class = recorded.subscription.handle, recorded.subscription.msg_type
+            with handle:
+                while (taken := handle.take_message(message_class, True)) is not None:
+                    raw, info = taken
+                    # Not every middleware knows when it received a message.
+                    received = info['received_timestamp'] or now
+                    batch.append((received, info['source_timestamp'], name, raw))
+        # Topics are gone through one after the other, and the bag is to hold them as they came.
+        batch.sort(key=lambda each: each[0])
+        try:
+            for received, _, name, raw in batch:
+                self._bag.write(name, now if clock.ros_time_is_active else received, raw)
+        except BagError:
+            self._broken = True
+            raise
+        for _, _, name, raw in batch:
+            if name == '/parameter_events':
+                self._parameter_watch.hear(raw)
+        return min((published for _, published, _, _ in batch), default=None)
+
+    def _flush(self) -> None:
+        try:
+            self._bag.flush()
+        except BagError:
+            self._broken = True
+            raise
+
+    def _drain(self) -> None:
+        """Go on until nothing published before now has come for a while."""
+        self._taking.cancel()
+        asked_at = time.time_ns()
+        begun = heard = time.monotonic()
+        now = begun
+        while now - heard < DRAIN_QUIET and now - begun < DRAIN_LIMIT:
+            # Answers about parameters and the simulated clock come in here.
+            if self.executor is not None:
+                self.executor.spin_once(timeout_sec=TAKE_PERIOD)
+            published = self._take()
+            now = time.monotonic()
+            if published is not None and published <= asked_at:
+                heard = now
+        self._take(ending=True)
+
+
+def _message_class(topic: str, types: list[str]) -> Any:
+    if len(types) != 1:
+        msg = f'topic {topic} left out: its publishers disagree on its type: {", ".join(types)}'
+        raise UnknownTypeError(msg)
+    package, _, name = types[0].partition('/msg/')
+    try:
+        return getattr(import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError) as error:
+        msg = f'topic {topic} left out: its type {types[0]} is not installed here: {error}'
+        raise UnknownTypeError(msg) from error
+
+
+def main() -> None:
+    """Run the recorder as a process."""
+    sys.exit(run(Recorder, name='recorder'))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,133 @@
+"""How every process of this package lives and dies.
+
+A node comes to its end by a signal, by a shut-down context or by an exception. In each case its
+`stop` method runs while the ROS context is still valid, so that a last zero twist really leaves
+and a bag is really closed.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import traceback
+from typing import TYPE_CHECKING, Any
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.logging import get_logger
+from rclpy.signals import SignalHandlerOptions
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from rclpy.impl.rcutils_logger import RcutilsLogger
+    from rclpy.node import Node
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+WAKE_PERIOD = 0.05
+"""Longest wait for work [s]: the wait set does not notice signals, so this bounds the answer."""
+
+
+class StartupError(ValueError):
+    """A node cannot start with what it was given; the message says what and why."""
+
+
+def run(make_node: Callable[[], Node], *, name: str, args: Sequence[str] | None = None) -> int:
+    """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order.
+
+    To be called in the main thread, as the last thing a process does: both signals stay ignored
+    when it returns, so that a second one cannot cut the exit short.
+
+    Args:
+        make_node: The node's class, or any callable that returns a node. A `stop` method of the
+            node, when there is one, is called once before the node is destroyed.
+        name: Name of the logger for as long as there is no node.
+        args: Command line; `sys.argv` when absent.
+
+    Returns:
+        Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` out of
+        `make_node` is taken for bad start-up parameters and logged by its message alone.
+
+    """
+    stopping = _stop_on_signal()
+    logger = get_logger(name)
+    try:
+        rclpy.init(
+            args=None if args is None else list(args),
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+    except Exception as error:
+        _log_fatal(logger, error)
+        _ignore_signals()
+        return 1
+    try:
+        return _live(make_node, stopping, logger)
+    finally:
+        _ignore_signals()
+        rclpy.try_shutdown()
+
+
+def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: RcutilsLogger) -> int:
+    """Construct, spin, stop and destroy the node; returns the exit code."""
+    try:
+        node = make_node()
+    except ValueError as error:
+        _log_fatal(logger, error, typed=False)
+        return 1
+    except Exception as error:
+        _log_fatal(logger, error)
+        return 1
+    logger = node.get_logger()
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    healthy = True
+    try:
+        while not stopping.is_set():
+            executor.spin_once(timeout_sec=WAKE_PERIOD)
+    except ExternalShutdownException:
+        pass
+    except Exception as error:
+        _log_fatal(logger, error)
+        healthy = False
+    # A signal between here and the exit would interrupt the stop itself.
+    _ignore_signals()
+    ends = (getattr(node, 'stop', None), executor.shutdown, node.destroy_node)
+    # Each is tried, whatever became of the one before.
+    failed = [end for end in ends if end is not None and not _ends_well(end, logger)]
+    return 0 if healthy and not failed else 1
+
+
+def _ends_well(end: Callable[[], object], logger: RcutilsLogger) -> bool:
+    try:
+        end()
+    except Exception as error:
+        _log_fatal(logger, error)
+        return False
+    return True
+
+
+def _stop_on_signal() -> threading.Event:
+    """Install the handlers; the returned event is set by the first signal."""
+    stopping = threading.Event()
+
+    def on_signal(_number: int, _frame: Any) -> None:
+        # A launch system repeats the signal: the second one must not disturb the stop.
+        _ignore_signals()
+        stopping.set()
+
+    for number in SIGNALS:
+        signal.signal(number, on_signal)
+    return stopping
+
+
+def _ignore_signals() -> None:
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -> None:
+    """Log an exception in one line, its traceback at debug level only."""
+    text = ' '.join(str(error).split())
+    logger.fatal(f'{type(error).__name__}: {text}' if typed or not text else text)
+    logger.debug(''.join(traceback.format_exception(error)))

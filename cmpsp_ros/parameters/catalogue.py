@@ -1,0 +1,177 @@
+"""Every parameter of the two nodes: the single source for declaration, README and schema."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from cmpsp_ros.parameters.parameter import REQUIRED, Node, Parameter, ParameterType, Range
+from cmpsp_ros.parameters.table import ParameterTable
+
+_BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
+_STRING, _DOUBLES = ParameterType.STRING, ParameterType.DOUBLE_ARRAY
+_STRINGS = ParameterType.STRING_ARRAY
+
+_POSITIVE: Final = Range(low=0.0, low_open=True)
+_NOT_NEGATIVE: Final = Range(low=0.0)
+
+_FIXED: Final = {'reconfigurable': False}
+_POINT: Final = {'length': 2}
+
+
+class _Group:
+    """Builds the rows under one heading."""
+
+    def __init__(self, heading: str, *nodes: Node) -> None:
+        self._heading = heading
+        self._nodes = frozenset(nodes)
+
+    def __call__(
+        self,
+        name: str,
+        type_: ParameterType,
+        default: object,
+        unit: str,
+        description: str,
+        **rest: Any,
+    ) -> Parameter:
+        nodes = rest.pop('nodes', self._nodes)
+        return Parameter(
+            name, type_, default, unit, description, self._heading, frozenset(nodes), **rest
+        )
+
+
+# fmt: off
+def _parameters() -> Iterator[Parameter]:
+    guidance_only = {'nodes': ('guidance',)}
+
+    task = _Group('Task', 'guidance', 'sim')
+    yield task('frame_id', _STRING, 'odom', '',
+        'Frame of odometry, road, obstacles and goal; odometry in another frame is refused.',
+        **_FIXED)
+    yield task('control_period', _DOUBLE, 0.2, 's',
+        'Time between two control steps; 0.2 s in the paper.',
+        range=Range(0.01, 10.0), **_FIXED)
+    yield task('final_time', _DOUBLE, 10.0, 's',
+        'Time at which to pass the goal, counted from the first odometry; 10 s in the paper.',
+        range=_POSITIVE, **_FIXED)
+    yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
+        'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
+    yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
+        'Distance from the goal up to which it counts as reached.',
+        range=_POSITIVE, **guidance_only)
+
+    robot = _Group('Robot', 'guidance', 'sim')
+    yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
+        'Radius of either wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
+    yield robot('robot.half_track', _DOUBLE, 0.055, 'm',
+        "Distance from a wheel to the robot's centre: `L` = 55 mm in the paper.",
+        range=_POSITIVE)
+    yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
+        'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
+        range=_NOT_NEGATIVE)
+    yield robot('robot.radius', _DOUBLE, 0.0, 'm',
+        "Radius of the robot's footprint, added to every obstacle and taken from the road.",
+        range=_NOT_NEGATIVE)
+    yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
+        'Names of the wheel joints (right, left) in the wheel-speed message.',
+        length=2, **_FIXED, **guidance_only)
+
+    place = _Group('Road and obstacles', 'guidance', 'sim')
+    yield place('road.type', _STRING, 'annulus', '',
+        'Shape of the road: `annulus` lies between two circles, as in the paper.',
+        choices=('annulus',))
+    yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
+        'Centre of the road (x, y).', **_POINT)
+    yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
+        'Radius of the inner edge: `r_i` = 9 m in the paper.', range=_NOT_NEGATIVE)
+    yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
+        'Radius of the outer edge: `r_o` = 11 m in the paper.', range=_POSITIVE)
+    yield place('obstacles.names', _STRINGS, [], '',
+        'Names of the obstacles, each with a block of its own; leave it out when there are none.')
+    yield place('obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
+        'Centre of this obstacle (x, y).', **_POINT)
+    yield place('obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
+        'Radius of this obstacle.', range=_POSITIVE)
+
+    cost = _Group('Cost', 'guidance')
+    yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',
+        'Weight on the squared distance to the centre line: `q` = 15 in the paper.',
+        range=_NOT_NEGATIVE)
+    yield cost('weights.control_change', _DOUBLE, 1.0, 's^2/rad^2',
+        'Weight on the change of wheel speeds between two iterations: `R` = I in the paper.',
+        range=_POSITIVE)
+    yield cost('weights.control_effort', _DOUBLE, 0.0, 's^2/rad^2',
+        'Weight on the squared wheel speeds; not in the paper.', range=_NOT_NEGATIVE)
+    yield cost('weights.control_rate', _DOUBLE, 0.0, 's^2/rad^2',
+        'Weight on the squared change of wheel speeds between control steps; not in the paper.',
+        range=_NOT_NEGATIVE)
+
+    solver = _Group('Solver', 'guidance')
+    yield solver('solver.iterations_per_step', _INTEGER, 2, '',
+        'Iterations at each control step, warm-started from the step before.',
+        range=Range(1, 100))
+    yield solver('solver.qp', _STRING, 'daqp', '',
+        'Name of the quadratic-programming back end.', **_FIXED)
+    yield solver('solver.hessian', _STRING, 'gauss_newton', '',
+        'Hessian of the cost: `gauss_newton`, or `exact` and made positive semidefinite.',
+        choices=('gauss_newton', 'exact'))
+    yield solver('solver.heading_trust_region', _DOUBLE, 0.6, 'rad',
+        'Largest change of heading at any stage in one iteration; 0 means none.',
+        range=_NOT_NEGATIVE)
+    yield solver('initial_guess.type', _STRING, 'road', '',
+        'First control history: `road` follows the centre line, `constant` holds '
+        '`initial_guess.wheel_speeds`.', choices=('road', 'constant'))
+    yield solver('initial_guess.wheel_speeds', _DOUBLES, [45.13, 44.63], 'rad/s',
+        'Wheel speeds (right, left) of the `constant` guess.', **_POINT)
+
+    safety = _Group('Safety', 'guidance')
+    yield safety('safety.margin', _DOUBLE, 0.0, 'm',
+        "Kept from every obstacle and road edge beside the robot's own radius.",
+        range=_NOT_NEGATIVE)
+    yield safety('safety.between_samples', _BOOL, True, '',
+        'Whether the path between two control steps must be clear as well.')
+    yield safety('odom_timeout', _DOUBLE, 0.5, 's',
+        'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
+    yield safety('failure_tolerance', _INTEGER, 3, '',
+        'Failed control steps in a row after which the warm start is thrown away.',
+        range=Range(low=1))
+
+    node = _Group('Node', 'guidance', 'sim')
+    yield node('enable_stamped_cmd_vel', _BOOL, False, '',
+        'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
+    yield node('autostart', _BOOL, True, '',
+        'Whether the guidance node configures and activates itself.', **_FIXED, **guidance_only)
+
+    sim = _Group('Simulator', 'sim')
+    yield sim('initial_pose', _DOUBLES, [0.0, -9.25, 0.0], 'm, m, rad',
+        'Pose at the start (x, y, heading); as in the paper.', length=3, **_FIXED)
+    yield sim('odom_rate', _DOUBLE, 50.0, 'Hz',
+        'Odometry messages in a second of simulated time.',
+        range=Range(0.0, 10000.0, low_open=True), **_FIXED)
+    yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
+        'Age of the last command at which the robot stops by itself; 0 means never.',
+        range=_NOT_NEGATIVE)
+    yield sim('real_time_factor', _DOUBLE, 1.0, '',
+        'Simulated seconds in a second of wall time.', range=_POSITIVE, **_FIXED)
+    yield sim('publish_clock', _BOOL, False, '',
+        'Whether simulated time is published on `/clock`, for nodes with `use_sim_time`.',
+        **_FIXED)
+    yield sim('lockstep', _BOOL, False, '',
+        'Whether simulated time waits for the answer to every control step.', **_FIXED)
+    yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
+        'Wall time to wait for an answer in lockstep before an error is reported.',
+        range=_POSITIVE)
+    yield sim('noise.position_stddev', _DOUBLE, 0.0, 'm',
+        'Standard deviation of the noise on each measured coordinate.', range=_NOT_NEGATIVE)
+    yield sim('noise.heading_stddev', _DOUBLE, 0.0, 'rad',
+        'Standard deviation of the noise on the measured heading.', range=_NOT_NEGATIVE)
+    yield sim('noise.seed', _INTEGER, 0, '',
+        'Seed of the noise: the same seed gives the same noise.', range=_NOT_NEGATIVE, **_FIXED)
+    yield sim('actuation_delay', _DOUBLE, 0.0, 's',
+        'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
+# fmt: on
+
+
+TABLE: Final = ParameterTable(_parameters())
+"""The parameters of both nodes, in the order of the documentation."""

@@ -1,0 +1,177 @@
+"""The table of parameters for people (README) and for editors (JSON schema).
+
+``python -m cmpsp_ros.parameters.documentation`` prints it or writes it into a README.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterType
+from cmpsp_ros.parameters.ros_yaml import dump
+
+_BEGIN: Final = '<!-- parameters:begin -->'
+_END: Final = '<!-- parameters:end -->'
+_HEAD: Final = '| Parameter | Default | Unit | Allowed | Live | Node | |' + '\n' + '|---' * 7 + '|'
+_JSON_TYPE: Final = {
+    ParameterType.BOOL: 'boolean',
+    ParameterType.INTEGER: 'integer',
+    ParameterType.DOUBLE: 'number',
+    ParameterType.STRING: 'string',
+    ParameterType.DOUBLE_ARRAY: 'number',
+    ParameterType.STRING_ARRAY: 'string',
+}
+
+
+def markdown_table() -> str:
+    """The parameters under their headings, for the README."""
+    parts = []
+    for group, parameters in itertools.groupby(TABLE, key=lambda parameter: parameter.group):
+        rows = '\n'.join(_row(parameter) for parameter in parameters)
+        parts.append(f'**{group}**\n\n{_HEAD}\n{rows}\n')
+    return '\n'.join(parts)
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON schema (draft 2020-12) of a parameter file, for editors that check YAML."""
+    parameters: dict[str, Any] = _mapping()
+    for parameter in TABLE:
+        _insert(parameters, parameter)
+    parameters['properties'] |= {
+        'use_sim_time': {'type': 'boolean'},
+        'start_type_description_service': {'type': 'boolean'},
+        'qos_overrides': {'type': 'object'},
+    }
+    parameters['patternProperties'] = {r'^qos_overrides\.': {}}
+    section = {
+        'type': 'object',
+        'properties': {'ros__parameters': parameters},
+        'required': ['ros__parameters'],
+    }
+    return {
+        '$schema': 'https://json-schema.org/draft/2020-12/schema',
+        'title': 'Parameters of the guidance node and the simulator',
+        'type': 'object',
+        'patternProperties': {r'^/\*\*$|^(.*/)?(guidance|sim)$': section},
+    }
+
+
+def in_readme(text: str) -> bool:
+    """Whether a README holds the table as it is now."""
+    try:
+        return _with_table(text, 'README') == text
+    except ParameterError:
+        return False
+
+
+def main() -> int:
+    """Prints the table or the schema, or writes the table into a README."""
+    parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument('--write', metavar='README.md', type=Path, help='replace the table in it')
+    choice.add_argument('--schema', action='store_true', help='print the JSON schema instead')
+    arguments = parser.parse_args()
+    if arguments.write is None:
+        text = json.dumps(json_schema(), indent=2) if arguments.schema else markdown_table()
+        sys.stdout.write(f'{text}\n')
+        return 0
+    try:
+        text = arguments.write.read_text(encoding='utf-8')
+        arguments.write.write_text(_with_table(text, str(arguments.write)), encoding='utf-8')
+    except (OSError, ParameterError) as error:
+        sys.stderr.write(f'{error}\n')
+        return 1
+    return 0
+
+
+def _with_table(text: str, source: str) -> str:
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        wanted = f'{_BEGIN} and after it {_END}, each once'
+        raise ParameterError(Problem(source, 'no place for the table', wanted))
+    return f'{before}{_BEGIN}\n\n{markdown_table()}\n{_END}{after}'
+
+
+def _row(parameter: Parameter) -> str:
+    cells = [
+        f'`{parameter.name}`',
+        _default(parameter),
+        parameter.unit,
+        _allowed(parameter),
+        'yes' if parameter.reconfigurable else 'no',
+        ', '.join(sorted(parameter.nodes)),
+        parameter.description,
+    ]
+    return f'| {" | ".join(cell.replace("|", chr(92) + "|") for cell in cells)} |'
+
+
+def _default(parameter: Parameter) -> str:
+    if parameter.default is REQUIRED:
+        return 'required'
+    if parameter.default == []:
+        return '`[]`'
+    written = dump({'': parameter.default}).splitlines()[-1].partition(': ')[2]
+    return f'`{written}`'.replace('"', '')
+
+
+def _allowed(parameter: Parameter) -> str:
+    if parameter.choices:
+        return ', '.join(f'`{choice}`' for choice in parameter.choices)
+    length = '' if parameter.length is None else f'{parameter.length} '
+    is_array = parameter.type in {ParameterType.DOUBLE_ARRAY, ParameterType.STRING_ARRAY}
+    return f'{length if is_array else ""}{parameter.type.value} {parameter.range}'.strip()
+
+
+def _mapping() -> dict[str, Any]:
+    return {'type': 'object', 'properties': {}, 'additionalProperties': False}
+
+
+def _insert(root: dict[str, Any], parameter: Parameter) -> None:
+    *path, last = parameter.name.split('.')
+    mapping = root
+    for part in path:
+        if part == NAME:
+            if mapping['additionalProperties'] is False:
+                mapping['additionalProperties'] = _mapping() | {'required': []}
+            mapping = mapping['additionalProperties']
+        else:
+            mapping = mapping['properties'].setdefault(part, _mapping())
+    mapping['properties'][last] = _value_schema(parameter)
+    if parameter.default is REQUIRED:
+        mapping['required'].append(last)
+
+
+def _value_schema(parameter: Parameter) -> dict[str, Any]:
+    limits = parameter.range
+    item: dict[str, Any] = {'type': _JSON_TYPE[parameter.type]}
+    if limits.low > -math.inf:
+        item['exclusiveMinimum' if limits.low_open else 'minimum'] = limits.low
+    if limits.high < math.inf:
+        item['exclusiveMaximum' if limits.high_open else 'maximum'] = limits.high
+    if parameter.choices:
+        item['enum'] = list(parameter.choices)
+    schema = item
+    if parameter.type in {ParameterType.DOUBLE_ARRAY, ParameterType.STRING_ARRAY}:
+        schema = {'type': 'array', 'items': item}
+        if parameter.type is ParameterType.STRING_ARRAY:
+            schema['uniqueItems'] = True
+        if parameter.length is not None:
+            schema |= {'minItems': parameter.length, 'maxItems': parameter.length}
+    unit = f' [{parameter.unit}]' if parameter.unit else ''
+    schema['description'] = parameter.description + unit
+    if parameter.default is not REQUIRED:
+        schema['default'] = parameter.default
+    return schema
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,240 @@
+"""One parameter: what it may hold, and how a value given for it is read."""
+
+from __future__ import annotations
+
+import array
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+
+Node = Literal['guidance', 'sim']
+
+NAME: Final = '<name>'
+"""Stands in a parameter's name for the names that the user lists."""
+
+
+class ParameterType(Enum):
+    """Types of parameters, by ROS's names for them; the values are for documentation."""
+
+    BOOL = 'bool'
+    INTEGER = 'int'
+    DOUBLE = 'float'
+    STRING = 'string'
+    DOUBLE_ARRAY = 'floats'
+    STRING_ARRAY = 'strings'
+
+
+class Required(Enum):
+    """The default of a parameter that has none."""
+
+    REQUIRED = 'required'
+
+
+REQUIRED: Final = Required.REQUIRED
+
+
+@dataclass(frozen=True)
+class Range:
+    """An interval of numbers.
+
+    Attributes:
+        low: Lower end.
+        high: Upper end.
+        low_open: Whether the lower end is left out.
+        high_open: Whether the upper end is left out.
+    """
+
+    low: float = -math.inf
+    high: float = math.inf
+    low_open: bool = False
+    high_open: bool = False
+
+    def __contains__(self, number: float) -> bool:
+        """Whether a number lies in the interval."""
+        above = number > self.low if self.low_open else number >= self.low
+        below = number < self.high if self.high_open else number <= self.high
+        return above and below
+
+    def __str__(self) -> str:
+        """The interval in the shortest words that are exact; empty when all numbers are in it."""
+        ends = []
+        if self.low > -math.inf:
+            ends.append(f'{">" if self.low_open else ">="} {self.low:.12g}')
+        if self.high < math.inf:
+            ends.append(f'{"<" if self.high_open else "<="} {self.high:.12g}')
+        if len(ends) == 2 and not self.low_open and not self.high_open:
+            return f'from {self.low:.12g} to {self.high:.12g}'
+        return ' and '.join(ends)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of the table.
+
+    Attributes:
+        name: Its key, with ``<name>`` where a name listed by the user stands.
+        type: What it holds.
+        default: Value when none is given, or ``REQUIRED``.
+        unit: SI unit, empty when there is none.
+        description: One sentence for the README.
+        group: Heading under which it is documented.
+        nodes: Nodes that use it.
+        range: Numbers that it may hold.
+        choices: Texts that it may hold; empty when any will do.
+        length: Length of an array; None when any will do.
+        reconfigurable: Whether it may be changed while a node runs.
+    """
+
+    name: str
+    type: ParameterType
+    default: Any
+    unit: str
+    description: str
+    group: str
+    nodes: frozenset[Node]
+    range: Range = Range()
+    choices: tuple[str, ...] = ()
+    length: int | None = None
+    reconfigurable: bool = True
+
+    @property
+    def is_block(self) -> bool:
+        """Whether there is one such parameter for each name that the user lists."""
+        return NAME in self.name
+
+    @property
+    def prefix(self) -> str:
+        """What stands before ``<name>``; the whole name when there is none."""
+        return self.name.partition(NAME)[0]
+
+    def key(self, name: str) -> str:
+        """The parameter's key for a name that the user listed."""
+        return self.name.replace(NAME, name)
+
+    @property
+    def wanted(self) -> str:
+        """What the parameter may hold, in words."""
+        unit = f' [{self.unit}]' if self.unit else ''
+        within = f' {self.range}' if str(self.range) else ''
+        length = '' if self.length is None else f'{self.length} '
+        return {
+            ParameterType.BOOL: 'true or false',
+            ParameterType.INTEGER: f'an integer{within}{unit}',
+            ParameterType.DOUBLE: f'a number{within}{unit}',
+            ParameterType.STRING: ' or '.join(self.choices) or 'text, not empty',
+            ParameterType.DOUBLE_ARRAY: f'a list of {length}numbers{within}{unit}',
+            ParameterType.STRING_ARRAY: f'a list of {length}different names',
+        }[self.type]
+
+    def read(self, key: str, value: object) -> Any:
+        """The value as plain Python of the parameter's type: an int is taken for a float.
+
+        Args:
+            key: The parameter's key, for the message.
+            value: Anything: from YAML, from Python or as rclpy returns it.
+
+        Returns:
+            A bool, int, float, str, ``list[float]`` or ``list[str]``.
+
+        Raises:
+            ParameterError: If the value is not what the parameter may hold.
+        """
+        plain = _plain(value)
+        result = self._convert(plain)
+        if result is None:
+            raise ParameterError(Problem(key, describe(plain), self.wanted + self._hint(plain)))
+        return result
+
+    def read_default(self, key: str) -> Any:
+        """A copy of the default.
+
+        Raises:
+            ParameterError: If there is none.
+        """
+        if self.default is REQUIRED:
+            raise ParameterError(Problem(key, 'nothing', self.wanted))
+        return list(self.default) if isinstance(self.default, (list, tuple)) else self.default
+
+    def _convert(self, value: object) -> Any:
+        match self.type:
+            case ParameterType.BOOL:
+                return value if isinstance(value, bool) else None
+            case ParameterType.INTEGER:
+                return self._integer(value)
+            case ParameterType.DOUBLE:
+                return self._number(value)
+            case ParameterType.STRING:
+                return self._text(value)
+            case ParameterType.DOUBLE_ARRAY:
+                return self._all(value, [self._number(item) for item in _items(value)])
+            case ParameterType.STRING_ARRAY:
+                # ROS gives an empty list no type, and hands it over as nothing at all.
+                value = [] if value is None else value
+                texts = [self._text(item) for item in _items(value)]
+                return self._all(value, texts) if len(set(texts)) == len(texts) else None
+
+    def _integer(self, value: object) -> int | None:
+        if not isinstance(value, int) or isinstance(value, bool):
+            return None
+        fits = -(2**63) <= value < 2**63
+        return int(value) if fits and value in self.range else None
+
+    def _number(self, value: object) -> float | None:
+        if not isinstance(value, (int, float)) or isinstance(value, bool):
+            return None
+        try:
+            number = float(value)
+        except OverflowError:
+            return None
+        return number if math.isfinite(number) and number in self.range else None
+
+    def _text(self, value: object) -> str | None:
+        # ROS hands texts on through C: no zero, no half of a surrogate pair would arrive.
+        if not isinstance(value, str) or not value.strip() or not value.isprintable():
+            return None
+        return str(value) if not self.choices or value in self.choices else None
+
+    def _all(self, value: object, items: list[Any]) -> list[Any] | None:
+        if not isinstance(value, list) or None in items:
+            return None
+        return items if self.length in (None, len(items)) else None
+
+    def _hint(self, value: object) -> str:
+        texts = self.type in (ParameterType.STRING, ParameterType.STRING_ARRAY)
+        for item in value if isinstance(value, list) else [value]:
+            if texts and isinstance(item, (bool, int, float)):
+                return ' (put it in quotes to make it text)'
+            if not texts and isinstance(item, str):
+                return _hint_for_text(item, self.type)
+        return ''
+
+
+def _plain(value: object) -> object:
+    """The value without numpy and the like, one level deep."""
+    if isinstance(value, (np.ndarray, np.generic, array.array)):
+        return value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [item.tolist() if isinstance(item, np.generic) else item for item in value]
+    return value
+
+
+def _items(value: object) -> Sequence[object]:
+    return value if isinstance(value, list) else ()
+
+
+def _hint_for_text(text: str, type_: ParameterType) -> str:
+    if type_ is ParameterType.BOOL:
+        is_bool = text.lower() in ('true', 'false')
+        return f' (this is text: write {text.lower()} without quotes)' if is_bool else ''
+    try:
+        number = float(text)
+    except ValueError:
+        return ''
+    written = int(number) if type_ is ParameterType.INTEGER and number.is_integer() else number
+    return f' (this is text: write {written} without quotes)' if math.isfinite(number) else ''

@@ -1,0 +1,144 @@
+"""Parameter files: the presets that come with the package, and the user's own."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from cmpsp_ros.parameters import ros_yaml
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+
+_PACKAGE: Final = 'cmpsp_ros'
+_OURS: Final = ('guidance', 'sim')
+
+
+def config_directory() -> Path:
+    """The folder of the presets, in a source tree or where pip or colcon put it.
+
+    Raises:
+        ParameterError: If the package was installed without them.
+    """
+    here = Path(__file__)
+    # The second path matters in a workspace of symbolic links, the first where only they lead on.
+    for folder in [*here.absolute().parents, *here.resolve().parents]:
+        in_source = folder / 'config'
+        if (folder / 'package.xml').is_file() and in_source.is_dir():
+            return in_source
+        installed = folder / 'share' / _PACKAGE / 'config'
+        if installed.is_dir():
+            return installed
+    wanted = f'config/ beside package.xml, or share/{_PACKAGE}/config/ of the installation'
+    raise ParameterError(Problem(str(here.parent), 'no folder of presets above', wanted))
+
+
+def preset_names() -> list[str]:
+    """Names of the presets, sorted.
+
+    Raises:
+        ParameterError: If the package was installed without them.
+    """
+    return sorted(path.stem for path in config_directory().glob('*.yaml'))
+
+
+def load_parameter_file(
+    path_or_preset_name: str | os.PathLike[str], node: str | None = None
+) -> dict[str, Any]:
+    """What a parameter file says, flat, before any check of keys and values.
+
+    Args:
+        path_or_preset_name: A file; or, as text without folder and suffix, a preset.
+        node: Full name of a node, such as ``/r1/guidance``: what ROS would hand to it. Without
+            it, what the file says to guidance and simulator in any namespace.
+
+    Returns:
+        Values by key. Of several sections that give a key, the later in the file counts.
+
+    Raises:
+        ParameterError: If there is no such file or preset, the file is not YAML of ROS
+            parameters, or says different things to several nodes when none is asked for.
+    """
+    path = _path(path_or_preset_name)
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        wanted = f'a file of parameters, or one of the presets {", ".join(preset_names())}'
+        raise ParameterError(Problem(str(path), str(reason), wanted)) from error
+    sections = ros_yaml.read_sections(text, str(path))
+    chosen = {name: s for name, s in sections.items() if _concerns(name, node)}
+    if not chosen:
+        found = f'sections for {", ".join(sections)} only'
+        raise ParameterError(Problem(str(path), found, f'one for {node or "/**, guidance, sim"}'))
+    if node is None:
+        _refuse_contradictions(chosen, str(path))
+    return {key: value for section in chosen.values() for key, value in section.items()}
+
+
+def parse_assignment(text: str) -> tuple[str, Any]:
+    """Key and value of ``weights.road_center=30``, the value in YAML.
+
+    Raises:
+        ParameterError: If it is not of that form.
+    """
+    key, equals, value = text.partition('=')
+    key = key.strip()
+    if not equals or not key:
+        raise ParameterError(Problem(describe(text), 'no key=value', 'such as final_time=12.0'))
+    return key, ros_yaml.read_value(value.strip(), key)
+
+
+def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
+    """Writes a parameter file for all nodes, from which ROS reads the same values bit for bit.
+
+    Args:
+        path: Where to; what is there already is overwritten.
+        values: Plain Python values by key, such as a resolved set.
+
+    Raises:
+        ParameterError: If the file cannot be written.
+    """
+    try:
+        Path(path).write_text(ros_yaml.dump(values), encoding='utf-8')
+    except OSError as error:
+        problem = Problem(str(path), str(error.strerror), 'a place to write parameters to')
+        raise ParameterError(problem) from error
+
+
+def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
+    path = Path(path_or_preset_name)
+    if not isinstance(path_or_preset_name, str) or path.suffix or path.name != path_or_preset_name:
+        return path
+    names = preset_names()
+    if path.name in names:
+        return config_directory() / f'{path.name}.yaml'
+    nearest = difflib.get_close_matches(path.name, names, n=1)
+    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
+    wanted = f'a preset ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
+    raise ParameterError(Problem(describe(path_or_preset_name), 'no such preset', wanted))
+
+
+def _concerns(section: str, node: str | None) -> bool:
+    if node is None:
+        last = section.rpartition('/')[2]
+        return last in {'*', '**', *_OURS}
+    pattern = re.escape(section).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
+    return re.fullmatch(pattern, f'/{node.lstrip("/")}') is not None
+
+
+def _refuse_contradictions(sections: ros_yaml.Sections, source: str) -> None:
+    said: dict[str, tuple[str, Any]] = {}
+    problems = []
+    for name, section in sections.items():
+        if name.endswith('*'):
+            continue
+        for key, value in section.items():
+            other, before = said.setdefault(key, (name, value))
+            if before != value:
+                found = f'{describe(before)} for {other} and {describe(value)} for {name}'
+                problems.append(Problem(f'{source}: {key}', found, 'one value for both'))
+    if problems:
+        raise ParameterError(*problems)

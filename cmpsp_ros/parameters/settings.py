@@ -1,0 +1,171 @@
+"""Settings of the guidance law and of the plant, built from a resolved set of parameters."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, Final
+
+from cmpsp_ros.guidance.settings import (
+    GuidanceSettings,
+    InitialGuess,
+    Safety,
+    SolverSettings,
+    Weights,
+)
+from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.plant import PlantSettings
+from cmpsp_ros.robot.road import Annulus
+
+_MOST_STEPS: Final = 10_000
+"""Control steps beyond which the horizon's matrices would fill the memory."""
+
+
+def guidance_settings(values: Values) -> GuidanceSettings:
+    """What the guidance law is told.
+
+    Args:
+        values: A set resolved by the table.
+
+    Returns:
+        The settings, checked against each other.
+
+    Raises:
+        ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
+            or the final time comes before the first control step; with all of these.
+    """
+    _raise_if_any([*_time_problems(values), *_road_problems(values), *_goal_problems(values)])
+    return GuidanceSettings(
+        robot=_robot(values),
+        road=_road(values),
+        goal=tuple(values['goal.position']),
+        goal_tolerance=values['goal.tolerance'],
+        final_time=values['final_time'],
+        control_period=values['control_period'],
+        obstacles=_obstacles(values),
+        robot_radius=values['robot.radius'],
+        weights=Weights(**_section(values, 'weights')),
+        solver=SolverSettings(**_section(values, 'solver')),
+        initial_guess=InitialGuess(
+            values['initial_guess.type'], tuple(values['initial_guess.wheel_speeds'])
+        ),
+        safety=Safety(**_section(values, 'safety')),
+        frame_id=values['frame_id'],
+        odom_timeout=values['odom_timeout'],
+        failure_tolerance=values['failure_tolerance'],
+    )
+
+
+def plant_settings(values: Values) -> PlantSettings:
+    """What the simulated robot is told.
+
+    Args:
+        values: A set resolved by the table.
+    """
+    return PlantSettings(
+        robot=_robot(values),
+        initial_pose=tuple(values['initial_pose']),
+        odom_rate=values['odom_rate'],
+        cmd_vel_timeout=values['cmd_vel_timeout'],
+        actuation_delay=values['actuation_delay'],
+        position_stddev=values['noise.position_stddev'],
+        heading_stddev=values['noise.heading_stddev'],
+        seed=values['noise.seed'],
+    )
+
+
+def check_start(values: Values) -> None:
+    """Refuses a start from which there is no lawful first step.
+
+    Args:
+        values: A set resolved by the table.
+
+    Raises:
+        ParameterError: If the initial pose is off the road or in an obstacle.
+    """
+    x, y, _ = values['initial_pose']
+    _raise_if_any(list(_place_problems(values, 'initial_pose', (x, y))))
+
+
+def _robot(values: Values) -> DifferentialDrive:
+    return DifferentialDrive(
+        wheel_radius=values['robot.wheel_radius'],
+        half_track=values['robot.half_track'],
+        max_wheel_speed=values['robot.max_wheel_speed'] or math.inf,
+    )
+
+
+def _road(values: Values) -> Annulus:
+    return Annulus(
+        tuple(values['road.center']), values['road.inner_radius'], values['road.outer_radius']
+    )
+
+
+def _obstacles(values: Values) -> tuple[Obstacle, ...]:
+    return tuple(
+        Obstacle(
+            name,
+            tuple(values[f'obstacles.{name}.center']),
+            values[f'obstacles.{name}.radius'],
+        )
+        for name in values['obstacles.names']
+    )
+
+
+def _section(values: Values, name: str) -> dict[str, Any]:
+    prefix = f'{name}.'
+    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
+def _time_problems(values: Values) -> Iterator[Problem]:
+    final_time, period = values['final_time'], values['control_period']
+    if final_time < period:
+        yield Problem('final_time', f'{final_time} s', f'at least control_period = {period} s')
+    if final_time > _MOST_STEPS * period:
+        wanted = f'at most {_MOST_STEPS} times control_period = {period} s'
+        yield Problem('final_time', f'{final_time} s', wanted)
+
+
+def _road_problems(values: Values) -> Iterator[Problem]:
+    road = _road(values)
+    width = road.outer_radius - road.inner_radius
+    if width <= 0.0:
+        wanted = f'less than road.outer_radius = {road.outer_radius} m'
+        yield Problem('road.inner_radius', f'{road.inner_radius} m', wanted)
+        return
+    needed = values['robot.radius'] + values['safety.margin']
+    if width / 2.0 <= needed:
+        where = 'road.inner_radius, road.outer_radius'
+        wanted = f'more than robot.radius + safety.margin = {needed:.9g} m'
+        yield Problem(where, f'a road of half width {width / 2.0:.9g} m', wanted)
+
+
+def _goal_problems(values: Values) -> Iterator[Problem]:
+    x, y = values['goal.position']
+    yield from _place_problems(values, 'goal.position', (x, y))
+
+
+def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
+    """What forbids the robot, without its margin, to stand at a point [m]."""
+    road, radius = _road(values), values['robot.radius']
+    low, high = road.inner_radius + radius, road.outer_radius - radius
+    distance = math.dist(point, road.center)
+    # A road that leaves no room is a problem of its own.
+    if low < high and not low <= distance <= high:
+        wanted = f'{low:.9g} to {high:.9g} m (road.inner_radius + robot.radius to '
+        wanted += 'road.outer_radius - robot.radius)'
+        yield Problem(key, f'{distance:.9g} m from road.center', wanted)
+    for obstacle in _obstacles(values):
+        distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
+        if distance < needed:
+            found = f'{distance:.9g} m from the centre of obstacle {obstacle.name}'
+            wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'
+            yield Problem(key, found, wanted)
+
+
+def _raise_if_any(problems: list[Problem]) -> None:
+    if problems:
+        raise ParameterError(*problems)

@@ -1,0 +1,192 @@
+"""The table of parameters: reads a whole set at once, and says all that is wrong with it."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.parameter import Parameter
+
+Values = dict[str, Any]
+"""A complete set, by key: every value is of the type that its parameter in the table says."""
+
+_NAME: Final = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+_OF_ROS: Final = re.compile(r'use_sim_time|start_type_description_service|qos_overrides\..*')
+
+
+def is_of_ros(key: object) -> bool:
+    """Whether ROS itself declares this parameter on every node, so that it is none of ours."""
+    return isinstance(key, str) and _OF_ROS.fullmatch(key) is not None
+
+
+class ParameterTable:
+    """Parameters in the order of the documentation.
+
+    A parameter ``obstacles.<name>.radius`` stands for one parameter for each name listed in
+    ``obstacles.names``, which must be in the table too.
+    """
+
+    def __init__(self, parameters: Iterable[Parameter]) -> None:
+        self._parameters = tuple(parameters)
+        self._single = {p.name: p for p in self._parameters if not p.is_block}
+        self._blocks: dict[str, list[Parameter]] = {}
+        for parameter in self._parameters:
+            if parameter.is_block:
+                self._blocks.setdefault(parameter.prefix, []).append(parameter)
+
+    def __iter__(self) -> Iterator[Parameter]:
+        """The parameters, those with ``<name>`` once."""
+        return iter(self._parameters)
+
+    def find(self, key: str) -> Parameter | None:
+        """The parameter with this key; None when the table has none."""
+        if key in self._single:
+            return self._single[key]
+        for prefix, block in self._blocks.items():
+            name = key.removeprefix(prefix).partition('.')[0]
+            for parameter in block:
+                if _NAME.fullmatch(name) and parameter.key(name) == key:
+                    return parameter
+        return None
+
+    def keys(self, names: Mapping[str, Sequence[str]]) -> list[tuple[str, Parameter]]:
+        """Every key with its parameter, in the table's order.
+
+        Args:
+            names: The names listed, by the key of the list, as in a resolved set:
+                ``{'obstacles.names': ['a', 'b']}``.
+        """
+        keys = []
+        for parameter in self._parameters:
+            if not parameter.is_block:
+                keys.append((parameter.name, parameter))
+            elif parameter is self._blocks[parameter.prefix][0]:
+                block = self._blocks[parameter.prefix]
+                listed = names.get(_names_key(parameter.prefix), ())
+                keys += [(member.key(name), member) for name in listed for member in block]
+        return keys
+
+    def resolve(self, values: Mapping[str, object]) -> Values:
+        """The complete set: what is given, read and checked, and defaults for the rest.
+
+        Args:
+            values: Values by key, from YAML, from Python or as rclpy returns them. Parameters
+                of ROS itself are left out.
+
+        Returns:
+            Plain Python values by key, in the table's order.
+
+        Raises:
+            ParameterError: If any key is unknown, or any value missing or not what its parameter
+                may hold; with all problems of the set.
+        """
+        given = {key: value for key, value in values.items() if not is_of_ros(key)}
+        problems: list[Problem] = []
+        resolved: Values = {}
+
+        def take(key: str, parameter: Parameter) -> None:
+            try:
+                if key in given:
+                    resolved[key] = parameter.read(key, given.pop(key))
+                else:
+                    resolved[key] = parameter.read_default(key)
+            except ParameterError as error:
+                problems.extend(error.problems)
+
+        for key, parameter in self._single.items():
+            take(key, parameter)
+        for prefix in self._blocks:
+            problems += self._take_block(prefix, resolved, given, take)
+        problems += [self._unknown(key) for key in given]
+        if problems:
+            raise ParameterError(*problems)
+        return {key: resolved[key] for key, _ in self.keys(resolved)}
+
+    def reconfigure(self, current: Values, changes: Mapping[str, object]) -> Values:
+        """The complete set after changes while a node runs.
+
+        Args:
+            current: A resolved set.
+            changes: New values by key. A name taken off its list takes its block with it.
+
+        Returns:
+            The new resolved set; ``current`` is left as it is.
+
+        Raises:
+            ParameterError: If the new set cannot be used, or a parameter would change that may
+                not while a node runs.
+        """
+        kept = {key: value for key, value in current.items() if not self._orphan(key, changes)}
+        resolved = self.resolve({**kept, **changes})
+        problems = [
+            Problem(key, describe(resolved[key]), f'{describe(current[key])} until a restart')
+            for key, parameter in self.keys(resolved)
+            if not parameter.reconfigurable and resolved[key] != current.get(key, resolved[key])
+        ]
+        if problems:
+            raise ParameterError(*problems)
+        return resolved
+
+    def _take_block(
+        self,
+        prefix: str,
+        resolved: Values,
+        given: dict[str, object],
+        take: Callable[[str, Parameter], None],
+    ) -> list[Problem]:
+        names_key = _names_key(prefix)
+        if names_key not in resolved:
+            # The list itself is refused: what it would have named cannot be judged.
+            for key in [key for key in given if self._block_of(key) == prefix]:
+                del given[key]
+            return []
+        problems = []
+        for name in resolved[names_key]:
+            if _NAME.fullmatch(name) is None or prefix + name in self._single:
+                wanted = 'a name of letters, digits and _, a letter first, and not "names"'
+                problems.append(Problem(names_key, describe(name), wanted))
+                of_this = [key for key in given if str(key).startswith(f'{prefix}{name}.')]
+                for key in of_this:
+                    del given[key]
+                continue
+            for parameter in self._blocks[prefix]:
+                take(parameter.key(name), parameter)
+        for key in [key for key in given if self._block_of(key) == prefix]:
+            del given[key]
+            listed = f'a name listed in {names_key} {resolved[names_key]}'
+            problems.append(Problem(key, 'a block that is not listed', listed))
+        return problems
+
+    def _block_of(self, key: object) -> str | None:
+        parameter = self.find(key) if isinstance(key, str) else None
+        return parameter.prefix if parameter is not None and parameter.is_block else None
+
+    def _orphan(self, key: str, changes: Mapping[str, object]) -> bool:
+        prefix = self._block_of(key)
+        if prefix is None or _names_key(prefix) not in changes:
+            return False
+        names_key = _names_key(prefix)
+        try:
+            names = self._single[names_key].read(names_key, changes[names_key])
+        except ParameterError:
+            return False
+        return key.removeprefix(prefix).partition('.')[0] not in names
+
+    def _unknown(self, key: object) -> Problem:
+        if not isinstance(key, str):
+            return Problem(describe(key), 'no text', "a parameter's name")
+        candidates = list(self._single)
+        for prefix, block in self._blocks.items():
+            name = key.removeprefix(prefix).partition('.')[0]
+            candidates += [parameter.key(name) for parameter in block]
+        nearest = difflib.get_close_matches(key, set(candidates) - {key}, n=1)
+        hint = f' (did you mean {nearest[0]}?)' if nearest else ''
+        where = key if key.isprintable() and key else describe(key)
+        return Problem(where, 'an unknown parameter', f'a known one{hint}')
+
+
+def _names_key(prefix: str) -> str:
+    return f'{prefix}names'

@@ -1,0 +1,143 @@
+"""How much wider to keep clear at the samples so that the arcs between them are clear as well.
+
+Between two control steps the robot drives an arc of speed ``v`` and turn rate ``w``. Over a period
+``T`` it has radius ``R = v / |w|`` and half angle ``a = |w| T / 2``. If its two ends are at least
+``d'`` away from a point outside the arc's circle, the arc's middle comes nearest to it, at a
+distance ``d`` with
+
+    d'^2 = d^2 + 4 R (d + R) sin^2(a / 2),
+
+and if its two ends are at most ``d'`` away from a point inside, the middle goes furthest, to
+
+    d'^2 = d^2 - 4 R (d - R) sin^2(a / 2).
+
+Both follow from the law of cosines about the arc's centre; off-centre placements are milder since
+one end is then nearer to the middle. Taking the worst over all arcs that can be driven gives a
+distance at the samples that is enough, and no smaller one is. For a straight line the first is
+``d'^2 = d^2 + (v T / 2)^2``, the half chord; the worst arc needs more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_GRID = 256
+_REFINEMENTS = 3
+
+# A straight line is taken for an arc that turns this little [rad/s], on the safe side.
+_STRAIGHT = 1e-6
+
+
+@dataclass(frozen=True)
+class TwistLimits:
+    """Bounds on the twists that can be driven: ``|v| + half_track |w| <= speed``.
+
+    Attributes:
+        speed: Largest speed, reached when driving straight [m/s].
+        turn_rate: Largest turn rate [rad/s].
+        half_track: What a turn rate takes from the speed [m]; with wheel limits (94) this is the
+            paper's ``L``, by (91), and ``turn_rate`` is ``speed / half_track``.
+    """
+
+    speed: float
+    turn_rate: float
+    half_track: float = 0.0
+
+    def __post_init__(self) -> None:
+        bounds = (self.speed, self.turn_rate, self.half_track)
+        if not all(np.isfinite(bound) and bound >= 0.0 for bound in bounds):
+            raise ValueError(f'twist limits: found {bounds}, wanted finite numbers >= 0')
+
+
+@lru_cache(maxsize=256)
+def outside(distance: float, limits: TwistLimits, period: float) -> float:
+    """Distance from a point at the samples that keeps the arcs between them at ``distance``.
+
+    Args:
+        distance: What the arcs must keep from the point [m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distance to keep at the samples [m], not less than ``distance``.
+    """
+
+    def squared(R: Array, a: Array) -> Array:
+        return 4.0 * R * (distance + R) * np.sin(a / 2.0) ** 2
+
+    straight = (limits.speed * period / 2.0) ** 2
+    return float(np.sqrt(distance**2 + max(straight, _largest(squared, limits, period))))
+
+
+@lru_cache(maxsize=256)
+def inside(distance: float, limits: TwistLimits, period: float) -> float:
+    """Distance from a point at the samples that keeps the arcs between them within ``distance``.
+
+    Args:
+        distance: What the arcs must not exceed from the point [m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distance not to exceed at the samples [m], not more than ``distance``; 0 where the robot
+        can leave the disc and come back between two samples from anywhere in it.
+    """
+
+    def squared(R: Array, a: Array) -> Array:
+        return 4.0 * R * (distance - R) * np.sin(a / 2.0) ** 2
+
+    return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))
+
+
+def outside_known(distance: Array, twists: Array, period: float) -> Array:
+    """Like `outside`, for one known arc each instead of the worst of all.
+
+    Args:
+        distance: What the arcs must keep from each of several points, shape ``(M,)`` [m].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    R, a = _arcs(twists, period)
+    return np.sqrt(distance**2 + 4.0 * R * (distance + R) * np.sin(a / 2.0) ** 2)
+
+
+def inside_known(distance: float, twists: Array, period: float) -> Array:
+    """Like `inside`, for known arcs; arguments as in `outside_known`, result ``(N,)`` [m]."""
+    R, a = _arcs(twists, period)
+    bulge = np.maximum(0.0, 4.0 * R * (distance - R) * np.sin(a / 2.0) ** 2)[:, 0]
+    return np.sqrt(np.maximum(0.0, distance**2 - bulge))
+
+
+def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
+    """Radius and half angle of known arcs, each of shape ``(N, 1)``."""
+    w = np.maximum(np.abs(twists[:, 1:]), _STRAIGHT)
+    return np.abs(twists[:, :1]) / w, np.minimum(w * period / 2.0, np.pi)
+
+
+def _largest(
+    function: Callable[[Array, Array], Array], limits: TwistLimits, period: float
+) -> float:
+    """Maximum over the arcs within the limits, up to a full circle, by a grid refined thrice."""
+    low, high = 0.0, min(np.pi, limits.turn_rate * period / 2.0)
+    if high <= 0.0:
+        return 0.0
+    largest = 0.0
+    for _ in range(_REFINEMENTS):
+        a = np.linspace(low, high, _GRID + 1)
+        a = a[a > 0.0]
+        w = 2.0 * a / period
+        values = function(np.maximum(limits.speed - limits.half_track * w, 0.0) / w, a)
+        best = int(np.argmax(values))
+        largest = max(largest, float(values[best]))
+        low, high = float(a[max(best - 1, 0)]), float(a[min(best + 1, len(a) - 1)])
+    return largest

@@ -1,0 +1,220 @@
+"""Real processes, real signals: how a node ends."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from geometry_msgs.msg import Twist
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+
+from cmpsp_ros.nodes.lifecycle import guard_change_state
+from cmpsp_ros.nodes.runtime import StartupError, run
+
+pytestmark = pytest.mark.integration
+
+SIGNALS = [signal.SIGINT, signal.SIGTERM]
+
+
+class Driver(Node):
+    """Publishes a twist, and a zero twist at the end."""
+
+    def __init__(self):
+        super().__init__('driver')
+        self.publisher = self.create_publisher(Twist, 'cmd_vel', 1)
+        self.create_timer(0.02, lambda: self.publish(1.0))
+
+    def publish(self, speed):
+        twist = Twist()
+        twist.linear.x = speed
+        self.publisher.publish(twist)
+
+    def stop(self):
+        self.publish(0.0)
+        print('stopped', flush=True)
+
+
+class Idle(Node):
+    def __init__(self):
+        super().__init__('idle')
+        print('ready', flush=True)
+
+
+class Slow(Node):
+    """Takes its time to be made."""
+
+    def __init__(self):
+        super().__init__('slow')
+        print('begun', flush=True)
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            pass
+
+    def stop(self):
+        print('stopped', flush=True)
+
+
+class Misconfigured(Node):
+    def __init__(self):
+        super().__init__('misconfigured')
+        raise StartupError('parameter gain:\n expected a positive number, got -1')
+
+
+class Broken(Node):
+    def __init__(self):
+        super().__init__('broken')
+        raise KeyError('gone')
+
+
+class Failing(Driver):
+    """Raises out of a callback."""
+
+    def publish(self, speed):
+        super().publish(speed)
+        if speed:
+            raise ZeroDivisionError('no way')
+
+
+class FailingToStop(Idle):
+    def stop(self):
+        raise OSError('disk full')
+
+
+class Managed(LifecycleNode):
+    def __init__(self):
+        super().__init__('managed')
+        guard_change_state(self)
+
+
+@pytest.fixture
+def start(spawn):
+    """Start one of this file's nodes as a process."""
+    return lambda node, *args: spawn([sys.executable, Path(__file__), node.__name__, *args])
+
+
+def fatal_lines(process):
+    """Return the messages of level FATAL; there must be no traceback beside them."""
+    assert 'Traceback' not in process.stderr
+    return [line.split(']: ', 1)[1] for line in process.stderr.splitlines() if '[FATAL]' in line]
+
+
+@pytest.mark.parametrize('times', [1, 2])
+@pytest.mark.parametrize('number', SIGNALS)
+def test_signal_is_answered_by_stop(start, ros, number, times):
+    heard = []
+    ros.node.create_subscription(Twist, 'cmd_vel', lambda each: heard.append(each.linear.x), 10)
+    process = start(Driver)
+    ros.spin_until(lambda: heard)
+    for _ in range(times):
+        process.signal(number)
+    assert process.wait() == 0
+    assert process.stdout == 'stopped\n'
+    assert fatal_lines(process) == []
+    ros.spin_until(lambda: heard[-1] == 0.0)
+
+
+@pytest.mark.parametrize('number', SIGNALS)
+def test_signal_during_construction(start, wait_until, number):
+    process = start(Slow)
+    wait_until(lambda: process.stdout)
+    process.signal(number)
+    process.signal(number)
+    assert process.wait() == 0
+    assert process.stdout == 'begun\nstopped\n'
+    assert fatal_lines(process) == []
+
+
+def test_signal_is_answered_at_once(start, wait_until):
+    process = start(Idle)
+    wait_until(lambda: process.stdout)
+    asked_at = time.monotonic()
+    process.signal(signal.SIGTERM)
+    assert process.wait() == 0
+    # 0.1 s to notice, the rest is what DDS takes to say goodbye on a busy machine.
+    assert time.monotonic() - asked_at < 2.0
+
+
+def test_bad_parameters_are_told_in_one_line(start):
+    process = start(Misconfigured)
+    assert process.wait() == 1
+    assert fatal_lines(process) == ['parameter gain: expected a positive number, got -1']
+
+
+def test_broken_constructor(start):
+    process = start(Broken)
+    assert process.wait() == 1
+    assert fatal_lines(process) == ["KeyError: 'gone'"]
+
+
+def test_broken_command_line(start):
+    process = start(Idle, '--ros-args', '-p', 'no value')
+    assert process.wait() == 1
+    assert len(fatal_lines(process)) == 1
+
+
+def test_exception_in_callback(start):
+    process = start(Failing)
+    assert process.wait() == 1
+    assert fatal_lines(process) == ['ZeroDivisionError: no way']
+    assert process.stdout == 'stopped\n'
+
+
+def test_traceback_at_debug_level(start):
+    process = start(Failing, '--ros-args', '--log-level', 'failing:=debug', '--log-level', 'debug')
+    assert process.wait() == 1
+    assert 'Traceback' in process.stderr
+
+
+def test_exception_in_stop(start, wait_until):
+    process = start(FailingToStop)
+    wait_until(lambda: process.stdout)
+    process.signal(signal.SIGINT)
+    assert process.wait() == 1
+    assert fatal_lines(process) == ['OSError: disk full']
+
+
+def test_idle_process_leaves_the_core_alone(start, wait_until):
+    process = start(Idle)
+    wait_until(lambda: process.stdout)
+    stat = Path(f'/proc/{process.pid}/stat')
+
+    def ticks():
+        return sum(int(each) for each in stat.read_text().rsplit(')', 1)[1].split()[11:13])
+
+    before, end = ticks(), time.monotonic() + 1.0
+    wait_until(lambda: time.monotonic() > end)
+    assert ticks() - before < 20, 'hundredths of a second in one second'
+
+
+def test_impossible_transition_does_not_kill(start, ros):
+    process = start(Managed)
+    change = ros.node.create_client(ChangeState, '/managed/change_state')
+    state = ros.node.create_client(GetState, '/managed/get_state')
+    ros.spin_until(lambda: change.service_is_ready() and state.service_is_ready())
+
+    def call(client, request):
+        answer = client.call_async(request)
+        ros.spin_until(answer.done)
+        return answer.result()
+
+    def changed(number):
+        return call(change, ChangeState.Request(transition=Transition(id=number))).success
+
+    assert not changed(99)
+    assert not changed(Transition.TRANSITION_ACTIVATE)
+    assert changed(Transition.TRANSITION_CONFIGURE)
+    assert changed(Transition.TRANSITION_ACTIVATE)
+    assert call(state, GetState.Request()).current_state.id == State.PRIMARY_STATE_ACTIVE
+    process.signal(signal.SIGINT)
+    assert process.wait() == 0
+    assert process.stderr.count('refused') == 2
+
+
+if __name__ == '__main__':
+    sys.exit(run(globals()[sys.argv[1]], name=sys.argv[1].lower()))

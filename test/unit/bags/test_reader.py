@@ -1,0 +1,157 @@
+"""Reading what is there, and saying what is not."""
+
+from __future__ import annotations
+
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.writer import BagWriter
+
+TWIST = 'geometry_msgs/msg/Twist'
+
+
+def twist(store, speed):
+    vector = store.types['geometry_msgs/msg/Vector3']
+    return store.types[TWIST](vector(speed, 0.0, 0.0), vector(0.0, 0.0, -speed))
+
+
+@pytest.fixture(scope='module')
+def store():
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@pytest.fixture
+def path(tmp_path, store):
+    path = tmp_path / 'bag'
+    with BagWriter(path) as bag:
+        bag.topic('/cmd_vel', TWIST)
+        bag.topic('/silent', TWIST)
+        for stamp in (10, 20, 15):
+            bag.write('/cmd_vel', stamp, bytes(store.serialize_cdr(twist(store, stamp / 3), TWIST)))
+        bag.set_parameters('/guidance', {'goal.tolerance': 0.1})
+    return path
+
+
+def test_content(path, store):
+    with Bag(path) as bag:
+        assert {name: (each.msgtype, each.count) for name, each in bag.topics.items()} == {
+            '/cmd_vel': (TWIST, 3),
+            '/silent': (TWIST, 0),
+        }
+        assert (bag.start, bag.end) == (10, 20)
+        assert bag.parameters == {'/guidance': {'goal.tolerance': 0.1}}
+        assert bag.version
+        messages = list(bag.messages('/cmd_vel'))
+        assert [stamp for stamp, _ in messages] == [10, 15, 20]
+        assert [each.linear.x for _, each in messages] == [10 / 3, 15 / 3, 20 / 3]
+        stamp, raw = next(bag.raw('/cmd_vel'))
+        assert (stamp, raw) == (10, bytes(store.serialize_cdr(twist(store, 10 / 3), TWIST)))
+        assert list(bag.messages('/silent')) == []
+
+
+def test_missing_topic_names_what_is_there(path):
+    with Bag(path) as bag:
+        for read in (bag.raw, bag.messages):
+            with pytest.raises(BagError, match=r'no topic /odom; there is /cmd_vel, /silent'):
+                next(read('/odom'))
+
+
+def test_closed(path):
+    bag = Bag(path)
+    bag.close()
+    bag.close()
+    with pytest.raises(BagError, match='is closed'):
+        next(bag.raw('/cmd_vel'))
+
+
+def test_empty_bag(tmp_path):
+    BagWriter(tmp_path / 'empty').close()
+    with Bag(tmp_path / 'empty') as bag:
+        assert (bag.topics, bag.start, bag.end, bag.parameters) == ({}, 0, 0, {})
+
+
+def test_single_file(path):
+    with Bag(next(path.glob('*.mcap'))) as bag:
+        assert len(list(bag.raw('/cmd_vel'))) == 3
+
+
+def test_not_a_bag(tmp_path):
+    (tmp_path / 'notes.txt').write_text('no bag')
+    for path, reason in (
+        (tmp_path / 'nothing', 'no such bag'),
+        (tmp_path, 'not a bag: expected a metadata.yaml'),
+        (tmp_path / 'notes.txt', 'not a readable bag'),
+    ):
+        with pytest.raises(BagError, match=reason) as error:
+            Bag(path)
+        assert str(path) in str(error.value)
+
+
+def test_cut_off(path):
+    (path / 'metadata.yaml').unlink()
+    with pytest.raises(BagError, match=r'the recording was cut off: expected a metadata\.yaml'):
+        Bag(path)
+
+
+@pytest.mark.parametrize('text', ['', '[]', '{', 'rosbag2_bagfile_information: {version: 9}'])
+def test_damaged_metadata(path, text):
+    (path / 'metadata.yaml').write_text(text)
+    with pytest.raises(BagError, match='not a readable bag'):
+        Bag(path)
+
+
+def test_damaged_parameters(path):
+    metadata = path / 'metadata.yaml'
+    metadata.write_text(metadata.read_text().replace('{"/guidance"', '{/guidance'))
+    with pytest.raises(BagError, match='not a readable bag'):
+        Bag(path)
+
+
+def test_damaged_file_never_raises_anything_else(path):
+    file = next(path.glob('*.mcap'))
+    whole = file.read_bytes()
+    failures = 0
+    for length in range(0, len(whole), 97):
+        file.write_bytes(whole[:length])
+        try:
+            with Bag(path) as bag:
+                list(bag.messages('/cmd_vel'))
+        except BagError:
+            failures += 1
+    assert failures == len(range(0, len(whole), 97))
+
+
+def test_unreadable_message(path, store, tmp_path):
+    broken = tmp_path / 'broken'
+    with BagWriter(broken) as bag:
+        bag.topic('/cmd_vel', TWIST)
+        bag.write('/cmd_vel', 5, b'\x00\x01\x00\x00short')
+    with (
+        Bag(broken) as bag,
+        pytest.raises(BagError, match='message of /cmd_vel at 5 ns cannot be read'),
+    ):
+        list(bag.messages('/cmd_vel'))
+
+
+def test_bag_of_another_program(tmp_path):
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg('float64 value\n', 'my_msgs/msg/Own'))
+    message = store.types['my_msgs/msg/Own'](1 / 3)
+    with Writer(tmp_path / 'a', version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        connection = writer.add_connection('/own', 'my_msgs/msg/Own', typestore=store)
+        writer.write(connection, 3, store.serialize_cdr(message, 'my_msgs/msg/Own'))
+    with Bag(tmp_path / 'a') as bag:
+        ((stamp, read),) = bag.messages('/own')
+        assert (stamp, read.value) == (3, 1 / 3)
+        assert (bag.parameters, bag.version) == ({}, '')
+
+
+def test_sqlite3(tmp_path, store):
+    with Writer(tmp_path / 'a', version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        connection = writer.add_connection('/cmd_vel', TWIST, typestore=store)
+        writer.write(connection, 3, store.serialize_cdr(twist(store, 1.0), TWIST))
+    with Bag(tmp_path / 'a') as bag:
+        assert [each.linear.x for _, each in bag.messages('/cmd_vel')] == [1.0]

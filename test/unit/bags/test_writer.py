@@ -1,0 +1,237 @@
+"""Bags stay readable however the writing ends."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import resource
+import struct
+import subprocess
+import sys
+from array import array
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+from rosbags.rosbag2 import Reader
+from ruamel.yaml import YAML
+
+from cmpsp_ros.bags.errors import BagError, UnknownTypeError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.writer import PARAMETERS_KEY, VERSION_KEY, BagWriter
+
+STRING = 'std_msgs/msg/String'
+HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
+REPOSITORY = Path(__file__).parents[3]
+FOREVER = QosTime(9223372036, 854775807)
+LATCHED = Qos(
+    QosHistory.UNKNOWN,
+    0,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    FOREVER,
+    FOREVER,
+    QosLiveliness.AUTOMATIC,
+    FOREVER,
+    False,
+)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / 'runs' / 'bag'
+
+
+def information(path):
+    text = (path / 'metadata.yaml').read_text()
+    return YAML(typ='safe').load(text)['rosbag2_bagfile_information']
+
+
+def stamps(path, topic='/a'):
+    with Bag(path) as bag:
+        return [stamp for stamp, _ in bag.raw(topic)]
+
+
+def test_metadata(path):
+    with BagWriter(path) as bag:
+        bag.topic('/a', STRING, [LATCHED])
+        bag.write('/a', 7, HELLO)
+        assert bag.message_count == 1
+    found = information(path)
+    assert found['version'] == 9
+    assert found['storage_identifier'] == 'mcap'
+    assert set(found['custom_data']) == {PARAMETERS_KEY, VERSION_KEY}
+    (topic,) = found['topics_with_message_count']
+    (profile,) = topic['topic_metadata']['offered_qos_profiles']
+    assert profile['reliability'] == 'reliable'
+    assert profile['durability'] == 'transient_local'
+    assert profile['lifespan'] == {'sec': 9223372036, 'nsec': 854775807}
+    with Reader(path) as reader:
+        assert [raw for _, _, raw in reader.messages()] == [HELLO]
+
+
+def test_parameters_read_back_bit_for_bit(path):
+    numbers = [0.1 + 0.2, 5e-324, -0.0, 1.7976931348623157e308, math.inf, -math.inf, 51.0]
+    values = {f'x{k}': each for k, each in enumerate(numbers)}
+    values |= {'nan': math.nan, 'list': numbers, 'array': array('d', numbers)}
+    values |= {'numpy': np.float64(1 / 3), 'int': 2**62, 'flag': True, 'text': 'ä "\n', 'empty': []}
+    with BagWriter(path) as bag:
+        bag.set_parameters('/a', {'old': 1})
+        bag.set_parameters('/a', values)
+        bag.set_parameters('/b', {})
+    with Bag(path) as bag:
+        read = bag.parameters
+    assert set(read) == {'/a', '/b'}
+    assert read['/a'].keys() == values.keys()
+    for name, value in values.items():
+        found = read['/a'][name]
+        if isinstance(value, (list, array)):
+            assert struct.pack(f'{len(value)}d', *found) == struct.pack(f'{len(value)}d', *value)
+        elif isinstance(value, float):
+            assert type(found) is float
+            assert struct.pack('d', found) == struct.pack('d', value)
+        else:
+            assert found == value
+            assert type(found) is type(value)
+
+
+def test_parameter_of_another_kind(path):
+    with BagWriter(path) as bag, pytest.raises(BagError, match='parameter x of /a is a dict'):
+        bag.set_parameters('/a', {'x': {}})
+
+
+@pytest.mark.parametrize('kind', [KeyboardInterrupt, ZeroDivisionError, SystemExit])
+def test_bag_is_whole_when_the_body_raises(path, kind):
+    def body():
+        with BagWriter(path) as bag:
+            bag.topic('/a', STRING)
+            bag.write('/a', 1, HELLO)
+            raise kind
+
+    with pytest.raises(kind):
+        body()
+    assert stamps(path) == [1]
+
+
+def test_close_twice_and_use_after(path):
+    bag = BagWriter(path)
+    bag.topic('/a', STRING)
+    bag.close()
+    bag.close()
+    for use in (
+        lambda: bag.write('/a', 1, HELLO),
+        lambda: bag.topic('/b', STRING),
+        lambda: bag.set_parameters('/a', {}),
+        bag.flush,
+    ):
+        with pytest.raises(BagError, match='is closed'):
+            use()
+    assert stamps(path) == []
+
+
+@pytest.mark.parametrize('make', [Path.mkdir, Path.touch])
+def test_existing_path(tmp_path, make):
+    path = tmp_path / 'there'
+    make(path)
+    with pytest.raises(BagError, match=r'there: exists already'):
+        BagWriter(path)
+
+
+def test_parent_is_a_file(tmp_path):
+    (tmp_path / 'file').touch()
+    with pytest.raises(BagError, match='cannot create the bag'):
+        BagWriter(tmp_path / 'file' / 'bag')
+
+
+def test_topics(path):
+    with BagWriter(path) as bag:
+        with pytest.raises(UnknownTypeError, match=r'topic /x left out: .* type my_msgs/msg/Own'):
+            bag.topic('/x', 'my_msgs/msg/Own')
+        bag.topic('/a', STRING)
+        with pytest.raises(BagError, match='topic /a has been added already'):
+            bag.topic('/a', STRING)
+        with pytest.raises(BagError, match='write to topic /x'):
+            bag.write('/x', 1, HELLO)
+        bag.write('/a', 1, HELLO)
+    assert stamps(path) == [1]
+
+
+def test_flushed_messages_are_in_the_file(path):
+    with BagWriter(path) as bag:
+        bag.topic('/a', STRING)
+        bag.write('/a', 1, HELLO)
+        bag.flush()
+        bag.flush()
+        assert HELLO in next(path.glob('*.mcap')).read_bytes()
+        bag.write('/a', 2, HELLO)
+    assert stamps(path) == [1, 2]
+
+
+FILL_DISK = """
+import resource, sys
+from pathlib import Path
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.writer import BagWriter
+
+bag = BagWriter(Path(sys.argv[1]))
+bag.topic('/a', 'std_msgs/msg/String')
+limit = int(sys.argv[2])
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+try:
+    for stamp in range(100_000):
+        bag.write('/a', stamp, bytes.fromhex(sys.argv[3]))
+        if stamp % 100 == 99:
+            bag.flush()
+except BagError as error:
+    print(error)
+try:
+    bag.close()
+except BagError as error:
+    print(error)
+"""
+
+
+def fill_disk(path, limit):
+    """Write until the operating system refuses, in a process that may write `limit` bytes."""
+    done = subprocess.run(
+        [sys.executable, '-c', FILL_DISK, path, str(limit), HELLO.hex()],
+        env={**os.environ, 'PYTHONPATH': str(REPOSITORY)},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
+    assert done.stderr == ''
+    return done.stdout.splitlines()
+
+
+# Steps of 1 kB, so that the end comes in the head, the messages and the index of a chunk.
+@pytest.mark.parametrize('limit', range(50_000, 58_000, 1000))
+def test_full_disk_leaves_a_whole_bag(path, limit):
+    if resource.getrlimit(resource.RLIMIT_FSIZE)[0] != resource.RLIM_INFINITY:
+        pytest.skip('file sizes are limited already')
+    refused, closed = fill_disk(path, limit)
+    assert refused.startswith(f'{path}: cannot write to the bag: ')
+    assert re.search(r'closed without its last \d+ messages: ', closed)
+    found = stamps(path)
+    assert len(found) > 300
+    assert found == list(range(len(found)))
+    with Bag(path) as bag:
+        assert bag.topics['/a'].count == len(found)
+
+
+def test_no_room_even_for_the_index(path):
+    refused, closed = fill_disk(path, 200)
+    assert 'cannot write' in refused
+    assert closed.startswith(f'{path}: cut off, without index and metadata: ')
+    with pytest.raises(BagError, match='cut off'):
+        Bag(path)

@@ -1,0 +1,27 @@
+"""The catalogue: every row is whole, and what the nodes rely on stays fixed while they run."""
+
+import pytest
+
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.parameter import REQUIRED
+
+
+@pytest.mark.parametrize('row', list(TABLE), ids=lambda row: row.name)
+def test_each_row_is_whole(row):
+    assert row.nodes <= {'guidance', 'sim'}
+    assert row.nodes
+    assert row.description.endswith('.')
+    assert row.default is REQUIRED or row.read('key', row.default) == row.default
+
+
+def test_names_are_unique():
+    names = [row.name for row in TABLE]
+    assert len(set(names)) == len(names)
+
+
+def test_what_needs_a_restart():
+    assert {row.name for row in TABLE if not row.reconfigurable} == {
+        'frame_id', 'control_period', 'final_time', 'robot.joint_names', 'solver.qp',
+        'enable_stamped_cmd_vel', 'autostart', 'initial_pose', 'odom_rate', 'real_time_factor',
+        'publish_clock', 'lockstep', 'noise.seed',
+    }  # fmt: skip

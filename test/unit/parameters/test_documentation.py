@@ -1,0 +1,130 @@
+"""The README's table and the JSON schema say what the catalogue says."""
+
+import re
+import sys
+
+import pytest
+
+from cmpsp_ros.parameters import documentation
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.documentation import in_readme, json_schema, markdown_table
+from cmpsp_ros.parameters.presets import config_directory, load_parameter_file, preset_names
+
+README = '# T\n<!-- parameters:begin -->\nold\n<!-- parameters:end -->\nrest\n'
+TYPES = {'object': dict, 'array': list, 'string': str, 'boolean': bool, 'integer': int}
+
+
+def nested(flat):
+    root = {}
+    for key, value in flat.items():
+        *path, last = key.split('.')
+        place = root
+        for part in path:
+            place = place.setdefault(part, {})
+        place[last] = value
+    return {'/**': {'ros__parameters': root}}
+
+
+def is_valid(schema, value):
+    """As much of JSON schema as the schema uses."""
+    kind = schema.get('type')
+    if kind == 'number':
+        if not isinstance(value, (int, float)) or isinstance(value, bool):
+            return False
+    elif kind and type(value) is not TYPES[kind]:
+        return False
+    if kind == 'object':
+        return all(key in value for key in schema.get('required', [])) and all(
+            part is not False and is_valid(part, item)
+            for key, item in value.items()
+            for part in subschemas(schema, key)
+        )
+    if kind == 'array':
+        return (
+            schema.get('minItems', 0) <= len(value) <= schema.get('maxItems', len(value))
+            and not (schema.get('uniqueItems') and len(set(value)) < len(value))
+            and all(is_valid(schema['items'], item) for item in value)
+        )
+    return (
+        value in schema.get('enum', [value])
+        and ('minimum' not in schema or value >= schema['minimum'])
+        and ('maximum' not in schema or value <= schema['maximum'])
+        and ('exclusiveMinimum' not in schema or value > schema['exclusiveMinimum'])
+    )
+
+
+def subschemas(schema, key):
+    found = [schema['properties'][key]] if key in schema.get('properties', {}) else []
+    patterns = schema.get('patternProperties', {})
+    found += [part for pattern, part in patterns.items() if re.search(pattern, key)]
+    return found or [schema.get('additionalProperties', {})]
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_schema_accepts_the_presets(name):
+    assert is_valid(json_schema(), nested(load_parameter_file(name)))
+
+
+@pytest.mark.parametrize(
+    'change',
+    [
+        {'frame': 'odom'}, {'goal.tolerance': 0.0}, {'goal.position': [1.0]},
+        {'solver.hessian': 'newton'}, {'solver.iterations_per_step': 2.5}, {'autostart': 1},
+        {'obstacles.names': ['a', 'a']}, {'obstacles.c.radius': 1.0}, {'obstacles.a.name': 1},
+        {'control_period': 11.0},
+    ],
+)  # fmt: skip
+def test_schema_refuses_what_the_table_refuses(change):
+    assert not is_valid(json_schema(), nested(load_parameter_file('case2') | change))
+
+
+def test_schema_lets_parameters_of_ros_through():
+    change = {'use_sim_time': True, 'qos_overrides./odom.depth': 3}
+    assert is_valid(json_schema(), nested(load_parameter_file('case2') | change))
+    assert is_valid(json_schema(), {'camera': {'ros__parameters': {'gain': 1}}})
+
+
+def test_table_has_one_row_for_each_parameter():
+    rows = [line for line in markdown_table().splitlines() if line.startswith('| `')]
+    assert [row.split('`')[1] for row in rows] == [parameter.name for parameter in TABLE]
+    assert {row.count('|') for row in rows} == {8}
+
+
+def run(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, 'argv', ['documentation', *arguments])
+    return documentation.main()
+
+
+def test_table_is_written_into_a_readme(monkeypatch, tmp_path):
+    readme = tmp_path / 'README.md'
+    readme.write_text(README)
+    assert not in_readme(README)
+    for _ in range(2):
+        assert run(monkeypatch, '--write', str(readme)) == 0
+        text = readme.read_text()
+        assert in_readme(text)
+        assert text.startswith('# T\n')
+        assert text.endswith('-->\nrest\n')
+
+
+def test_a_readme_without_a_place_for_the_table_is_refused(monkeypatch, tmp_path, capsys):
+    readme = tmp_path / 'README.md'
+    readme.write_text('nothing')
+    assert not in_readme('nothing')
+    assert run(monkeypatch, '--write', str(readme)) == 1
+    assert 'found no place for the table' in capsys.readouterr().err
+    assert run(monkeypatch, '--write', str(tmp_path / 'none.md')) == 1
+
+
+def test_printing(monkeypatch, capsys):
+    assert run(monkeypatch) == 0
+    assert 'frame_id' in capsys.readouterr().out
+    assert run(monkeypatch, '--schema') == 0
+    assert '2020-12' in capsys.readouterr().out
+
+
+def test_the_readme_of_the_project_is_up_to_date():
+    readme = config_directory().with_name('README.md')
+    if not readme.exists():
+        pytest.skip('no README in this tree')
+    assert in_readme(readme.read_text(encoding='utf-8'))

@@ -1,0 +1,132 @@
+"""One parameter: what it accepts, converts and refuses."""
+
+import array
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.parameter import REQUIRED, Parameter, ParameterType, Range
+
+POSITIVE = Range(0.0, low_open=True)
+
+
+def parameter(type_=ParameterType.DOUBLE, default=REQUIRED, **rest):
+    return Parameter('key', type_, default, 'm', 'Text.', 'Group', frozenset({'sim'}), **rest)
+
+
+def refusal(row, value):
+    with pytest.raises(ParameterError) as caught:
+        row.read('key', value)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize('value', [2, 2.0, np.float32(2.0), np.int64(2), np.array(2.0)])
+def test_numbers_of_any_kind_become_floats(value):
+    read = parameter().read('key', value)
+    assert type(read) is float
+    assert read == 2.0
+
+
+@pytest.mark.parametrize(
+    'value', [[1, 2], (1.0, 2), array.array('d', [1.0, 2.0]), array.array('q', [1, 2]),
+              np.array([1.0, 2.0]), np.array([1, 2]), [np.float64(1.0), np.int32(2)]],
+)  # fmt: skip
+def test_sequences_of_any_kind_become_lists_of_floats(value):
+    read = parameter(ParameterType.DOUBLE_ARRAY, length=2).read('key', value)
+    assert read == [1.0, 2.0]
+    assert [type(item) for item in read] == [float, float]
+
+
+@pytest.mark.parametrize('value', [True, np.True_, None, 'x', [1.0], math.nan, math.inf, 10**400])
+def test_what_is_no_finite_number_is_refused(value):
+    assert 'wanted a number > 0 [m]' in refusal(parameter(range=POSITIVE), value)
+
+
+def test_message_names_key_found_and_wanted():
+    assert refusal(parameter(range=POSITIVE), -0.5) == 'key: found -0.5, wanted a number > 0 [m]'
+
+
+@pytest.mark.parametrize('value', [2.0, True, '2', 2**63, [2], 0, 101])
+def test_what_is_no_integer_in_range_is_refused(value):
+    row = parameter(ParameterType.INTEGER, range=Range(1, 100))
+    assert 'wanted an integer from 1 to 100 [m]' in refusal(row, value)
+
+
+def test_integers_stay_within_64_bits():
+    row = parameter(ParameterType.INTEGER)
+    assert row.read('key', 2**63 - 1) == 2**63 - 1
+    refusal(row, 2**63)
+
+
+@pytest.mark.parametrize('value', [0, 1, 'true', None, [True]])
+def test_what_is_no_bool_is_refused(value):
+    assert 'wanted true or false' in refusal(parameter(ParameterType.BOOL), value)
+
+
+@pytest.mark.parametrize('value', ['', ' ', 'a\nb', 'a\0b', '\ud800', 1, True, None, b'odom'])
+def test_what_is_no_text_is_refused(value):
+    assert 'wanted text, not empty' in refusal(parameter(ParameterType.STRING), value)
+
+
+def test_choices_are_listed():
+    row = parameter(ParameterType.STRING, choices=('exact', 'gauss_newton'))
+    assert row.read('key', np.str_('exact')) == 'exact'
+    assert refusal(row, 'newton') == "key: found 'newton', wanted exact or gauss_newton"
+
+
+@pytest.mark.parametrize('value', [[1.0], [1.0, 2.0, 3.0], [1.0, True], [1.0, math.nan], 'ab', 1.0,
+                                   None, [[1.0, 2.0], [3.0, 4.0]], np.eye(2), {}])  # fmt: skip
+def test_what_is_no_list_of_two_numbers_is_refused(value):
+    row = parameter(ParameterType.DOUBLE_ARRAY, length=2)
+    assert 'wanted a list of 2 numbers [m]' in refusal(row, value)
+
+
+@pytest.mark.parametrize('value', [['a', 'a'], ['a', 1], ['a', ''], 'a', [['a']], {'a': 1}])
+def test_what_is_no_list_of_different_names_is_refused(value):
+    assert 'a list of different names' in refusal(parameter(ParameterType.STRING_ARRAY), value)
+
+
+def test_an_empty_list_that_lost_its_type_in_ros_is_an_empty_list():
+    row = parameter(ParameterType.STRING_ARRAY)
+    assert row.read('key', None) == []
+    assert row.read('key', []) == []
+
+
+@pytest.mark.parametrize(
+    ('type_', 'value', 'hint'),
+    [
+        (ParameterType.DOUBLE, '1e-3', '(this is text: write 0.001 without quotes)'),
+        (ParameterType.DOUBLE_ARRAY, [1.0, '2'], '(this is text: write 2.0 without quotes)'),
+        (ParameterType.INTEGER, '3', '(this is text: write 3 without quotes)'),
+        (ParameterType.BOOL, 'True', '(this is text: write true without quotes)'),
+        (ParameterType.STRING, True, '(put it in quotes to make it text)'),
+        (ParameterType.STRING_ARRAY, [True, False], '(put it in quotes to make it text)'),
+    ],
+)
+def test_the_usual_slips_of_yaml_are_explained(type_, value, hint):
+    assert refusal(parameter(type_), value).endswith(hint)
+
+
+@pytest.mark.parametrize(
+    ('interval', 'inside', 'outside', 'text'),
+    [
+        (Range(), [-1e300, 0.0], [], ''),
+        (Range(0.0), [0.0, 1.0], [-1e-9], '>= 0'),
+        (Range(0.0, low_open=True), [5e-324], [0.0], '> 0'),
+        (Range(high=1.0), [1.0], [1.1], '<= 1'),
+        (Range(0.01, 10.0), [0.01, 10.0], [0.0, 11.0], 'from 0.01 to 10'),
+        (Range(0.0, 1.0, True, True), [0.5], [0.0, 1.0], '> 0 and < 1'),
+    ],
+)
+def test_ranges(interval, inside, outside, text):
+    assert str(interval) == text
+    assert all(number in interval for number in inside)
+    assert not any(number in interval for number in outside)
+
+
+def test_a_default_is_a_copy():
+    row = parameter(ParameterType.DOUBLE_ARRAY, [1.0, 2.0])
+    row.read_default('key').append(3.0)
+    assert row.read_default('key') == [1.0, 2.0]

@@ -1,0 +1,182 @@
+"""Parameter files: presets, the user's own, merging by node, and files for other processes."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from cmpsp_ros.parameters import presets
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import (
+    config_directory,
+    load_parameter_file,
+    parse_assignment,
+    preset_names,
+    write_parameter_file,
+)
+from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
+
+MERGED = """
+guidance:
+  ros__parameters: {odom_timeout: 0.1}
+/**:
+  ros__parameters: {odom_timeout: 0.2, final_time: 5.0}
+/r1/guidance:
+  ros__parameters: {final_time: 6.0}
+/*/sim:
+  ros__parameters: {noise.seed: 3}
+camera:
+  ros__parameters: {gain: 1}
+"""
+
+
+@pytest.fixture
+def merged(tmp_path):
+    path = tmp_path / 'merged.yaml'
+    path.write_text(MERGED)
+    return path
+
+
+def refusal(call, *arguments):
+    with pytest.raises(ParameterError) as caught:
+        call(*arguments)
+    return str(caught.value)
+
+
+def test_the_cases_of_the_paper_are_there():
+    assert {'case1', 'case2', 'case3', 'case3_45'} <= set(preset_names())
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_every_preset_builds_and_says_everything(name):
+    given_ = load_parameter_file(name)
+    values = TABLE.resolve(given_)
+    assert set(values) - set(given_) <= {'obstacles.names'}
+    assert plant_settings(values).robot == guidance_settings(values).robot
+    check_start(values)
+
+
+@pytest.mark.parametrize(
+    ('name', 'limit', 'obstacles'),
+    [('case1', 0.0, []), ('case2', 0.0, ['a', 'b']), ('case3', 51.0, ['a', 'b']),
+     ('case3_45', 45.0, ['a', 'b'])],
+)  # fmt: skip
+def test_presets_differ_from_the_defaults_only_as_the_cases_do(name, limit, obstacles):
+    values = TABLE.resolve(load_parameter_file(name))
+    discs = {
+        'obstacles.a.center': [8.0, -6.0], 'obstacles.a.radius': 0.7,
+        'obstacles.b.center': [10.0, -2.0], 'obstacles.b.radius': 0.5,
+    }  # fmt: skip
+    expected = {'robot.max_wheel_speed': limit, 'obstacles.names': obstacles}
+    assert values == TABLE.resolve(expected | (discs if obstacles else {}))
+
+
+def test_what_ros_hands_to_a_node(merged):
+    assert load_parameter_file(merged, '/guidance') == {'odom_timeout': 0.2, 'final_time': 5.0}
+    assert load_parameter_file(merged, 'r1/guidance') == {'odom_timeout': 0.2, 'final_time': 6.0}
+    assert load_parameter_file(merged, '/r2/sim')['noise.seed'] == 3
+    assert 'noise.seed' not in load_parameter_file(merged, '/r2/r3/sim')
+
+
+def test_without_a_node_the_later_section_counts(merged):
+    path = merged.with_name('a.yaml')
+    path.write_text(MERGED.replace('guidance:\n', 'sim:\n', 1))
+    expected = {'odom_timeout': 0.2, 'final_time': 6.0, 'noise.seed': 3}
+    assert load_parameter_file(path) == expected
+
+
+def test_contradictions_between_nodes_are_refused(tmp_path):
+    path = tmp_path / 'two.yaml'
+    path.write_text(
+        'guidance:\n  ros__parameters: {frame_id: odom}\nsim:\n  ros__parameters: {frame_id: map}'
+    )
+    message = refusal(load_parameter_file, path)
+    assert message == (
+        f"{path}: frame_id: found 'odom' for /guidance and 'map' for /sim, wanted one value for both"
+    )
+    assert load_parameter_file(path, '/sim') == {'frame_id': 'map'}
+
+
+def test_a_file_for_other_nodes_is_refused(tmp_path):
+    path = tmp_path / 'other.yaml'
+    path.write_text('camera:\n  ros__parameters: {gain: 1}')
+    assert 'found sections for /camera only' in refusal(load_parameter_file, path)
+
+
+def test_a_preset_misspelt():
+    message = refusal(load_parameter_file, 'case33')
+    assert message.startswith("'case33': found no such preset, wanted a preset (case1, case2, ")
+    assert message.endswith('(did you mean case3?)')
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    binary = tmp_path / 'binary.yaml'
+    binary.write_bytes(b'\xff\xfe\xfd')
+    assert 'found No such file' in refusal(load_parameter_file, tmp_path / 'none.yaml')
+    assert 'found Is a directory' in refusal(load_parameter_file, tmp_path)
+    assert "codec can't decode" in refusal(load_parameter_file, binary)
+    assert 'null byte' in refusal(load_parameter_file, 'a\0.yaml')
+
+
+@pytest.mark.parametrize(
+    ('text', 'key', 'value'),
+    [
+        ('weights.road_center=30', 'weights.road_center', 30),
+        (' goal.tolerance = 1e-3', 'goal.tolerance', 1e-3),
+        ('goal.position=[10, 0]', 'goal.position', [10, 0]),
+        ('obstacles.names=[a, b]', 'obstacles.names', ['a', 'b']),
+        ('frame_id="a=b"', 'frame_id', 'a=b'),
+    ],
+)
+def test_assignments(text, key, value):
+    assert parse_assignment(text) == (key, value)
+
+
+@pytest.mark.parametrize('text', ['', 'a', '=1', 'a=', 'a={b: 1}', 'a=[', 'a=: :'])
+def test_what_is_no_assignment_is_refused(text):
+    assert 'wanted' in refusal(parse_assignment, text)
+
+
+def test_a_place_that_cannot_be_written_to(tmp_path):
+    assert 'No such file' in refusal(write_parameter_file, tmp_path / 'none' / 'a.yaml', {})
+
+
+FINITE = st.floats(allow_nan=False, allow_infinity=False)
+POSITIVE = st.floats(0.0, exclude_min=True, allow_infinity=False)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    position=st.tuples(FINITE, FINITE),
+    tolerance=POSITIVE,
+    seed=st.integers(0, 2**63 - 1),
+    frame=st.text(min_size=1).filter(lambda text: text.isprintable() and text.strip()),
+    radii=st.dictionaries(st.from_regex(r'[a-z]{1,3}', fullmatch=True), POSITIVE, max_size=3),
+)
+def test_a_set_written_loads_bit_for_bit(tmp_path, position, tolerance, seed, frame, radii):
+    chosen = {'goal.position': position, 'goal.tolerance': tolerance, 'noise.seed': seed}
+    for name, radius in radii.items():
+        chosen[f'obstacles.{name}.center'] = position
+        chosen[f'obstacles.{name}.radius'] = radius
+    values = TABLE.resolve({**chosen, 'frame_id': frame, 'obstacles.names': list(radii)})
+    path = tmp_path / 'set.yaml'
+    write_parameter_file(path, values)
+    assert repr(TABLE.resolve(load_parameter_file(path))) == repr(values)
+
+
+@pytest.mark.parametrize(
+    'package', ['lib/python3.11/site-packages', 'install/cmpsp_ros/lib/python3.12/site-packages']
+)
+def test_presets_are_found_where_an_installation_puts_them(tmp_path, monkeypatch, package):
+    module = tmp_path / package / 'cmpsp_ros' / 'parameters' / 'presets.py'
+    module.parent.mkdir(parents=True)
+    monkeypatch.setattr(presets, '__file__', str(module))
+    prefix = (tmp_path / package).parents[2]
+    message = refusal(config_directory)
+    assert 'found no folder of presets above' in message
+    shutil.copytree(Path(__file__).parents[3] / 'config', prefix / 'share/cmpsp_ros/config')
+    assert config_directory() == prefix / 'share' / 'cmpsp_ros' / 'config'
+    assert 'case1' in preset_names()

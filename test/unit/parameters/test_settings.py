@@ -1,0 +1,147 @@
+"""Settings: built from a resolved set, and checked against each other."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.plant import PlantSettings
+from cmpsp_ros.robot.road import Annulus
+
+DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
+
+
+def refusal(build, values):
+    with pytest.raises(ParameterError) as caught:
+        build(TABLE.resolve(values))
+    return str(caught.value).splitlines()
+
+
+def test_defaults_of_table_and_settings_agree():
+    robot = DifferentialDrive(0.035, 0.055, 51.0)
+    assert guidance_settings(TABLE.resolve({})) == GuidanceSettings(robot, Annulus(), (10.0, 0.0))
+    assert plant_settings(TABLE.resolve({})) == PlantSettings(robot, (0.0, -9.25, 0.0))
+
+
+def test_every_parameter_reaches_its_place():
+    values = TABLE.resolve({
+        **DISC, 'robot.max_wheel_speed': 0, 'robot.radius': 0.1, 'safety.margin': 0.2,
+        'safety.between_samples': False, 'solver.iterations_per_step': 3, 'solver.qp': 'clarabel',
+        'solver.hessian': 'exact', 'solver.heading_trust_region': 0.0, 'weights.road_center': 1,
+        'weights.control_change': 2, 'weights.control_effort': 3, 'weights.control_rate': 4,
+        'initial_guess.type': 'constant', 'initial_guess.wheel_speeds': [1, 2],
+        'odom_timeout': 0.7, 'failure_tolerance': 5, 'frame_id': 'map', 'goal.tolerance': 0.02,
+        'goal.position': [-10, 0], 'final_time': 12, 'control_period': 0.1,
+        'initial_pose': [0, 10, 1], 'odom_rate': 20, 'cmd_vel_timeout': 0, 'actuation_delay': 0.03,
+        'noise.position_stddev': 0.01, 'noise.heading_stddev': 0.02, 'noise.seed': 7,
+    })  # fmt: skip
+    settings, plant = guidance_settings(values), plant_settings(values)
+    assert settings.robot.max_wheel_speed == plant.robot.max_wheel_speed == math.inf
+    assert settings.obstacles == (Obstacle('a', (10.0, 0.5), 0.4),)
+    assert (settings.robot_radius, settings.safety.margin) == (0.1, 0.2)
+    assert not settings.safety.between_samples
+    weights, solver = settings.weights, settings.solver
+    assert (weights.road_center, weights.control_change) == (1.0, 2.0)
+    assert (weights.control_effort, weights.control_rate) == (3.0, 4.0)
+    assert (solver.iterations_per_step, solver.qp, solver.hessian) == (3, 'clarabel', 'exact')
+    assert solver.heading_trust_region == 0.0
+    assert settings.initial_guess.type == 'constant'
+    assert settings.initial_guess.wheel_speeds == (1.0, 2.0)
+    assert (settings.odom_timeout, settings.failure_tolerance) == (0.7, 5)
+    assert (settings.frame_id, settings.goal, settings.goal_tolerance) == ('map', (-10, 0), 0.02)
+    assert (settings.final_time, settings.control_period) == (12.0, 0.1)
+    assert (plant.initial_pose, plant.odom_rate) == ((0.0, 10.0, 1.0), 20.0)
+    assert (plant.cmd_vel_timeout, plant.actuation_delay) == (0.0, 0.03)
+    assert (plant.position_stddev, plant.heading_stddev, plant.seed) == (0.01, 0.02, 7)
+
+
+@pytest.mark.parametrize(
+    ('values', 'line'),
+    [
+        (
+            {'road.inner_radius': 11.0},
+            'road.inner_radius: found 11.0 m, wanted less than road.outer_radius = 11.0 m',
+        ),
+        (
+            {'robot.radius': 0.4, 'safety.margin': 0.6},
+            'road.inner_radius, road.outer_radius: found a road of half width 1 m, wanted more '
+            'than robot.radius + safety.margin = 1 m',
+        ),
+        (
+            {'goal.position': [10.8, 0.0], 'robot.radius': 0.25},
+            'goal.position: found 10.8 m from road.center, wanted 9.25 to 10.75 m '
+            '(road.inner_radius + robot.radius to road.outer_radius - robot.radius)',
+        ),
+        (
+            {**DISC, 'robot.radius': 0.2},
+            'goal.position: found 0.5 m from the centre of obstacle a, wanted 0.6 m or more '
+            '(obstacles.a.radius + robot.radius)',
+        ),
+        (
+            {'final_time': 0.1},
+            'final_time: found 0.1 s, wanted at least control_period = 0.2 s',
+        ),
+        (
+            {'final_time': 1e9},
+            'final_time: found 1000000000.0 s, wanted at most 10000 times control_period = 0.2 s',
+        ),
+    ],
+)
+def test_what_cannot_be_together_is_refused(values, line):
+    assert refusal(guidance_settings, values) == [line]
+
+
+def test_all_that_cannot_be_together_is_said_at_once():
+    lines = refusal(guidance_settings, {**DISC, 'final_time': 0.1, 'goal.position': [10.0, 0.4]})
+    assert [line.partition(':')[0] for line in lines] == ['final_time', 'goal.position']
+
+
+def test_goal_exactly_on_the_edge_is_allowed():
+    guidance_settings(TABLE.resolve({'goal.position': [11.0, 0.0]}))
+    guidance_settings(TABLE.resolve({**DISC, 'obstacles.a.radius': 0.5}))
+
+
+@pytest.mark.parametrize(
+    ('values', 'line'),
+    [
+        (
+            {'initial_pose': [0.0, -8.0, 0.0]},
+            'initial_pose: found 8 m from road.center, wanted 9 to 11 m '
+            '(road.inner_radius + robot.radius to road.outer_radius - robot.radius)',
+        ),
+        (
+            {**DISC, 'initial_pose': [10.0, 0.75, 0.0], 'robot.radius': 0.1},
+            'initial_pose: found 0.25 m from the centre of obstacle a, wanted 0.5 m or more '
+            '(obstacles.a.radius + robot.radius)',
+        ),
+    ],
+)
+def test_a_start_from_which_there_is_no_way_is_refused(values, line):
+    assert refusal(check_start, values) == [line]
+
+
+def test_the_start_of_the_paper_is_allowed():
+    check_start(TABLE.resolve({}))
+
+
+NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0, 9.0, 10.0])
+
+
+@given(st.fixed_dictionaries({}, optional={
+    'road.inner_radius': NUMBERS, 'road.outer_radius': NUMBERS, 'robot.radius': NUMBERS,
+    'goal.position': st.tuples(NUMBERS, NUMBERS), 'initial_pose': st.tuples(*[NUMBERS] * 3),
+    'final_time': NUMBERS, 'control_period': NUMBERS, 'safety.margin': NUMBERS,
+}))  # fmt: skip
+def test_any_set_builds_or_gives_a_parameter_error(values):
+    for build in (guidance_settings, plant_settings, check_start):
+        try:
+            build(TABLE.resolve(values))
+        except ParameterError as error:
+            assert error.problems

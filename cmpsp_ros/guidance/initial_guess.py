@@ -70,4 +70,5 @@ def _toward(
     trusted = (settings.solver.heading_trust_region or math.pi / 2.0) / duration
     turn_rate = min(max(turn_rate, -trusted), trusted)
     wheels = robot.wheel_speeds(np.array([speed, turn_rate]))
-    return wheels * min(1.0, robot.max_wheel_speed / max(np.abs(wheels).max(), 1e-12))
+    slowed: Array = wheels * min(1.0, robot.max_wheel_speed / max(np.abs(wheels).max(), 1e-12))
+    return slowed

@@ -26,9 +26,7 @@ class GuidanceLaw:
     It reads no clock and no file: the same odometry gives the same decisions, bit for bit.
     """
 
-    def __init__(
-        self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0
-    ) -> None:
+    def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
@@ -96,7 +94,8 @@ class GuidanceLaw:
 
     def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
         began = self._timer()
-        improvement = self._planner.improve(pose, self._held, self._guess(pose, horizon), horizon)
+        guess = self._guess(pose, horizon)
+        improvement = self._planner.improve(pose, self._held, guess, horizon)
         solved = self._timer()
         plan = improvement.plan
         verdict = self._audit.check(pose, plan.controls, horizon.durations)

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.iteration import CMPSP, SLACK_TOLERANCE, Iterate, Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
 
 Array = NDArray[np.float64]
@@ -65,8 +65,10 @@ class Planner:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles, weights and solver from the settings."""
         self._settings = settings
-        distance = settings.robot_radius + settings.safety.margin
-        self._space = ClearSpace.of(settings.road, settings.obstacles, distance)
+        self._space = at_samples(settings)
+        self._arcs_matter = settings.safety.between_samples and not np.isfinite(
+            settings.robot.max_wheel_speed
+        )
         self._goal = np.array(settings.goal)
         weights = settings.weights
         self._cost = Cost(
@@ -99,12 +101,9 @@ class Planner:
     ) -> OptimalControlProblem:
         settings, durations = self._settings, horizon.durations
         robot, space = settings.robot, self._space
-        if settings.safety.between_samples:
-            if np.isfinite(robot.max_wheel_speed):
-                space = space.for_samples(robot.twist_limits(), settings.control_period)
-            else:
-                arcs = _ROOM * robot.twist(guess[:-1])
-                space = space.for_samples_of(arcs, settings.control_period)
+        if self._arcs_matter:
+            arcs = _ROOM * robot.twist(guess[:-1])
+            space = space.for_samples_of(arcs, settings.control_period)
         problem = GuidanceProblem(robot, space, self._cost, pose, self._goal, durations)
         if settings.weights.control_rate > 0.0:
             return ControlRateProblem(problem, settings.weights.control_rate, held)

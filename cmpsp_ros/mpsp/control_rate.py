@@ -37,9 +37,7 @@ class ControlRateProblem(OptimalControlProblem):
         if not weight >= 0.0:
             raise ProblemError(f'weight: found {weight}, wanted a number >= 0')
         if previous.shape != (inner.control,):
-            raise ProblemError(
-                f'previous: found shape {previous.shape}, wanted {(inner.control,)}'
-            )
+            raise ProblemError(f'previous: found shape {previous.shape}, wanted {(inner.control,)}')
         self.size = Dimensions(
             inner.horizon, inner.state + inner.control, inner.control, inner.output, inner.path
         )

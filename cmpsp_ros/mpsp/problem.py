@@ -34,7 +34,8 @@ class Dimensions:
     path: int
 
     def __post_init__(self) -> None:
-        for name, least in (('horizon', 1), ('state', 1), ('control', 1), ('output', 0), ('path', 0)):
+        at_least = {'horizon': 1, 'state': 1, 'control': 1, 'output': 0, 'path': 0}
+        for name, least in at_least.items():
             size = getattr(self, name)
             if size < least:
                 raise ProblemError(f'{name}: found {size}, wanted at least {least}')

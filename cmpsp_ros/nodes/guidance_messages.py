@@ -9,15 +9,15 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Path
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.nodes.stamps import stamp_message
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from builtin_interfaces.msg import Time
+    from builtin_interfaces.msg import Time as Stamp
     from nav_msgs.msg import Odometry
     from numpy.typing import NDArray
 
@@ -65,7 +65,7 @@ def twist_message(decision: Decision) -> Twist:
     return twist
 
 
-def stamped_twist_message(decision: Decision, stamp: Time) -> TwistStamped:
+def stamped_twist_message(decision: Decision, stamp: Stamp) -> TwistStamped:
     """The command of a decision, stamped as the odometry that it answers."""
     message = TwistStamped(twist=twist_message(decision))
     message.header.stamp = stamp
@@ -73,7 +73,7 @@ def stamped_twist_message(decision: Decision, stamp: Time) -> TwistStamped:
     return message
 
 
-def joint_state_message(decision: Decision, names: Sequence[str], stamp: Time) -> JointState:
+def joint_state_message(decision: Decision, names: Sequence[str], stamp: Stamp) -> JointState:
     """Commanded wheel speeds [rad/s]."""
     message = JointState(name=list(names), velocity=decision.wheel_speeds.tolist())
     message.header.stamp = stamp
@@ -124,7 +124,7 @@ def path_message(plan: Plan, frame_id: str, stamp_ns: int) -> Path:
     """The predicted path, each pose at the time when the robot should be there."""
     path = Path()
     path.header.frame_id = frame_id
-    path.header.stamp = stamp_message(stamp_ns)
+    path.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
     begin = int(plan.horizon.edges[0])
     path.poses = list(_poses(plan.poses, (stamp_ns + plan.horizon.edges - begin), frame_id))
     return path
@@ -134,7 +134,7 @@ def _poses(poses: Array, stamps: NDArray[np.int64], frame_id: str) -> Iterable[P
     for (x, y, heading), stamp in zip(poses.tolist(), stamps.tolist(), strict=True):
         message = PoseStamped()
         message.header.frame_id = frame_id
-        message.header.stamp = stamp_message(stamp)
+        message.header.stamp = Time(nanoseconds=stamp).to_msg()
         message.pose.position.x, message.pose.position.y = x, y
         message.pose.orientation.z = math.sin(heading / 2.0)
         message.pose.orientation.w = math.cos(heading / 2.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -11,6 +12,7 @@ from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
@@ -20,7 +22,6 @@ from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.runtime import run
-from cmpsp_ros.nodes.stamps import stamp_ns
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -55,7 +56,6 @@ class GuidanceNode(LifecycleNode):
         self._values: Values | None = None
         self._refusal = ''
         self._state = UNCONFIGURED
-        self._outputs: GuidanceOutputs | None = None
         self._begin()
         autostart = True
         try:
@@ -82,7 +82,7 @@ class GuidanceNode(LifecycleNode):
                 return self._refuse(self._refusal)
             self._settings = guidance_settings(self._values)
             warm_up(self._settings)
-        except Exception as error:  # noqa: BLE001 (rclpy would swallow it without a word)
+        except Exception as error:  # rclpy would swallow it
             return self._refuse(str(error) or type(error).__name__)
         self._refusal = ''
         self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
@@ -116,7 +116,6 @@ class GuidanceNode(LifecycleNode):
         self.destroy_service(service)
         self.destroy_timer(timer)
         self._outputs.close()
-        self._outputs = None
         self._state = UNCONFIGURED
         return super().on_cleanup(state)
 
@@ -140,23 +139,25 @@ class GuidanceNode(LifecycleNode):
         if self._state != ACTIVE:
             return
         began = time.perf_counter_ns()
+        stamp = Time.from_msg(message.header.stamp).nanoseconds
         try:
             pose = pose_of(message, self._settings.frame_id)
-            self._check_age(stamp_ns(message.header.stamp))
+            self._check_age(stamp)
         except OdometryError as error:
             self._halt_for(str(error))
             return
         self._heard_at = self._now()
         try:
-            decision = self._law.update(stamp_ns(message.header.stamp), pose)
-        except Exception as error:  # noqa: BLE001 (a robot must stop for any of them)
+            decision = self._law.update(stamp, pose)
+        except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return
         if decision is None:
             return
         self._outputs.command(decision)
-        self._times.add((time.perf_counter_ns() - began) / 1e6, self._settings.control_period)
-        self._note(decision)
+        step_ms = (time.perf_counter_ns() - began) / 1e6
+        self._times.add(step_ms, self._settings.control_period)
+        self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
 
     def _check_age(self, stamp: int) -> None:
         age, timeout = (self._now() - stamp) / 1e9, self._settings.odom_timeout
@@ -209,7 +210,7 @@ class GuidanceNode(LifecycleNode):
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
         self._values, self._settings = self._changed(parameters)
-        if self._outputs is None:
+        if self._state == UNCONFIGURED:
             return
         self._law.reconfigure(self._settings)
         self._outputs.show(self._settings)
@@ -223,7 +224,7 @@ class GuidanceNode(LifecycleNode):
 
     def _report(self) -> Report:
         decision, state = self._decision, self._state
-        listeners = self._outputs.command_subscribers if self._outputs else 0
+        listeners = 0 if state == UNCONFIGURED else self._outputs.command_subscribers
         values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
         if decision is not None:
             values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
@@ -248,3 +249,7 @@ class GuidanceNode(LifecycleNode):
 def main() -> None:
     """Run the node until a signal."""
     sys.exit(run(GuidanceNode, name='guidance'))
+
+
+if __name__ == '__main__':
+    main()

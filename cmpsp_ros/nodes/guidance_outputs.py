@@ -8,6 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
@@ -19,7 +20,6 @@ from cmpsp_ros.nodes.guidance_messages import (
     twist_message,
 )
 from cmpsp_ros.nodes.markers import marker_array
-from cmpsp_ros.nodes.stamps import stamp_message
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
@@ -62,13 +62,14 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision."""
         if self._stamped:
-            self._command.publish(stamped_twist_message(decision, stamp_message(decision.stamp)))
+            stamp = Time(nanoseconds=decision.stamp).to_msg()
+            self._command.publish(stamped_twist_message(decision, stamp))
         else:
             self._command.publish(twist_message(decision))
 
     def report(self, decision: Decision) -> None:
         """Send what a decision was made of; the path only if somebody listens."""
-        stamp = stamp_message(decision.stamp)
+        stamp = Time(nanoseconds=decision.stamp).to_msg()
         self._wheels.publish(joint_state_message(decision, self._joint_names, stamp))
         self._decisions.publish(decision_message(decision, self._name))
         if decision.plan is not None and self._path.get_subscription_count():

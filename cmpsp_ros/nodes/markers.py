@@ -9,6 +9,8 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cmpsp_ros.guidance.keep_clear import at_samples
+
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time
 
@@ -26,7 +28,7 @@ _GOAL = (0.1, 0.6, 0.25, 0.9)
 def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
     """Markers of everything that does not move, replacing all that were there.
 
-    Obstacles have a ring around them at the distance that the robot's centre keeps.
+    Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
     """
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = settings.frame_id
@@ -44,12 +46,11 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
     for radius in (road.inner_radius, road.outer_radius):
         add('road', _ring(road.center, radius, 0.05, _ROAD))
     add('centre_line', _ring(road.center, road.center_radius, 0.02, _ROAD))
-    keep = settings.robot_radius + settings.safety.margin
-    for obstacle in settings.obstacles:
+    kept = at_samples(settings).radii.tolist()
+    for obstacle, radius in zip(settings.obstacles, kept, strict=True):
         add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
         add('obstacle_names', _text(obstacle.center, obstacle.name))
-        if keep > 0.0:
-            add('margins', _ring(obstacle.center, obstacle.radius + keep, 0.02, _MARGIN))
+        add('margins', _ring(obstacle.center, radius, 0.02, _MARGIN))
     add('goal', _disc(settings.goal, max(settings.goal_tolerance, 0.1), _GOAL))
     return MarkerArray(markers=markers)
 

@@ -64,13 +64,13 @@ def collect(node: Node) -> dict[str, Any]:
         Raw values by key, for the table to read again; those of ROS itself are left out.
 
     """
-    parameters = node.get_parameters_by_prefix('')
+    parameters: dict[str, Any] = node.get_parameters_by_prefix('')
     return {key: each.value for key, each in parameters.items() if not is_of_ros(key)}
 
 
 def _overrides(node: Node) -> dict[str, Any]:
     # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
-    overrides: dict[str, Parameter] = node._parameter_overrides  # noqa: SLF001
+    overrides = node._parameter_overrides  # noqa: SLF001
     return {key: each.value for key, each in overrides.items()}
 
 

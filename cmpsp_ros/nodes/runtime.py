@@ -9,10 +9,13 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 import traceback
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
@@ -27,6 +30,9 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 WAKE_PERIOD = 0.05
 """Longest wait for work [s]: the wait set does not notice signals, so this bounds the answer."""
+
+DELIVERY_LIMIT = 0.5
+"""Longest wait at the end for subscribers to confirm what was published last [s]."""
 
 
 class StartupError(ValueError):
@@ -92,10 +98,28 @@ def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: Rcut
         healthy = False
     # A signal between here and the exit would interrupt the stop itself.
     _ignore_signals()
-    ends = (getattr(node, 'stop', None), executor.shutdown, node.destroy_node)
+    stop = getattr(node, 'stop', None)
+    ends = (stop, partial(_deliver, node), executor.shutdown, node.destroy_node)
     # Each is tried, whatever became of the one before.
     failed = [end for end in ends if end is not None and not _ends_well(end, logger)]
     return 0 if healthy and not failed else 1
+
+
+def _deliver(node: Node) -> None:
+    """Wait until reliable subscribers have what was published last.
+
+    A publisher that goes takes along what has not been handed over: on a busy machine the last
+    zero twist would be lost about once in ten times, and the robot drive on.
+    """
+    end = time.monotonic() + DELIVERY_LIMIT
+    for publisher in sorted(node.publishers, key=lambda each: each.qos_profile.depth):
+        left = max(0.0, end - time.monotonic())
+        delivered = publisher.wait_for_all_acked(Duration(seconds=left))
+        # Of deeper queues the middleware asks for confirmation only every few seconds.
+        if not delivered and publisher.qos_profile.depth == 1:
+            node.get_logger().warning(
+                f'{publisher.topic_name}: a subscriber has not confirmed the last message'
+            )
 
 
 def _ends_well(end: Callable[[], object], logger: RcutilsLogger) -> bool:

@@ -182,7 +182,9 @@ class ParameterTable:
         for prefix, block in self._blocks.items():
             name = key.removeprefix(prefix).partition('.')[0]
             candidates += [parameter.key(name) for parameter in block]
-        nearest = difflib.get_close_matches(key, set(candidates) - {key}, n=1)
+        # A block's name that is no name makes a key that is near itself.
+        others = [candidate for candidate in candidates if candidate != key]
+        nearest = difflib.get_close_matches(key, others, n=1)
         hint = f' (did you mean {nearest[0]}?)' if nearest else ''
         where = key if key.isprintable() and key else describe(key)
         return Problem(where, 'an unknown parameter', f'a known one{hint}')

@@ -1,1 +1,1 @@
-"""What is special to the two-wheeled robot: kinematics, road, obstacles, its optimal control problem."""
+"""What is special to the two-wheeled robot: kinematics, road, obstacles, its problem."""

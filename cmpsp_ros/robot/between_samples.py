@@ -70,7 +70,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
     """
 
     def squared(R: Array, a: Array) -> Array:
-        return 4.0 * R * (distance + R) * np.sin(a / 2.0) ** 2
+        return _bulge(R, a, distance + R)
 
     straight = (limits.speed * period / 2.0) ** 2
     return float(np.sqrt(distance**2 + max(straight, _largest(squared, limits, period))))
@@ -91,7 +91,7 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
     """
 
     def squared(R: Array, a: Array) -> Array:
-        return 4.0 * R * (distance - R) * np.sin(a / 2.0) ** 2
+        return _bulge(R, a, distance - R)
 
     return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))
 
@@ -108,20 +108,28 @@ def outside_known(distance: Array, twists: Array, period: float) -> Array:
         Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
     """
     R, a = _arcs(twists, period)
-    return np.sqrt(distance**2 + 4.0 * R * (distance + R) * np.sin(a / 2.0) ** 2)
+    grown: Array = np.sqrt(distance**2 + _bulge(R, a, distance + R))
+    return grown
 
 
 def inside_known(distance: float, twists: Array, period: float) -> Array:
     """Like `inside`, for known arcs; arguments as in `outside_known`, result ``(N,)`` [m]."""
     R, a = _arcs(twists, period)
-    bulge = np.maximum(0.0, 4.0 * R * (distance - R) * np.sin(a / 2.0) ** 2)[:, 0]
-    return np.sqrt(np.maximum(0.0, distance**2 - bulge))
+    bulge = np.maximum(0.0, _bulge(R, a, distance - R))[:, 0]
+    shrunk: Array = np.sqrt(np.maximum(0.0, distance**2 - bulge))
+    return shrunk
 
 
 def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
     """Radius and half angle of known arcs, each of shape ``(N, 1)``."""
     w = np.maximum(np.abs(twists[:, 1:]), _STRAIGHT)
     return np.abs(twists[:, :1]) / w, np.minimum(w * period / 2.0, np.pi)
+
+
+def _bulge(R: Array, a: Array, to_center: Array) -> Array:
+    """Difference of the squared distances, from the arc's radius, half angle and centre."""
+    bulge: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
+    return bulge
 
 
 def _largest(

@@ -47,11 +47,15 @@ class DifferentialDrive:
 
     def twist(self, wheel_speeds: Array) -> Array:
         """Body twists ``(..., 2)`` [m/s, rad/s] of wheel speeds ``(..., 2)`` [rad/s], by (91)."""
-        return wheel_speeds @ self._to_twist().T
+        right, left = wheel_speeds[..., RIGHT], wheel_speeds[..., LEFT]
+        speed = (right + left) * (self.wheel_radius / 2.0)
+        turn_rate = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
+        return np.stack([speed, turn_rate], axis=-1)
 
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., 2)`` [rad/s] of body twists ``(..., 2)`` [m/s, rad/s]."""
-        return twist @ np.linalg.inv(self._to_twist()).T
+        speed, rim = twist[..., 0], twist[..., 1] * self.half_track
+        return np.stack([speed + rim, speed - rim], axis=-1) / self.wheel_radius
 
     def roll_out(self, pose: Array, wheel_speeds: Array, durations: Array) -> Array:
         """Poses along the path driven, exactly, each wheel-speed pair held for its duration.
@@ -69,9 +73,7 @@ class DifferentialDrive:
         _roll_out(poses, wheel_speeds, durations, self.wheel_radius, self.half_track)
         return poses
 
-    def jacobians(
-        self, poses: Array, wheel_speeds: Array, durations: Array
-    ) -> tuple[Array, Array]:
+    def jacobians(self, poses: Array, wheel_speeds: Array, durations: Array) -> tuple[Array, Array]:
         """Derivatives of every step of `roll_out` by its pose and by its wheel speeds.
 
         Args:
@@ -88,11 +90,6 @@ class DifferentialDrive:
         B = np.empty((steps, 3, 2))
         _jacobians(A, B, poses, wheel_speeds, durations, self.wheel_radius, self.half_track)
         return A, B
-
-    def _to_twist(self) -> Array:
-        half = self.wheel_radius / 2.0
-        turn = self.wheel_radius / (2.0 * self.half_track)
-        return np.array([[half, half], [turn, -turn]])
 
 
 @compiled

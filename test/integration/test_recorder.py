@@ -184,7 +184,7 @@ def test_output_exists(spawn, bag):
     'parameters', [['topics:=[/wanted, /never]'], ['exclude_topics:=[/other, /rosout]']]
 )
 def test_choice_of_topics(record, ros, bag, parameters):
-    wanted = ros.node.create_publisher(Twist, '/wanted', 10)
+    wanted = ros.node.create_publisher(Twist, '/wanted', 1)
     ros.node.create_publisher(Twist, '/other', 10)
     ros.node.create_publisher(Twist, '/_hidden/topic', 10)
     recorder = record(*parameters)
@@ -203,11 +203,16 @@ def test_parameters_are_those_of_the_beginning(record, ros, bag):
     ros.node.declare_parameter('gain', 1.5)
     recorder = record()
     publisher = ros.node.create_publisher(String, 'said', 10)
+    clients = []
+
+    def answered():
+        # The recorder's client comes, and goes when it has its answer.
+        clients.append(ros.node.count_clients('/tester/get_parameters'))
+        return 1 in clients and clients[-1] == 0
+
+    ros.spin_until(answered)
     ros.spin_until(heard(publisher))
     ros.spin_until(heard(ros.node._parameter_event_publisher))
-    # The recorder's client goes when it has its answer.
-    ros.spin_until(lambda: ros.node.count_clients('/tester/get_parameters') == 1)
-    ros.spin_until(lambda: ros.node.count_clients('/tester/get_parameters') == 0)
     ros.node.declare_parameter('late', 2.5)
     ros.node.set_parameters([Parameter('gain', value=9.0), Parameter('late', value=9.0)])
     recorder.signal(signal.SIGINT)
@@ -233,8 +238,8 @@ def test_late_publisher_that_does_not_fit(record, ros, bag, wait_until):
 
 def test_simulated_time(record, ros, bag):
     recorder = record('use_sim_time:=true')
-    clock = ros.node.create_publisher(Clock, '/clock', 10)
-    said = ros.node.create_publisher(String, '/said', 10)
+    clock = ros.node.create_publisher(Clock, '/clock', 1)
+    said = ros.node.create_publisher(String, '/said', 2)
     ros.spin_until(lambda: clock.get_subscription_count() >= 2 and heard(said)())
     said.publish(String(data='before the clock'))
     tick = Clock()

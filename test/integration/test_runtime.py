@@ -46,6 +46,12 @@ class Idle(Node):
         print('ready', flush=True)
 
 
+class Listener(Node):
+    def __init__(self):
+        super().__init__('listener')
+        self.create_subscription(Twist, 'cmd_vel', lambda _: print('heard', flush=True), 10)
+
+
 class Slow(Node):
     """Takes its time to be made."""
 
@@ -138,6 +144,18 @@ def test_signal_is_answered_at_once(start, wait_until):
     assert process.wait() == 0
     # 0.1 s to notice, the rest is what DDS takes to say goodbye on a busy machine.
     assert time.monotonic() - asked_at < 2.0
+
+
+def test_frozen_subscriber_delays_the_exit_a_little_only(start, wait_until):
+    listener, process = start(Listener), start(Driver)
+    wait_until(lambda: listener.stdout)
+    listener.signal(signal.SIGSTOP)
+    process.signal(signal.SIGINT)
+    try:
+        assert process.wait(5.0) == 0
+    finally:
+        listener.signal(signal.SIGCONT)
+    assert '/cmd_vel: a subscriber has not confirmed the last message' in process.stderr
 
 
 def test_bad_parameters_are_told_in_one_line(start):

@@ -36,14 +36,18 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
         np.clip(lower, -_UNBOUNDED, _UNBOUNDED),
         sense,
     )
-    if flag >= 0:
-        if penalties is not None:
-            weights = np.concatenate([np.zeros(q), penalties.terminal, penalties.path, np.zeros(t)])
-            rho = np.full(len(weights), _RECIPROCAL_QUADRATIC_WEIGHT)
-            model.soft_weights(rho_l=rho, rho_u=rho, w_l=weights, w_u=weights)
-        dU, _, flag, info = model.solve()
+    if flag < 0:
+        return QPSolution.unsolved(qp, _failure(flag))
+    if penalties is not None:
+        weights = np.concatenate([np.zeros(q), penalties.terminal, penalties.path, np.zeros(t)])
+        rho = np.full(len(weights), _RECIPROCAL_QUADRATIC_WEIGHT)
+        model.soft_weights(rho_l=rho, rho_u=rho, w_l=weights, w_u=weights)
+    dU, _, flag, info = model.solve()
     if flag <= 0:
-        status = QPStatus.INFEASIBLE if flag == _INFEASIBLE else QPStatus.FAILED
-        return QPSolution.unsolved(qp, status)
+        return QPSolution.unsolved(qp, _failure(flag))
     bounds, terminal, path, trust = np.split(info['lam'], [q, q + m, q + m + p])
     return QPSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, info['iterations'])
+
+
+def _failure(flag: int) -> QPStatus:
+    return QPStatus.INFEASIBLE if flag == _INFEASIBLE else QPStatus.FAILED

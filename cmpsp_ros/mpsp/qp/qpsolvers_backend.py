@@ -27,7 +27,7 @@ class QpsolversBackend:
         """Solve, with slack variables for the relaxed rows where penalties are given."""
         if penalties is None:
             return self._solve(qp)
-        m, p, q = len(qp.output_error), len(qp.g), len(qp.c)
+        q = len(qp.c)
         relaxed = self._solve(_with_slacks(qp, penalties))
         return replace(relaxed, dU=relaxed.dU[:q], bounds=relaxed.bounds[:q])
 

@@ -95,7 +95,8 @@ def test_contradictions_between_nodes_are_refused(tmp_path):
     )
     message = refusal(load_parameter_file, path)
     assert message == (
-        f"{path}: frame_id: found 'odom' for /guidance and 'map' for /sim, wanted one value for both"
+        f"{path}: frame_id: found 'odom' for /guidance and 'map' for /sim, "
+        'wanted one value for both'
     )
     assert load_parameter_file(path, '/sim') == {'frame_id': 'map'}
 
@@ -148,7 +149,7 @@ FINITE = st.floats(allow_nan=False, allow_infinity=False)
 POSITIVE = st.floats(0.0, exclude_min=True, allow_infinity=False)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     position=st.tuples(FINITE, FINITE),
     tolerance=POSITIVE,

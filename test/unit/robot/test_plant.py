@@ -115,9 +115,7 @@ def test_the_changes_reported_are_enough_to_draw_the_path_again(settings, comman
 
 
 @unhurried
-@given(
-    st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.booleans()
-)
+@given(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.booleans())
 def test_no_wheel_ever_turns_faster_than_its_limit_and_the_curvature_stays(twist, limit, reset):
     plant = Plant(PlantSettings(robot=DifferentialDrive(max_wheel_speed=limit)))
     if reset:

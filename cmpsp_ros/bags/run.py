@@ -1,0 +1,197 @@
+"""A recorded run as arrays: what was decided, commanded and driven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import atan2
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.robot.arcs import arc_ends, reach
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_NANOSECONDS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Decided:
+    """One control step as published on `~/decision`.
+
+    Attributes:
+        stamp: Stamp of the odometry that it answers [ns].
+        rung: Rung of the ladder, in lower case.
+        reason: Why, in a sentence.
+        finished: Whether the final time had passed.
+        step_ms: Time from odometry to command [ms]; None where it was not measured.
+    """
+
+    stamp: int
+    rung: str
+    reason: str
+    finished: bool
+    step_ms: float | None
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan as published on `~/predicted_path`.
+
+    Attributes:
+        stamp: When it was made [ns].
+        points: Predicted positions ``(N + 1, 2)`` [m].
+    """
+
+    stamp: int
+    points: Array
+
+
+@dataclass(frozen=True)
+class Driven:
+    """The path driven, as arcs of constant wheel speeds.
+
+    Attributes:
+        stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
+        poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
+        twists: Speed and turn rate from each on, shape ``(K + 1, 2)`` [m/s, rad/s].
+    """
+
+    stamps: Stamps
+    poses: Array
+    twists: Array
+
+    @property
+    def durations(self) -> Array:
+        """Length of each arc, shape ``(K,)`` [s]."""
+        durations: Array = np.diff(self.stamps) / _NANOSECONDS
+        return durations
+
+    def at(self, stamp: int) -> Array:
+        """Pose ``(3,)`` at an instant between the first stamp and the last, on its arc."""
+        index = np.searchsorted(self.stamps, stamp, side='right') - 1
+        since = np.array([(stamp - self.stamps[index]) / _NANOSECONDS])
+        pose: Array = arc_ends(self.poses[index, None], self.twists[index, None], since)[0]
+        return pose
+
+    def between(self, first: int, last: int) -> Driven:
+        """The part of the path between two instants."""
+        inside = (self.stamps > first) & (self.stamps < last)
+        index = np.searchsorted(self.stamps, [first, last], side='right') - 1
+        return Driven(
+            np.concatenate([[first], self.stamps[inside], [last]]),
+            np.vstack([self.at(first), self.poses[inside], self.at(last)]),
+            np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
+        )
+
+    def reach(self, points: Array) -> tuple[Array, Array]:
+        """Least and greatest distance of each arc to each point ``(M, 2)``, ``(K, M)`` [m]."""
+        return reach(self.poses[:-1], self.twists[:-1], self.durations, points)
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded run.
+
+    Attributes:
+        decisions: In order.
+        plans: In order; empty where nobody listened to them.
+        driven: The path driven: the simulator's own where there is one, else odometry's.
+        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
+        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
+            ``(W, 2)`` [rad/s].
+    """
+
+    decisions: tuple[Decided, ...]
+    plans: tuple[Planned, ...]
+    driven: Driven
+    wheel_stamps: Stamps
+    wheel_speeds: Array
+
+
+def read_run(path: Path, namespace: str = '') -> Run:
+    """Read a run of our nodes from its bag.
+
+    Args:
+        path: The bag.
+        namespace: Namespace of the nodes, as in `/r1`.
+
+    Raises:
+        BagError: Not a bag, or a topic of a run is missing.
+    """
+    with Bag(path) as bag:
+        decisions = tuple(_decisions(bag, f'{namespace}/guidance/decision'))
+        if not decisions:
+            raise BagError(f'{path}: no decision in {namespace}/guidance/decision')
+        plans: tuple[Planned, ...] = ()
+        if f'{namespace}/guidance/predicted_path' in bag.topics:
+            plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
+        truth = f'{namespace}/sim/truth'
+        simulated = truth in bag.topics
+        wheels = (
+            f'{namespace}/sim/wheel_speeds' if simulated else (f'{namespace}/guidance/wheel_speeds')
+        )
+        stamps, speeds = _wheels(bag, wheels)
+        driven = _driven(bag, truth if simulated else f'{namespace}/odom')
+        return Run(decisions, plans, driven, stamps, speeds)
+
+
+def _decisions(bag: Bag, topic: str) -> Iterator[Decided]:
+    for _, message in bag.messages(topic):
+        values = {each.key: each.value for each in message.values}
+        step_ms = values.get('step_ms')
+        yield Decided(
+            int(values['stamp']),
+            values['rung'],
+            message.message,
+            values['finished'] == 'true',
+            None if step_ms is None else float(step_ms),
+        )
+
+
+def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
+    for _, message in bag.messages(topic):
+        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
+        yield Planned(_stamp(message), np.array(points))
+
+
+def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
+    rows = [(_stamp(message), message.velocity) for _, message in bag.messages(topic)]
+    stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
+
+
+def _driven(bag: Bag, topic: str) -> Driven:
+    rows: dict[int, tuple[list[float], list[float]]] = {}
+    for _, message in bag.messages(topic):
+        # Of two at one instant the later counts: a command took effect there.
+        rows[_stamp(message)] = _pose(message), _twist(message)
+    if len(rows) < 2:
+        raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
+    ordered = sorted(rows.items())
+    return Driven(
+        np.array([stamp for stamp, _ in ordered], dtype=np.int64),
+        np.array([pose for _, (pose, _) in ordered]),
+        np.array([twist for _, (_, twist) in ordered]),
+    )
+
+
+def _pose(message: Any) -> list[float]:
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    return [position.x, position.y, heading]
+
+
+def _twist(message: Any) -> list[float]:
+    return [message.twist.twist.linear.x, message.twist.twist.angular.z]
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)

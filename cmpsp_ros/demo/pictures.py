@@ -1,0 +1,131 @@
+"""Pictures of a run: the path on its road, and the wheel speeds in time."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Patch
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.run import Driven, Run
+from cmpsp_ros.demo.summary import window
+from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.arcs import arc_ends
+
+Array = NDArray[np.float64]
+
+_PLANS = 4
+_PER_ARC = 8
+_ROOM = 0.8
+
+_ROAD = '#e6e6e6'
+_EDGE = '#8c8c8c'
+_DRIVEN = '#1a1a1a'
+_OBSTACLE = '#c8402f'
+_MARGIN = '#e69f00'
+_GOAL = '#0b7a3b'
+_WHEELS = ('#0072b2', '#d55e00')
+
+
+def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
+    """Road, obstacles with the margin kept, the path driven and the plan at a few instants."""
+    first, last = window(run, settings)
+    driven = _dense(run.driven.between(first, last))
+    figure = Figure(figsize=(8.0, 8.0), layout='constrained')
+    axes = figure.add_subplot()
+    _draw_road(axes, settings)
+    for obstacle, kept in zip(settings.obstacles, at_samples(settings).radii, strict=True):
+        center = obstacle.center
+        axes.add_patch(Circle(center, obstacle.radius, color=_OBSTACLE, alpha=0.85, lw=0, zorder=3))
+        axes.add_patch(Circle(center, kept, fill=False, color=_MARGIN, ls='--', zorder=3))
+        axes.annotate(obstacle.name, center, color='white', ha='center', va='center', zorder=6)
+    plans = [plan for plan in run.plans if first <= plan.stamp < last]
+    colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
+    for part, color in enumerate(colors):
+        if not plans:
+            break
+        plan = plans[part * len(plans) // _PLANS]
+        axes.plot(
+            *plan.points.T,
+            '.-',
+            ms=3,
+            lw=0.8,
+            color=color,
+            zorder=4,
+            label=f'plan at {(plan.stamp - first) / 1e9:.1f} s',
+        )
+    axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
+    axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
+    axes.plot(*settings.goal, '*', color=_GOAL, ms=15, zorder=6, label='goal')
+    points = np.vstack([driven, [settings.goal], *(plan.points for plan in plans)])
+    _frame(axes, points, settings)
+    axes.legend(handles=[*axes.get_legend_handles_labels()[0], *_keys(settings)], loc='best')
+    figure.savefig(path, dpi=120)
+
+
+def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
+    """Speed of both wheels, with their limits."""
+    first, last = window(run, settings)
+    # Of two speeds at one instant the second is the one that a command has set.
+    latest = np.append(np.diff(run.wheel_stamps) > 0, True)
+    inside = latest & (run.wheel_stamps >= first) & (run.wheel_stamps < last)
+    seconds = np.append((run.wheel_stamps[inside] - first) / 1e9, settings.final_time)
+    wheel_speeds = np.vstack([run.wheel_speeds[inside], run.wheel_speeds[inside][-1:]])
+    figure = Figure(figsize=(9.0, 4.5), layout='constrained')
+    axes = figure.add_subplot()
+    for speeds, name, color in zip(
+        wheel_speeds.T, ('right wheel', 'left wheel'), _WHEELS, strict=True
+    ):
+        axes.step(seconds, speeds, where='post', color=color, label=name)
+    limit = settings.robot.max_wheel_speed
+    if math.isfinite(limit):
+        axes.axhline(limit, color=_OBSTACLE, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
+        if wheel_speeds.min() < 0.0:
+            axes.axhline(-limit, color=_OBSTACLE, ls='--', lw=1.0)
+    axes.set(xlabel='time [s]', ylabel='wheel speed [rad/s]', xlim=(0.0, settings.final_time))
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def _dense(driven: Driven) -> Array:
+    """Positions along the path, several on each arc so that it looks as bent as it is."""
+    parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
+    poses = np.repeat(driven.poses[:-1], _PER_ARC, axis=0)
+    twists = np.repeat(driven.twists[:-1], _PER_ARC, axis=0)
+    since = (driven.durations[:, None] * parts).ravel()
+    return np.vstack([arc_ends(poses, twists, since)[:, :2], driven.poses[-1:, :2]])
+
+
+def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
+    road = settings.road
+    axes.add_patch(Circle(road.center, road.outer_radius, color=_ROAD, lw=0, zorder=0))
+    axes.add_patch(Circle(road.center, road.inner_radius, color='white', lw=0, zorder=1))
+    for radius, style in (
+        (road.inner_radius, '-'),
+        (road.outer_radius, '-'),
+        (road.center_radius, ':'),
+    ):
+        axes.add_patch(Circle(road.center, radius, fill=False, color=_EDGE, ls=style, zorder=2))
+
+
+def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> None:
+    """Show what happened and the road's width around it, at one scale."""
+    room = _ROOM * (settings.road.outer_radius - settings.road.inner_radius)
+    (left, bottom), (right, top) = points.min(axis=0) - room, points.max(axis=0) + room
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+
+
+def _keys(settings: GuidanceSettings) -> list[Patch]:
+    keys = [Patch(color=_ROAD, label='road')]
+    if settings.obstacles:
+        keys.append(Patch(color=_OBSTACLE, label='obstacle'))
+        keys.append(Patch(fill=False, edgecolor=_MARGIN, ls='--', label='kept clear at samples'))
+    return keys

@@ -1,0 +1,117 @@
+"""The nodes of a run as operating-system processes on a domain of their own."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmpsp_ros.demo.errors import DemoError
+
+_STOP_TIMEOUT = 10.0
+_DOMAINS = range(1, 101)
+_PR_SET_PDEATHSIG = 1
+_prctl = ctypes.CDLL(None).prctl if sys.platform == 'linux' else None
+
+
+def use_free_domain() -> int:
+    """Choose a ROS domain nobody uses on this machine, and keep all traffic on loopback.
+
+    The choice is put into this process' environment, which its children inherit.
+
+    Raises:
+        DemoError: All domains are taken.
+    """
+    # Where to begin differs between processes, so that two that start together do not collide.
+    offset = os.getpid() % len(_DOMAINS)
+    for candidate in (*_DOMAINS[offset:], *_DOMAINS[:offset]):
+        if _is_free(candidate):
+            os.environ['ROS_DOMAIN_ID'] = str(candidate)
+            os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+            return candidate
+    raise DemoError(f'ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use on this machine')
+
+
+def _is_free(domain: int) -> bool:
+    """Whether no DDS participant has the first unicast port of a domain (RTPS 2.2, 9.6.1.1)."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('127.0.0.1', 7400 + 250 * domain + 10))
+        except OSError:
+            return False
+    return True
+
+
+@dataclass(frozen=True)
+class Child:
+    """A node running as a process.
+
+    Attributes:
+        name: Its module in `cmpsp_ros.nodes`.
+        process: The process.
+        log: File with everything it said.
+    """
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    @classmethod
+    def start(cls, name: str, ros_arguments: Sequence[str], folder: Path) -> Child:
+        """Start a node.
+
+        Args:
+            name: Its module in `cmpsp_ros.nodes`.
+            ros_arguments: What follows `--ros-args`.
+            folder: Where to put its log.
+        """
+        log = folder / f'{name}.log'
+        command = [sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *ros_arguments]
+        with log.open('wb') as output:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                # Ctrl-C in the terminal is for us: the nodes are stopped in good order.
+                start_new_session=True,
+                # It makes one system call and takes no lock, so threads of ours do not matter.
+                preexec_fn=_die_with_parent,  # noqa: PLW1509
+            )
+        return cls(name, process, log)
+
+    def check(self) -> None:
+        """Raise if the process has ended by itself.
+
+        Raises:
+            DemoError: It has; the message has the end of its log.
+        """
+        code = self.process.poll()
+        if code is not None:
+            raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
+
+    def stop(self) -> int:
+        """Ask the process to end, and insist after ten seconds; its exit code."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        try:
+            return self.process.wait(_STOP_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            return self.process.wait()
+
+    def last_words(self) -> str:
+        """The last lines of its log."""
+        return '\n'.join(self.log.read_text(errors='replace').splitlines()[-5:])
+
+
+def _die_with_parent() -> None:
+    """Have the kernel stop this process when its parent is killed (Linux only)."""
+    if _prctl is not None:
+        _prctl(_PR_SET_PDEATHSIG, signal.SIGTERM)

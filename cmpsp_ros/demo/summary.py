@@ -1,0 +1,115 @@
+"""What a run came to, in figures."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.run import Run
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.clear_space import ClearSpace
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Figures of a run between its first decision and its final time.
+
+    Attributes:
+        preset: Name of the preset or parameter file.
+        reached: Whether the goal was passed within its tolerance at the final time.
+        miss: Distance from the goal at the final time [m].
+        clearance: Least clearance of the path driven, between samples too, from road edges and
+            obstacles, the robot's own radius taken off [m].
+        max_wheel_speed: Largest wheel speed driven [rad/s].
+        step_times: Median, 99th percentile and maximum from odometry to command [ms].
+        deadline_misses: Control steps that took longer than the control period.
+        rungs: Control steps on each rung of the ladder.
+        control_steps: Number of control steps.
+    """
+
+    preset: str
+    reached: bool
+    miss: float
+    clearance: float
+    max_wheel_speed: float
+    step_times: dict[str, float]
+    deadline_misses: int
+    rungs: dict[str, int]
+    control_steps: int
+
+    @property
+    def failure(self) -> str:
+        """Why the run is no success, in words; empty where it is one."""
+        reasons = []
+        if not self.reached:
+            reasons.append(f'the goal was missed by {self.miss:.3g} m')
+        if self.clearance < 0.0:
+            reasons.append(f'the path cut road edge or obstacle by {-self.clearance:.3g} m')
+        return ' and '.join(reasons)
+
+    def write(self, path: Path) -> None:
+        """Write the figures as JSON, floats exactly."""
+        values: dict[str, Any] = {
+            'preset': self.preset,
+            'reached': self.reached,
+            'miss_m': self.miss,
+            'clearance_m': self.clearance,
+            'max_wheel_speed_rad_s': self.max_wheel_speed,
+            'step_ms': self.step_times,
+            'deadline_misses': self.deadline_misses,
+            'rungs': self.rungs,
+            'control_steps': self.control_steps,
+        }
+        path.write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
+
+
+def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
+    """First decision and final time of a run, as stamps [ns].
+
+    Raises:
+        BagError: The run does not cover them.
+    """
+    first = run.decisions[0].stamp
+    last = first + round(settings.final_time * 1e9)
+    begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
+    if not begin <= first < last <= end:
+        raise BagError(
+            f'the path driven is recorded from {begin} to {end} ns, wanted {first} to {last} ns'
+        )
+    return first, last
+
+
+def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
+    """Figures of a recorded run.
+
+    Raises:
+        BagError: The run was not recorded up to its final time.
+    """
+    first, last = window(run, settings)
+    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    clearance = space.clearance(*run.driven.between(first, last).reach(space.centers))
+    miss = math.dist(run.driven.at(last)[:2], settings.goal)
+    inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
+    steps = [each for each in run.decisions if each.stamp < last]
+    times = [each.step_ms for each in steps if each.step_ms is not None]
+    p50, p99, longest = np.percentile(times or [math.nan], [50, 99, 100]).tolist()
+    counts = Counter(each.rung for each in steps)
+    return Summary(
+        preset=preset,
+        reached=miss <= settings.goal_tolerance,
+        miss=miss,
+        clearance=float(clearance.min()),
+        max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
+        step_times={'p50': p50, 'p99': p99, 'max': longest},
+        deadline_misses=sum(time > 1e3 * settings.control_period for time in times),
+        rungs={rung.name.lower(): counts[rung.name.lower()] for rung in Rung},
+        control_steps=len(steps),
+    )

@@ -1,0 +1,122 @@
+"""Watching a run from outside its nodes, for whoever started them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from types import TracebackType
+
+    from typing_extensions import Self
+
+_WAKE_PERIOD = 0.02
+
+
+@dataclass
+class Seen:
+    """What has been heard of the guidance node so far.
+
+    Attributes:
+        health: Latest figures of its diagnostics, as text; empty before the first.
+        level: Level of its latest diagnostics.
+        message: Their sentence.
+        decision: Latest decision, as text; empty before the first.
+        reason: Its sentence.
+    """
+
+    health: dict[str, str] = field(default_factory=dict)
+    level: bytes = DiagnosticStatus.STALE
+    message: str = ''
+    decision: dict[str, str] = field(default_factory=dict)
+    reason: str = ''
+
+
+class Observer:
+    """Listens to a guidance node and activates it; a context manager.
+
+    It has a ROS context of its own, in this process, and is spun only while it waits.
+    """
+
+    def __init__(self, domain_id: int) -> None:
+        """Join a domain."""
+        self.seen = Seen()
+        self._context = Context()
+        self._context.init(domain_id=domain_id)
+        self._node = Node('observer', context=self._context, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        listen = self._node.create_subscription
+        listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        listen(DiagnosticStatus, '/guidance/decision', self._on_decision, 100)
+        self._transitions = self._node.create_client(ChangeState, '/guidance/change_state')
+
+    def __enter__(self) -> Self:
+        """Nothing more: it listens from construction on."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Listen until a condition holds; whether it did within the time [s]."""
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                return False
+            self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
+        return True
+
+    def is_recorded(self, topics: Iterable[str]) -> bool:
+        """Whether the recorder has subscribed to all of these topics."""
+        return all(
+            any(
+                each.node_name == 'recorder'
+                for each in self._node.get_subscriptions_info_by_topic(topic)
+            )
+            for topic in topics
+        )
+
+    def configure(self, timeout: float) -> bool:
+        """Configure the guidance node; whether it did so within the time [s]."""
+        return self._change_state(Transition.TRANSITION_CONFIGURE, timeout)
+
+    def activate(self, timeout: float) -> bool:
+        """Activate the guidance node; whether it did so within the time [s]."""
+        return self._change_state(Transition.TRANSITION_ACTIVATE, timeout)
+
+    def _change_state(self, transition: int, timeout: float) -> bool:
+        end = time.monotonic() + timeout
+        if not self.wait_until(self._transitions.service_is_ready, timeout):
+            return False
+        request = ChangeState.Request(transition=Transition(id=transition))
+        future = self._transitions.call_async(request)
+        self.wait_until(future.done, end - time.monotonic())
+        return future.done() and future.result().success
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name == '/guidance: guidance':
+                self.seen.health = {each.key: each.value for each in status.values}
+                self.seen.level, self.seen.message = status.level, status.message
+
+    def _on_decision(self, message: DiagnosticStatus) -> None:
+        self.seen.decision = {each.key: each.value for each in message.values}
+        self.seen.reason = message.message

@@ -1,0 +1,1 @@
+"""Experiments on the guidance law without ROS."""

@@ -1,0 +1,42 @@
+"""The guidance law driving its own model of the robot, in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+
+def drive(
+    settings: GuidanceSettings, pose: Array, timer: Callable[[], int] = lambda: 0
+) -> Iterator[Decision]:
+    """Decide and drive until the final time.
+
+    Args:
+        settings: All settings of the law.
+        pose: Pose to start from, shape ``(3,)`` [m, m, rad].
+        timer: Monotonic time [ns], for the computing times in decisions.
+
+    Yields:
+        The decision of each control instant, up to and including the one that says that the final
+        time has passed.
+    """
+    law = GuidanceLaw(settings, timer)
+    period = to_nanoseconds(settings.control_period)
+    stamp, finished = 0, False
+    while not finished:
+        decision = law.update(stamp, pose)
+        if decision is not None:
+            yield decision
+            finished = decision.finished
+            held = decision.wheel_speeds[None]
+            pose = settings.robot.roll_out(pose, held, np.array([settings.control_period]))[-1]
+        stamp += period

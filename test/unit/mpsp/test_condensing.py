@@ -1,0 +1,197 @@
+"""The condensed program against the paper's formulas written out, and against one that keeps
+the states as variables.
+"""
+
+import casadi
+import numpy as np
+import pytest
+from problems import LinearQuadratic, VanDerPol, differences
+
+from cmpsp_ros.mpsp.condensing import condense, sensitivities
+from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.road import Annulus
+
+SHAPES = [(1, 3, 2, 2, 2), (2, 2, 1, 1, 3), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
+
+
+def random_program(seed, shape, radius=None):
+    rng = np.random.default_rng(seed)
+    problem = LinearQuadratic(rng, *shape)
+    U = rng.normal(size=problem.control_lower.shape)
+    lin = problem.linearise(problem.predict(U), U)
+    bound = rng.uniform(0.5, 3.0, size=U.shape)
+    return lin, condense(lin, -bound, bound, radius)
+
+
+def by_recursion(A, B):
+    """Recursion (23), literally."""
+    steps, n, r = B.shape
+    blocks = np.zeros((steps + 1, steps + 1, n, r))
+    for k in range(steps + 1):
+        phi = np.eye(n)
+        for j in range(k - 1, -1, -1):
+            blocks[j, k] = phi @ B[j]
+            phi = phi @ A[j]
+    return blocks
+
+
+def stacked(lin):
+    """``[B]`` of (47) and the block-diagonal matrices (49)-(52)."""
+    from scipy.linalg import block_diag
+
+    blocks = by_recursion(lin.A, lin.B)
+    big = np.hstack([np.vstack(list(blocks[j])) for j in range(len(blocks))])
+    return big, block_diag(*lin.L_XX), block_diag(*lin.L_UX), block_diag(*lin.L_UU)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_sensitivities_are_those_of_the_recursion(shape):
+    lin, _ = random_program(1, shape)
+    np.testing.assert_allclose(sensitivities(lin.A, lin.B), by_recursion(lin.A, lin.B), atol=1e-12)
+
+
+def test_sensitivities_are_derivatives_of_the_roll_out():
+    problem = VanDerPol(horizon=12)
+    U = np.random.default_rng(2).normal(size=(13, 1))
+    lin = problem.linearise(problem.predict(U), U)
+    blocks = sensitivities(lin.A, lin.B)
+    roll_out = differences(problem.predict, U)
+    np.testing.assert_allclose(blocks, roll_out.transpose(2, 0, 1, 3), atol=1e-8)
+    assert not blocks[np.triu_indices(13)[::-1]].any()
+    assert not blocks[-1].any()
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+@pytest.mark.parametrize('seed', [3, 4])
+def test_condensed_matrices_are_the_stacked_ones(shape, seed):
+    horizon, n, r = shape[:3]
+    lin, qp = random_program(seed, shape, radius=np.full(n, 0.3))
+    big, L_XX, L_UX, L_UU = stacked(lin)
+    H = big.T @ L_XX @ big + big.T @ L_UX.T + L_UX @ big + L_UU
+    np.testing.assert_allclose(qp.H, H, atol=1e-11 * (1.0 + np.abs(H).max()))
+    np.testing.assert_array_equal(qp.H, qp.H.T)
+    c = lin.L_X.ravel() @ big + lin.L_U.ravel()
+    np.testing.assert_allclose(qp.c, c, atol=1e-11 * (1.0 + np.abs(c).max()))
+
+    last = np.zeros((r, len(c)))
+    last[:, -r:] = np.eye(r)
+    np.testing.assert_allclose(qp.S_N, lin.h_X @ big[-n:] + lin.h_U @ last, atol=1e-11)
+    np.testing.assert_array_equal(qp.output_error, lin.output_error)
+
+    row = 0
+    for k in range(horizon + 1):
+        control = np.zeros((r, len(c)))
+        control[:, k * r : (k + 1) * r] = np.eye(r)
+        for index in np.flatnonzero(lin.g[k] != -np.inf):
+            assert (qp.path_stage[row], qp.path_index[row]) == (k, index)
+            expected = lin.g_X[k, index] @ big[k * n : (k + 1) * n] + lin.g_U[k, index] @ control
+            np.testing.assert_allclose(qp.B_C[row], expected, atol=1e-11)
+            assert qp.g[row] == -lin.g[k, index]
+            row += 1
+    assert row == len(qp.g) == len(qp.B_C)
+
+    order = np.arange(n, len(big)).reshape(horizon, n).T.ravel()
+    np.testing.assert_allclose(qp.T, big[order], atol=1e-12)
+    np.testing.assert_array_equal(qp.radius, np.full(horizon * n, 0.3))
+
+
+def test_condensed_gradient_is_that_of_the_cost():
+    problem = VanDerPol(horizon=8)
+    U = np.random.default_rng(5).normal(size=(9, 1))
+    lin = problem.linearise(problem.predict(U), U)
+    qp = condense(lin, np.full_like(U, -1.0), np.full_like(U, 1.0))
+    cost = differences(lambda u: np.array(problem.evaluate(problem.predict(u), u).cost), U)
+    np.testing.assert_allclose(qp.c, cost.ravel(), atol=1e-7)
+
+
+def test_trust_rows_only_where_the_radius_is_finite():
+    _, qp = random_program(6, (4, 3, 2, 2, 2), radius=np.array([np.inf, 0.2, np.inf]))
+    assert qp.T.shape == (4, 10)
+    np.testing.assert_array_equal(qp.radius, np.full(4, 0.2))
+    _, free = random_program(6, (4, 3, 2, 2, 2), radius=np.full(3, np.inf))
+    _, none = random_program(6, (4, 3, 2, 2, 2))
+    assert free.T.shape == none.T.shape == (0, 10)
+    assert free.radius.shape == none.radius.shape == (0,)
+
+
+def test_no_terminal_output_and_no_path_rows():
+    _, qp = random_program(7, (3, 2, 1, 0, 0))
+    assert qp.S_N.shape == qp.B_C.shape == (0, 4)
+    assert qp.output_error.shape == qp.g.shape == (0,)
+
+
+def uncondensed(lin, lower, upper, radius=None):
+    """Solution ``dU`` of the same program with ``dX`` as variables, by an interior-point solver."""
+    steps, n, r = lin.B.shape
+    opti = casadi.Opti()
+    dX, dU = opti.variable(n, steps + 1), opti.variable(r, steps + 1)
+    cost = 0
+    opti.subject_to(dX[:, 0] == 0)
+    for k in range(steps + 1):
+        x, u = dX[:, k], dU[:, k]
+        cost += casadi.dot(lin.L_X[k], x) + casadi.dot(lin.L_U[k], u)
+        cost += (x.T @ lin.L_XX[k] @ x + u.T @ lin.L_UU[k] @ u) / 2 + u.T @ lin.L_UX[k] @ x
+        if k < steps:
+            opti.subject_to(dX[:, k + 1] == lin.A[k] @ x + lin.B[k] @ u)
+        for index in np.flatnonzero(np.isfinite(lin.g[k])):
+            row = casadi.dot(lin.g_X[k, index], x) + casadi.dot(lin.g_U[k, index], u)
+            opti.subject_to(row <= -lin.g[k, index])
+        for i in range(r):
+            if np.isfinite(upper[k, i]):
+                opti.subject_to(opti.bounded(lower[k, i], u[i], upper[k, i]))
+        if radius is not None and k:
+            for i in np.flatnonzero(np.isfinite(radius)):
+                opti.subject_to(opti.bounded(-radius[i], x[i], radius[i]))
+    if len(lin.output_error):
+        opti.subject_to(lin.h_X @ dX[:, -1] + lin.h_U @ dU[:, -1] == -lin.output_error)
+    opti.minimize(cost)
+    quiet = {'print_level': 0, 'tol': 1e-12, 'acceptable_tol': 1e-12, 'sb': 'yes',
+             'bound_relax_factor': 0.0}
+    opti.solver('ipopt', {'print_time': False}, quiet)
+    return np.atleast_2d(opti.solve().value(dU)).reshape(r, steps + 1).T
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+@pytest.mark.parametrize('seed', [10, 11, 12])
+def test_condensing_does_not_change_the_solution(shape, seed):
+    lin, qp = random_program(seed, shape)
+    lower, upper = qp.lower.reshape(-1, shape[2]), qp.upper.reshape(-1, shape[2])
+    solution = solve_qp(qp, 'daqp')
+    if solution.status is not QPStatus.SOLVED:
+        with pytest.raises(RuntimeError, match='Infeasible|Restoration'):
+            uncondensed(lin, lower, upper)
+        return
+    expected = uncondensed(lin, lower, upper)
+    np.testing.assert_allclose(solution.dU, expected.ravel(), atol=1e-6)
+
+
+@pytest.mark.parametrize('hessian', ['gauss_newton', 'exact'])
+@pytest.mark.parametrize(('steps', 'goal'), [(1, (0.2, -9.5)), (2, (0.4, -9.5)), (25, (10.0, 0.0))])
+def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, goal):
+    robot = DifferentialDrive(max_wheel_speed=55.0)
+    obstacles = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
+    problem = GuidanceProblem(
+        robot,
+        ClearSpace.of(Annulus(), obstacles, 0.0),
+        Cost(10.0, 15.0, 1.0, 0.1),
+        np.array([0.0, -9.5, 0.1]),
+        np.array(goal),
+        np.full(steps, 0.4 if steps == 25 else 0.2),
+    )
+    radius = np.array([np.inf, np.inf, 0.6])
+    options = Options(np.full(2, 1e3), np.full(4, 1e4), trust_radius=radius, hessian=hessian)
+    iteration = CMPSP(problem, options)
+    iterate = iteration.init(np.tile([45.13, 44.63], (steps + 1, 1)))
+    for _ in range(4):
+        iterate = iteration.step(iterate)
+    lin = problem.linearise(iterate.X, iterate.U, hessian)
+    lower, upper = problem.control_lower - iterate.U, problem.control_upper - iterate.U
+    solution = solve_qp(condense(lin, lower, upper, radius), 'daqp')
+    assert solution.status is QPStatus.SOLVED
+    expected = uncondensed(lin, lower, upper, radius)
+    np.testing.assert_allclose(solution.dU, expected.ravel(), atol=1e-6)

@@ -1,0 +1,296 @@
+"""Back ends against each other, and the check that believes none of them."""
+
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.mpsp import qp as room
+from cmpsp_ros.mpsp.condensing import CondensedQP
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.qp import (
+    Penalties,
+    QPSolution,
+    QPStatus,
+    available,
+    backend,
+    kkt_residual,
+    solve_qp,
+)
+
+BACKENDS = available()
+
+# One test of its own says that a caller of this room hears none of this.
+pytestmark = pytest.mark.filterwarnings('ignore:Clarabel.rs terminated')
+
+
+def program(seed=0, q=8, m=2, p=6, t=3, bound=2.0, slack=1.0):
+    """A random program with 0 feasible in its inequalities where ``slack`` is positive."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(q, q))
+    return CondensedQP(
+        H=root @ root.T + 0.1 * np.eye(q),
+        c=3.0 * rng.normal(size=q),
+        S_N=rng.normal(size=(m, q)),
+        output_error=0.3 * rng.normal(size=m),
+        B_C=rng.normal(size=(p, q)),
+        g=slack * rng.uniform(0.1, 1.0, size=p),
+        path_stage=np.arange(p),
+        path_index=np.zeros(p, dtype=np.int64),
+        T=rng.normal(size=(t, q)),
+        radius=np.full(t, 1.5),
+        lower=np.full(q, -bound),
+        upper=np.full(q, bound),
+    )
+
+
+def contradicting(seed=0):
+    """The first two path rows want ``a dU <= -1`` and ``a dU >= 1``."""
+    qp = program(seed)
+    B_C, g = qp.B_C.copy(), qp.g.copy()
+    B_C[1] = -B_C[0]
+    g[:2] = -1.0
+    return replace(qp, B_C=B_C, g=g)
+
+
+def penalties(qp, terminal=50.0, path=80.0):
+    return Penalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
+
+
+def relaxed_cost(qp, dU, weights):
+    miss = np.abs(qp.S_N @ dU + qp.output_error)
+    violation = np.maximum(qp.B_C @ dU - qp.g, 0.0)
+    quadratic = 0.5 * dU @ qp.H @ dU + qp.c @ dU
+    return quadratic + weights.terminal @ miss + weights.path @ violation
+
+
+def test_daqp_and_clarabel_are_here():
+    assert {'daqp', 'clarabel'} <= set(BACKENDS)
+    assert len(set(BACKENDS)) == len(BACKENDS)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('seed', range(8))
+def test_hard_programs_have_one_solution(name, seed):
+    qp = program(seed)
+    reference, solution = solve_qp(qp, 'daqp'), solve_qp(qp, name)
+    assert reference.status is solution.status is QPStatus.SOLVED
+    assert kkt_residual(qp, solution, None) < 1e-5
+    np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
+    np.testing.assert_allclose(solution.terminal, reference.terminal, atol=1e-3)
+    np.testing.assert_allclose(solution.path, reference.path, atol=1e-3)
+    np.testing.assert_allclose(solution.trust, reference.trust, atol=1e-3)
+    np.testing.assert_allclose(solution.bounds, reference.bounds, atol=1e-3)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('seed', range(8))
+def test_relaxed_programs_have_one_solution(name, seed):
+    # No room in half of the rows, so that some of them have to give.
+    qp = replace(program(seed), g=np.linspace(-2.0, 1.0, 6))
+    weights = penalties(qp, 2.0, 3.0)
+    reference, solution = solve_qp(qp, 'daqp', weights), solve_qp(qp, name, weights)
+    assert reference.status is solution.status is QPStatus.SOLVED
+    assert solution.dU.shape == solution.bounds.shape == (8,)
+    np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
+    np.testing.assert_allclose(solution.path, reference.path, atol=1e-3)
+    np.testing.assert_allclose(solution.terminal, reference.terminal, atol=1e-3)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('seed', range(5))
+def test_infeasible_programs_are_infeasible_and_can_be_relaxed(name, seed):
+    qp = contradicting(seed)
+    solution = solve_qp(qp, name)
+    assert solution.status is QPStatus.INFEASIBLE
+    assert not solution.dU.any()
+    weights = penalties(qp)
+    relaxed, reference = solve_qp(qp, name, weights), solve_qp(qp, 'clarabel', weights)
+    assert relaxed.status is reference.status is QPStatus.SOLVED
+    best = relaxed_cost(qp, reference.dU, weights)
+    assert relaxed_cost(qp, relaxed.dU, weights) == pytest.approx(best, abs=1e-5)
+    # The two rows leave a gap of 2 between them, however it is shared.
+    violation = (qp.B_C @ relaxed.dU - qp.g)[:2]
+    assert violation.sum() == pytest.approx(2.0, abs=1e-5)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_relaxed_solution_is_the_least_by_random_search(name):
+    rng = np.random.default_rng(5)
+    qp = contradicting(3)
+    weights = penalties(qp)
+    dU = solve_qp(qp, name, weights).dU
+    least = relaxed_cost(qp, dU, weights)
+    for size in (1e-3, 1e-2, 0.1):
+        for _ in range(200):
+            other = np.clip(dU + size * rng.normal(size=8), qp.lower, qp.upper)
+            if (np.abs(qp.T @ other) <= qp.radius).all():
+                assert relaxed_cost(qp, other, weights) >= least - 1e-6
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('seed', range(5))
+def test_relaxation_is_exact_above_the_multipliers(name, seed):
+    qp = program(seed)
+    hard = solve_qp(qp, name)
+    above = Penalties(1.01 * np.abs(hard.terminal) + 0.1, 1.01 * hard.path + 0.1)
+    np.testing.assert_allclose(solve_qp(qp, name, above).dU, hard.dU, atol=1e-5)
+    below = Penalties(0.5 * np.abs(hard.terminal), 1.01 * hard.path + 0.1)
+    relaxed = solve_qp(qp, name, below)
+    assert np.abs(qp.S_N @ relaxed.dU + qp.output_error).max() > 1e-3
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('copies', [2, 5])
+def test_repeated_rows_change_nothing(name, copies):
+    qp = program(2)
+    reference = solve_qp(qp, 'daqp')
+    assert reference.path.any()
+    repeated = replace(
+        qp,
+        B_C=np.tile(qp.B_C, (copies, 1)),
+        g=np.tile(qp.g, copies),
+        path_stage=np.arange(copies * 6),
+        path_index=np.zeros(copies * 6, dtype=np.int64),
+        T=np.tile(qp.T, (copies, 1)),
+        radius=np.tile(qp.radius, copies),
+    )
+    solution = solve_qp(repeated, name)
+    assert solution.status is QPStatus.SOLVED
+    np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
+    together = solution.path.reshape(copies, -1).sum(axis=0)
+    np.testing.assert_allclose(together, reference.path, atol=1e-3)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_rows_without_effect_are_met_or_infeasible(name):
+    qp = program(1)
+    B_C, g = qp.B_C.copy(), qp.g.copy()
+    B_C[0] = 0.0
+    met = replace(qp, B_C=B_C, g=g)
+    assert solve_qp(met, name).status is QPStatus.SOLVED
+    g[0] = -1.0
+    unmet = replace(met, g=g)
+    assert solve_qp(unmet, name).status is QPStatus.INFEASIBLE
+    relaxed = solve_qp(unmet, name, penalties(qp))
+    assert relaxed.status is QPStatus.SOLVED
+    assert relaxed.path[0] == pytest.approx(80.0, abs=1e-3)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('sizes', [(0, 0, 0), (2, 0, 0), (0, 6, 0), (0, 0, 3)])
+@pytest.mark.parametrize('bound', [2.0, np.inf])
+def test_any_kind_of_row_may_be_absent(name, sizes, bound):
+    m, p, t = sizes
+    qp = program(4, m=m, p=p, t=t, bound=bound)
+    solution = solve_qp(qp, name)
+    assert solution.status is QPStatus.SOLVED
+    np.testing.assert_allclose(solution.dU, solve_qp(qp, 'daqp').dU, atol=1e-5)
+    relaxed = solve_qp(qp, name, penalties(qp, 1e3, 1e3))
+    np.testing.assert_allclose(relaxed.dU, solution.dU, atol=1e-5)
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_bounds_without_any_room(name):
+    qp = program(6, m=0)
+    fixed = replace(qp, lower=np.where(np.arange(8) < 3, 0.0, qp.lower),
+                    upper=np.where(np.arange(8) < 3, 0.0, qp.upper))
+    solution = solve_qp(fixed, name)
+    assert solution.status is QPStatus.SOLVED
+    np.testing.assert_allclose(solution.dU[:3], 0.0, atol=1e-6)
+    crossed = replace(qp, lower=np.full(8, 1.0), upper=np.full(8, -1.0))
+    assert solve_qp(crossed, name).status is not QPStatus.SOLVED
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_an_infeasible_program_is_an_answer_not_a_warning(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        assert solve_qp(contradicting(), name).status is QPStatus.INFEASIBLE
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_not_a_number_is_no_solution(name):
+    qp = program(7)
+    spoilt = replace(qp, c=np.full(8, np.nan))
+    assert solve_qp(spoilt, name).status is QPStatus.FAILED
+
+
+def test_residual_rejects_every_perturbed_part():
+    qp = program(2)
+    solution = solve_qp(qp, 'daqp')
+    assert kkt_residual(qp, solution, None) < 1e-9
+    for part in ('dU', 'terminal', 'path', 'trust', 'bounds'):
+        array = getattr(solution, part)
+        for place in range(len(array)):
+            for change in (0.3, -0.3):
+                wrong = array.copy()
+                wrong[place] += change
+                bad = replace(solution, **{part: wrong})
+                assert kkt_residual(qp, bad, None) > 1e-4, (part, place, change)
+
+
+def test_residual_rejects_perturbed_relaxed_answers():
+    qp = contradicting(2)
+    weights = penalties(qp)
+    solution = solve_qp(qp, 'daqp', weights)
+    assert kkt_residual(qp, solution, weights) < 1e-6
+    assert kkt_residual(qp, solution, None) > 1e-2
+    assert kkt_residual(qp, solution, penalties(qp, 50.0, 40.0)) > 1e-2
+    for part in ('dU', 'terminal', 'path', 'trust', 'bounds'):
+        array = getattr(solution, part)
+        for place in range(len(array)):
+            wrong = array.copy()
+            wrong[place] += 0.5
+            bad = replace(solution, **{part: wrong})
+            assert kkt_residual(qp, bad, weights) > 1e-4, (part, place)
+
+
+@pytest.mark.parametrize(
+    'sign_error', [{'path': -1.0}, {'trust': -1.0}, {'bounds': -1.0}, {'terminal': -1.0}]
+)
+def test_residual_rejects_wrong_signs(sign_error):
+    (part, factor), = sign_error.items()
+    qp = replace(program(2, bound=0.3), radius=np.full(3, 0.2))
+    qp = replace(qp, output_error=0.01 * qp.output_error)
+    solution = solve_qp(qp, 'daqp')
+    assert getattr(solution, part).any()
+    wrong = replace(solution, **{part: factor * getattr(solution, part)})
+    assert kkt_residual(qp, wrong, None) > 1e-2
+
+
+def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
+    qp = program(1)
+
+    def liar(qp, penalties):
+        return replace(QPSolution.unsolved(qp, QPStatus.SOLVED), dU=np.full_like(qp.c, 0.1))
+
+    def broken(qp, penalties):
+        return replace(QPSolution.unsolved(qp, QPStatus.SOLVED), dU=np.full_like(qp.c, np.nan))
+
+    for fake in (liar, broken):
+        monkeypatch.setattr(room, 'backend', lambda name, fake=fake: fake)
+        assert solve_qp(qp, 'any').status is QPStatus.FAILED
+
+
+def test_unknown_back_end_names_those_that_are_there():
+    with pytest.raises(ProblemError, match=r"qp: found 'hildreth', wanted one of daqp, clarabel"):
+        backend('hildreth')
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+def test_same_program_gives_the_same_bits(name):
+    for weights in (None, penalties(program(3))):
+        first, second = (solve_qp(program(3), name, weights) for _ in range(2))
+        np.testing.assert_array_equal(first.dU, second.dU)
+        np.testing.assert_array_equal(first.path, second.path)
+
+
+def test_program_is_left_as_it_was():
+    for name in BACKENDS:
+        qp, untouched = program(3), program(3)
+        solve_qp(qp, name)
+        solve_qp(qp, name, penalties(qp))
+        for part, array in vars(untouched).items():
+            np.testing.assert_array_equal(getattr(qp, part), array)

@@ -1,0 +1,108 @@
+"""Exact distances of arcs from points, against dense sampling."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+
+SAMPLES = 4001
+unhurried = hypothesis_settings(deadline=None, max_examples=150)
+places = st.floats(-3.0, 3.0)
+
+
+def sampled(pose, twist, duration, points):
+    """Least and greatest distance over points of the arc, which is driven independently."""
+    speed, turn_rate = twist
+    times = np.linspace(0.0, duration, SAMPLES)
+    heading = pose[2] + turn_rate * times
+    if abs(turn_rate) * duration < 1e-6:
+        middle = heading[0] + turn_rate * times / 2.0
+        x, y = speed * times * np.cos(middle), speed * times * np.sin(middle)
+    else:
+        radius = speed / turn_rate
+        x = radius * (np.sin(heading) - math.sin(pose[2]))
+        y = -radius * (np.cos(heading) - math.cos(pose[2]))
+    path = np.column_stack([pose[0] + x, pose[1] + y])
+    distance = np.linalg.norm(path[:, None] - points, axis=2)
+    return distance.min(axis=0), distance.max(axis=0)
+
+
+def check(pose, twist, duration, points):
+    pose, points = np.array(pose), np.array(points)
+    found = reach(pose[None], np.array([twist]), np.array([duration]), points)
+    expected = sampled(pose, twist, duration, points)
+    # Sampling misses an extreme by at most half a step of path.
+    gap = abs(twist[0]) * duration / (SAMPLES - 1) / 2.0 + 1e-9
+    assert found[0].shape == found[1].shape == (1, len(points))
+    assert (found[0][0] <= expected[0] + 1e-9).all()
+    assert (found[0][0] >= expected[0] - gap).all()
+    assert (found[1][0] >= expected[1] - 1e-9).all()
+    assert (found[1][0] <= expected[1] + gap).all()
+
+
+@unhurried
+@given(
+    pose=st.tuples(places, places, st.floats(-10.0, 10.0)),
+    twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)),
+    duration=st.floats(0.0, 0.5),
+    points=st.lists(st.tuples(places, places), min_size=1, max_size=4),
+)
+def test_reach_anywhere(pose, twist, duration, points):
+    check(pose, twist, duration, points)
+
+
+@pytest.mark.parametrize('turn', [0.0, 1e-12, 1e-9, 1e-7, 1e-4, 1.0, 3.0, math.pi, 6.0, 7.0, 20.0])
+@pytest.mark.parametrize('direction', [1.0, -1.0])
+@pytest.mark.parametrize('length', [1.5, -1.5, 0.0])
+def test_reach_of_arcs_of_every_kind(turn, direction, length):
+    rng = np.random.default_rng(1)
+    points = np.vstack([rng.uniform(-2.0, 2.0, size=(30, 2)), [[0.3, 0.4]]])
+    for heading in (0.0, 1.0, -2.0, math.pi):
+        check([0.3, 0.4, heading], [2.0 * length, 2.0 * direction * turn], 0.5, points)
+
+
+def test_reach_of_a_quarter_circle_by_hand():
+    # From (1, 0) to (0, 1) about the origin.
+    pose, twist = np.array([[1.0, 0.0, math.pi / 2]]), np.array([[math.pi / 2, math.pi / 2]])
+    points = np.array([[2.0, 2.0], [-1.0, -1.0], [0.0, 0.0], [3.0, 0.0]])
+    least, greatest = reach(pose, twist, np.ones(1), points)
+    root = math.sqrt(2.0)
+    np.testing.assert_allclose(least[0], [2 * root - 1, math.sqrt(5.0), 1.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(
+        greatest[0], [math.sqrt(5.0), root + 1, 1.0, math.sqrt(10.0)], atol=1e-12
+    )
+
+
+def test_reach_of_several_arcs_is_that_of_each():
+    rng = np.random.default_rng(2)
+    poses, twists = rng.normal(size=(6, 3)), 3.0 * rng.normal(size=(6, 2))
+    times, points = rng.uniform(0.1, 1.0, size=6), rng.normal(size=(5, 2))
+    least, greatest = reach(poses, twists, times, points)
+    for i in range(6):
+        one = reach(poses[i : i + 1], twists[i : i + 1], times[i : i + 1], points)
+        np.testing.assert_array_equal(least[i], one[0][0])
+        np.testing.assert_array_equal(greatest[i], one[1][0])
+    assert (least <= greatest).all()
+
+
+def test_reach_without_points():
+    least, greatest = reach(np.zeros((2, 3)), np.ones((2, 2)), np.ones(2), np.empty((0, 2)))
+    assert least.shape == greatest.shape == (2, 0)
+
+
+@unhurried
+@given(
+    twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)), duration=st.floats(0.0, 0.5)
+)
+def test_ends_are_those_of_the_robot(twist, duration):
+    robot = DifferentialDrive()
+    pose, twist = np.array([1.0, 2.0, 0.3]), np.array([twist])
+    path = robot.roll_out(pose, robot.wheel_speeds(twist), np.array([duration]))
+    end = arc_ends(pose[None], twist, np.array([duration]))
+    np.testing.assert_allclose(end, path[1:], atol=1e-12)

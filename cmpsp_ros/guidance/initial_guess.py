@@ -28,11 +28,14 @@ def initial_guess(settings: GuidanceSettings, pose: Array, durations: Array) -> 
     """
     if settings.initial_guess.type == 'constant':
         return np.tile(settings.initial_guess.wheel_speeds, (len(durations) + 1, 1))
-    return _along_road(settings, pose, durations)
+    return along_road(settings, pose, durations)
 
 
-def _along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
-    """Pursuit of a point ahead on the centre line, so paced as to be at the goal in time."""
+def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
+    """Pursuit of a point ahead on the centre line, so paced as to be at the goal in time.
+
+    Arguments and result as in `initial_guess`.
+    """
     robot, road = settings.robot, settings.road
     center = np.asarray(road.center)
     goal = np.asarray(settings.goal)

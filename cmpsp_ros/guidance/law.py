@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,42 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import initial_guess
+from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.planner import Improvement, Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
+_CLEARLY_LESS = 0.5
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A plan that may be followed."""
+
+    improvement: Improvement
+    verdict: Verdict
+
+    @property
+    def plan(self) -> Plan:
+        return self.improvement.plan
+
+    @property
+    def usable(self) -> bool:
+        return self.improvement.solved and self.verdict.passed
+
+    @property
+    def flawless(self) -> bool:
+        return self.usable and not self.improvement.elastic
+
+    def beats(self, other: _Candidate) -> bool:
+        """Whether to change over from another plan: only for one that is clearly better."""
+        if self.usable != other.usable:
+            return self.usable
+        if self.improvement.elastic != other.improvement.elastic:
+            return other.improvement.elastic
+        return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
 
 
 class GuidanceLaw:
@@ -93,29 +123,25 @@ class GuidanceLaw:
         return self._halt(stamp, np.full(3, math.nan), reason)
 
     def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
-        began = self._timer()
-        guess = self._guess(pose, horizon)
-        improvement = self._planner.improve(pose, self._held, guess, horizon)
-        solved = self._timer()
-        plan = improvement.plan
-        verdict = self._audit.check(pose, plan.controls, horizon.durations)
+        self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
+        candidate = self._improve(pose, horizon)
+        improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
         reason = self._describe(improvement)
-        if not (improvement.solved and verdict.passed):
+        if candidate.usable:
+            self._failures = 0
+        else:
             self._failures += 1
             reason = verdict.reason if improvement.solved else improvement.reason
-            rung, shifted, verdict = self._fall_back(pose, horizon, verdict)
+            shifted = self._shifted(pose, horizon)
             if shifted is None:
                 self._forget_after_failures()
                 return self._halt(stamp, pose, reason, improvement)
-            plan = shifted
+            rung, (plan, verdict) = Rung.SHIFTED, shifted
             reason += ' The last audited plan goes on.'
-        else:
-            self._failures = 0
         self._plan = plan
         self._held = plan.controls[0]
         self._forget_after_failures()
-        audited = self._timer()
         return Decision(
             stamp=stamp,
             step=self._step,
@@ -133,28 +159,44 @@ class GuidanceLaw:
             qp_iterations=improvement.qp_iterations,
             active_rows=improvement.active_rows,
             failures=self._failures,
-            phases={
-                'solve': (solved - began) * _MILLISECONDS,
-                'audit': (audited - solved) * _MILLISECONDS,
-            },
+            phases=self._phases,
         )
 
-    def _guess(self, pose: Array, horizon: Horizon) -> Array:
-        if self._plan is None:
-            return initial_guess(self._settings, pose, horizon.durations)
-        return shift(self._plan.controls, self._plan.horizon, horizon)
+    def _improve(self, pose: Array, horizon: Horizon) -> _Candidate:
+        """The warm-started plan; where it has a flaw, a fresh one beside it, and the better one.
 
-    def _fall_back(
-        self, pose: Array, horizon: Horizon, refused: Verdict
-    ) -> tuple[Rung, Plan | None, Verdict]:
+        A warm start can be a trap, such as a plan that ends before an obstacle because it once
+        aimed at its middle. A plan made anew along the road knows nothing of that.
+        """
+        if self._plan is None:
+            guess = initial_guess(self._settings, pose, horizon.durations)
+        else:
+            guess = shift(self._plan.controls, self._plan.horizon, horizon)
+        warm = self._candidate(pose, guess, horizon)
+        if warm.flawless:
+            return warm
+        fresh = self._candidate(pose, along_road(self._settings, pose, horizon.durations), horizon)
+        return fresh if fresh.beats(warm) else warm
+
+    def _candidate(self, pose: Array, guess: Array, horizon: Horizon) -> _Candidate:
+        began = self._timer()
+        improvement = self._planner.improve(pose, self._held, guess, horizon)
+        solved = self._timer()
+        verdict = self._audit.check(pose, improvement.plan.controls, horizon.durations)
+        self._phases['solve'] += (solved - began) * _MILLISECONDS
+        self._phases['audit'] += (self._timer() - solved) * _MILLISECONDS
+        return _Candidate(improvement, verdict)
+
+    def _shifted(self, pose: Array, horizon: Horizon) -> tuple[Plan, Verdict] | None:
         """The last audited plan, shifted by the time that has passed, if it is still clear."""
-        if self._plan is not None:
-            controls = shift(self._plan.controls, self._plan.horizon, horizon)
-            verdict = self._audit.check(pose, controls, horizon.durations)
-            if verdict.passed:
-                poses = self._settings.robot.roll_out(pose, controls, horizon.durations)
-                return Rung.SHIFTED, Plan(horizon, controls, poses), verdict
-        return Rung.STOP, None, refused
+        if self._plan is None:
+            return None
+        controls = shift(self._plan.controls, self._plan.horizon, horizon)
+        verdict = self._audit.check(pose, controls, horizon.durations)
+        if not verdict.passed:
+            return None
+        poses = self._settings.robot.roll_out(pose, controls, horizon.durations)
+        return Plan(horizon, controls, poses), verdict
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:

@@ -7,12 +7,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.law import warm_up
+from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.studies.closed_loop import drive
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,21 @@ def measure(
     times: dict[str, list[list[float]]] = {preset: [] for preset in presets}
     for _ in range(runs):
         for preset, value, each in zip(presets, values, settings, strict=True):
-            pose = np.array(value['initial_pose'])
-            steps = list(drive(each, pose, time.perf_counter_ns))[:-1]
-            times[preset].append([sum(step.phases.values()) for step in steps])
+            times[preset].append(_step_times(each, np.array(value['initial_pose'])))
             progress()
     return [_timing(preset, of_runs) for preset, of_runs in times.items()]
+
+
+def _step_times(settings: GuidanceSettings, pose: Array) -> list[float]:
+    """Computing time of each control step of one run, all of it [ms]."""
+    times = []
+    decisions = drive(settings, pose)
+    finished = False
+    while not finished:
+        began = time.perf_counter_ns()
+        finished = next(decisions).finished
+        times.append((time.perf_counter_ns() - began) * 1e-6)
+    return times[:-1]
 
 
 def _timing(preset: str, of_runs: list[list[float]]) -> Timing:

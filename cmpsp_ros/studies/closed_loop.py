@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,21 +15,18 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 Array = NDArray[np.float64]
 
 
-def drive(
-    settings: GuidanceSettings, pose: Array, timer: Callable[[], int] = lambda: 0
-) -> Iterator[Decision]:
+def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
     """Decide and drive until the final time.
 
     Args:
         settings: All settings of the law.
         pose: Pose to start from, shape ``(3,)`` [m, m, rad].
-        timer: Monotonic time [ns], for the computing times in decisions.
 
     Yields:
         The decision of each control instant, up to and including the one that says that the final
         time has passed.
     """
-    law = GuidanceLaw(settings, timer)
+    law = GuidanceLaw(settings)
     period = to_nanoseconds(settings.control_period)
     stamp, finished = 0, False
     while not finished:

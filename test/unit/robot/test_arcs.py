@@ -17,18 +17,12 @@ places = st.floats(-3.0, 3.0)
 
 
 def sampled(pose, twist, duration, points):
-    """Least and greatest distance over points of the arc, which is driven independently."""
+    """Least and greatest distance over points of the arc, sample by sample."""
     speed, turn_rate = twist
     times = np.linspace(0.0, duration, SAMPLES)
-    heading = pose[2] + turn_rate * times
-    if abs(turn_rate) * duration < 1e-6:
-        middle = heading[0] + turn_rate * times / 2.0
-        x, y = speed * times * np.cos(middle), speed * times * np.sin(middle)
-    else:
-        radius = speed / turn_rate
-        x = radius * (np.sin(heading) - math.sin(pose[2]))
-        y = -radius * (np.cos(heading) - math.cos(pose[2]))
-    path = np.column_stack([pose[0] + x, pose[1] + y])
+    middle = pose[2] + turn_rate * times / 2.0
+    chord = speed * times * np.sinc(turn_rate * times / (2.0 * math.pi))
+    path = pose[:2] + chord[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
     distance = np.linalg.norm(path[:, None] - points, axis=2)
     return distance.min(axis=0), distance.max(axis=0)
 

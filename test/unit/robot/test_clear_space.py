@@ -1,0 +1,95 @@
+"""Where the robot's centre may be."""
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.between_samples import inside, inside_known, outside, outside_known
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.road import Annulus
+
+ROAD = Annulus((0.5, -1.0), 9.0, 11.0)
+OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
+LIMITS = DifferentialDrive(max_wheel_speed=51.0).twist_limits()
+
+
+def test_road_shrinks_and_obstacles_grow():
+    assert ROAD.center_radius == 10.0
+    space = ClearSpace.of(ROAD, OBSTACLES, 0.2)
+    np.testing.assert_array_equal(space.centers, [[0.5, -1.0], [8.0, -6.0], [10.0, -2.0]])
+    assert space.inner == 9.2
+    assert space.outer == 10.8
+    np.testing.assert_allclose(space.radii, [0.9, 0.7])
+
+
+def test_no_obstacles():
+    space = ClearSpace.of(ROAD, (), 0.0)
+    assert space.centers.shape == (1, 2)
+    assert space.radii.shape == (0,)
+    twists = np.ones((4, 2))
+    for other in (space.for_samples(LIMITS, 0.2), space.for_samples_of(twists, 0.2)):
+        at = np.full((5, 1), 10.0)
+        clearance = other.clearance(at, at)
+        assert clearance.shape == (5, 2)
+        assert (clearance > 0.9).all()
+
+
+def test_clearance_by_hand():
+    space = ClearSpace.of(ROAD, OBSTACLES, 0.0)
+    least, greatest = np.array([[9.5, 1.0, 0.25]]), np.array([[11.25, 5.0, 6.0]])
+    np.testing.assert_allclose(space.clearance(least, greatest), [[-0.25, 0.5, 0.3, -0.25]])
+
+
+def test_samples_keep_what_the_worst_arc_needs():
+    space = ClearSpace.of(ROAD, OBSTACLES, 0.1)
+    grown = space.for_samples(LIMITS, 0.2)
+    assert grown.inner == outside(9.1, LIMITS, 0.2)
+    assert grown.outer == inside(10.9, LIMITS, 0.2)
+    np.testing.assert_array_equal(
+        grown.radii, [outside(radius, LIMITS, 0.2) for radius in space.radii.tolist()]
+    )
+    np.testing.assert_array_equal(grown.centers, space.centers)
+
+
+def test_samples_of_a_plan_keep_what_their_two_arcs_need():
+    space = ClearSpace.of(ROAD, OBSTACLES, 0.0)
+    twists = np.array([[1.0, 0.0], [1.8, 2.0], [0.5, -3.0]])
+    grown = space.for_samples_of(twists, 0.2)
+    assert grown.inner.shape == grown.outer.shape == (4,)
+    assert grown.radii.shape == (4, 2)
+    of_arcs = outside_known(space.radii, twists, 0.2)
+    np.testing.assert_array_equal(grown.radii[0], of_arcs[0])
+    np.testing.assert_array_equal(grown.radii[1], np.maximum(of_arcs[0], of_arcs[1]))
+    np.testing.assert_array_equal(grown.radii[2], np.maximum(of_arcs[1], of_arcs[2]))
+    np.testing.assert_array_equal(grown.radii[3], of_arcs[2])
+    outer = inside_known(11.0, twists, 0.2)
+    np.testing.assert_array_equal(
+        grown.outer, [outer[0], outer[:2].min(), outer[1:].min(), outer[2]]
+    )
+    at = np.full((4, 3), 10.0)
+    assert grown.clearance(at, at).shape == (4, 4)
+
+
+@pytest.mark.parametrize('known', [True, False])
+def test_paths_clear_at_samples_are_clear_between_them(known):
+    rng = np.random.default_rng(0)
+    robot = DifferentialDrive(max_wheel_speed=51.0)
+    space = ClearSpace.of(ROAD, OBSTACLES, 0.0)
+    tight = 0
+    for _ in range(300):
+        bearing, radius = rng.uniform(-1.2, 0.6), rng.uniform(9.0, 11.0)
+        start = np.array(ROAD.center) + radius * np.array([np.cos(bearing), np.sin(bearing)])
+        pose = np.array([*start, rng.uniform(0.0, 7.0)])
+        wheels = rng.uniform(-51.0, 51.0, size=(3, 2))
+        times = np.full(3, 0.2)
+        poses, twists = robot.roll_out(pose, wheels, times), robot.twist(wheels)
+        grown = space.for_samples_of(twists, 0.2) if known else space.for_samples(LIMITS, 0.2)
+        at = np.linalg.norm(poses[:, None, :2] - space.centers, axis=2)
+        margin = grown.clearance(at, at).min()
+        swept = space.clearance(*reach(poses[:-1], twists, times, space.centers)).min()
+        if margin >= 0.0:
+            assert swept >= -1e-9
+            tight += swept < 0.05
+    assert tight > 5

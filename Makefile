@@ -73,7 +73,7 @@ endif
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint setup bench lock clean check-ros FORCE
+.PHONY: help demo test lint setup bench docs lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -93,8 +93,12 @@ lint: setup  ## ruff, mypy, and who may import whom
 
 setup: check-ros $(PACKAGE)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 
-bench: setup  ## measure
+bench: setup  ## time the control steps
 	$(BIN)/cmpsp bench
+
+docs: setup  ## write the tables of topics and parameters into README.md
+	$(BIN)/python -m cmpsp_ros.nodes.topics README.md
+	$(BIN)/python -m cmpsp_ros.parameters.documentation --write README.md
 
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)

@@ -10,6 +10,7 @@ SHARE = Path('share') / NAME
 # The solvers and rosbags are not in apt: rosdep cannot install them, pip does.
 INSTALL_REQUIRES = [
     'numpy>=1.26',
+    'scipy>=1.11',
     'numba>=0.59',
     'daqp>=0.11',
     'qpsolvers>=4.3',
@@ -81,7 +82,7 @@ setup(
         *shared_files('config'),
         *shared_files('launch'),
     ],
-    python_requires='>=3.10',
+    python_requires='>=3.11',
     install_requires=INSTALL_REQUIRES,
     extras_require=EXTRAS_REQUIRE,
     zip_safe=False,

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
     from types import TracebackType
+    from typing import Self
 
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
     from rosbags.rosbag2 import Reader
-    from typing_extensions import Self
 
 # What rosbags raises, by what it runs into, on files that are damaged.
 _DAMAGE = (

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
     from types import TracebackType
+    from typing import Self
 
     from rosbags.interfaces import Connection, Qos
-    from typing_extensions import Self
 
 PARAMETERS_KEY = 'cmpsp_ros.parameters'
 """Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""

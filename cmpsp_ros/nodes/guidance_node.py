@@ -8,12 +8,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
-from std_srvs.srv import Trigger
 
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.nodes.guidance_messages import OdometryError, level_of, pose_of
@@ -22,20 +19,22 @@ from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.runtime import run
+from cmpsp_ros.nodes.topics import GUIDANCE_ODOM, RESET
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
 
 if TYPE_CHECKING:
+    from nav_msgs.msg import Odometry
     from rclpy.lifecycle import LifecycleState
     from rclpy.parameter import Parameter
+    from std_srvs.srv import Trigger
 
     from cmpsp_ros.guidance.decision import Decision
     from cmpsp_ros.guidance.settings import GuidanceSettings
     from cmpsp_ros.parameters.table import Values
 
-_ODOMETRY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 _WATCH_PERIOD = 0.05
 
 UNCONFIGURED, INACTIVE, ACTIVE = 'unconfigured', 'inactive', 'active'
@@ -88,8 +87,8 @@ class GuidanceNode(LifecycleNode):
         self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(self, self._values)
         self._inputs = (
-            self.create_subscription(Odometry, 'odom', self._on_odometry, _ODOMETRY),
-            self.create_service(Trigger, '~/reset', self._on_reset),
+            GUIDANCE_ODOM.listen_on(self, self._on_odometry),
+            self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
         self._state = INACTIVE

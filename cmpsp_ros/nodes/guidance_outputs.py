@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist, TwistStamped
-from nav_msgs.msg import Path
-from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from sensor_msgs.msg import JointState
-from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.nodes.guidance_messages import (
     decision_message,
@@ -20,6 +14,7 @@ from cmpsp_ros.nodes.guidance_messages import (
     twist_message,
 )
 from cmpsp_ros.nodes.markers import marker_array
+from cmpsp_ros.nodes.topics import COMMAND, DECISION, MARKERS, PLAN, STAMPED_COMMAND, WHEELS
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
@@ -27,8 +22,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.decision import Decision
     from cmpsp_ros.guidance.settings import GuidanceSettings
     from cmpsp_ros.parameters.table import Values
-
-_REPORT_DEPTH = 10
 
 
 class GuidanceOutputs:
@@ -44,15 +37,12 @@ class GuidanceOutputs:
         self._joint_names: list[str] = values['robot.joint_names']
         self._stamped: bool = values['enable_stamped_cmd_vel']
         self._name = f'{node.get_fully_qualified_name()}: decision'
-        self._command = node.create_lifecycle_publisher(
-            TwistStamped if self._stamped else Twist, 'cmd_vel', 1
-        )
-        create = node.create_publisher
-        self._wheels = create(JointState, '~/wheel_speeds', _REPORT_DEPTH)
-        self._decisions = create(DiagnosticStatus, '~/decision', _REPORT_DEPTH)
-        self._path = create(Path, '~/predicted_path', _REPORT_DEPTH)
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._markers = create(MarkerArray, '~/markers', latched)
+        command = STAMPED_COMMAND if self._stamped else COMMAND
+        self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
+        self._wheels = WHEELS.publish_on(node)
+        self._decisions = DECISION.publish_on(node)
+        self._path = PLAN.publish_on(node)
+        self._markers = MARKERS.publish_on(node)
 
     @property
     def command_subscribers(self) -> int:

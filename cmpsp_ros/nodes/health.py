@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
 from cmpsp_ros.nodes.guidance_messages import status_message
+from cmpsp_ros.nodes.topics import HEALTH
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -47,7 +48,7 @@ class Health:
         self._node = node
         self._look = look
         self._shown: tuple[object, ...] | None = None
-        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', 10)
+        self._publisher = HEALTH.publish_on(node)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_PERIOD, self.publish, clock=steady)
         node.create_timer(_CHANGE_PERIOD, self._publish_change, clock=steady)

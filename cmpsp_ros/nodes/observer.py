@@ -16,8 +16,7 @@ from rclpy.node import Node
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from types import TracebackType
-
-    from typing_extensions import Self
+    from typing import Self
 
 _WAKE_PERIOD = 0.02
 

@@ -8,7 +8,6 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.parameters.parameter import ParameterType
-from cmpsp_ros.parameters.table import is_of_ros
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -52,20 +51,6 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
         if which in row.nodes:
             _declare(node, key, row, values[key])
     return values
-
-
-def collect(node: Node) -> dict[str, Any]:
-    """Values that the node's parameters have now, as rclpy holds them.
-
-    Args:
-        node: A node whose parameters are declared.
-
-    Returns:
-        Raw values by key, for the table to read again; those of ROS itself are left out.
-
-    """
-    parameters: dict[str, Any] = node.get_parameters_by_prefix('')
-    return {key: each.value for key, each in parameters.items() if not is_of_ros(key)}
 
 
 def _overrides(node: Node) -> dict[str, Any]:

@@ -19,6 +19,15 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.runtime import run
+from cmpsp_ros.nodes.topics import (
+    CLOCK,
+    SIM_COMMAND,
+    SIM_ODOM,
+    SIM_RESET,
+    SIM_STAMPED_COMMAND,
+    SIM_WHEELS,
+    TRUTH,
+)
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.settings import check_start, plant_settings
@@ -37,7 +46,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.robot.plant import Array, Motion
 
 _NS = 1_000_000_000
-_DEPTH = 50
 _BASE = 'base_link'
 
 REPEAT_PERIOD = 0.1
@@ -60,10 +68,10 @@ class SimNode(Node):
         check_start(self.values)
         _check_times(self.values)
         has_clock = self.values['publish_clock']
-        self.odometry = self.create_publisher(Odometry, 'odom', _DEPTH)
-        self._truth = self.create_publisher(Odometry, '~/truth', _DEPTH)
-        self._wheels = self.create_publisher(JointState, '~/wheel_speeds', _DEPTH)
-        self._clock_out = self.create_publisher(ClockMessage, '/clock', 10) if has_clock else None
+        self.odometry = SIM_ODOM.publish_on(self)
+        self._truth = TRUTH.publish_on(self)
+        self._wheels = SIM_WHEELS.publish_on(self)
+        self._clock_out = CLOCK.publish_on(self) if has_clock else None
         self._transforms = TransformBroadcaster(self) if TransformBroadcaster else None
 
         # The first motion compiles the kinematics, which must not count as time that passes.
@@ -73,10 +81,10 @@ class SimNode(Node):
         self.plant = Plant(settings, self.next_ns)
         self._pace = _Lockstep(self) if self.values['lockstep'] else _RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
-            self.create_subscription(TwistStamped, 'cmd_vel', self._on_stamped, 10)
+            SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
         else:
-            self.create_subscription(Twist, 'cmd_vel', self._pace.hear, 10)
-        self.create_service(Trigger, '~/reset', self._on_reset)
+            SIM_COMMAND.listen_on(self, self._pace.hear)
+        self.create_service(SIM_RESET.type, SIM_RESET.name, self._on_reset)
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def run_to(self, stamp_ns: int) -> Odometry | None:

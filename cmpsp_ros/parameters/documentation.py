@@ -18,8 +18,6 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterType
 from cmpsp_ros.parameters.ros_yaml import dump
 
-_BEGIN: Final = '<!-- parameters:begin -->'
-_END: Final = '<!-- parameters:end -->'
 _HEAD: Final = '| Parameter | Default | Unit | Allowed | Live | Node | |' + '\n' + '|---' * 7 + '|'
 _JSON_TYPE: Final = {
     ParameterType.BOOL: 'boolean',
@@ -92,13 +90,29 @@ def main() -> int:
     return 0
 
 
-def _with_table(text: str, source: str) -> str:
-    before, begin, rest = text.partition(_BEGIN)
-    _, end, after = rest.partition(_END)
+def with_section(text: str, name: str, content: str, source: str) -> str:
+    """A text with what stands between the marks of a section replaced.
+
+    Args:
+        text: The text, with `<!-- name:begin -->` and `<!-- name:end -->` in it.
+        name: Name of the section.
+        content: What is to stand there.
+        source: What the text is, for the error.
+
+    Raises:
+        ParameterError: If the text has no such section.
+    """
+    mark_begin, mark_end = f'<!-- {name}:begin -->', f'<!-- {name}:end -->'
+    before, begin, rest = text.partition(mark_begin)
+    _, end, after = rest.partition(mark_end)
     if not begin or not end:
-        wanted = f'{_BEGIN} and after it {_END}, each once'
+        wanted = f'{mark_begin} and after it {mark_end}, each once'
         raise ParameterError(Problem(source, 'no place for the table', wanted))
-    return f'{before}{_BEGIN}\n\n{markdown_table()}\n{_END}{after}'
+    return f'{before}{mark_begin}\n\n{content}\n{mark_end}{after}'
+
+
+def _with_table(text: str, source: str) -> str:
+    return with_section(text, 'parameters', markdown_table(), source)
 
 
 def _row(parameter: Parameter) -> str:

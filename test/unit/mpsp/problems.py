@@ -116,7 +116,9 @@ class VanDerPol(OptimalControlProblem):
 
     def evaluate(self, X, U):
         with np.errstate(all='ignore'):
-            cost = 0.5 * (np.vdot(X, X) + np.vdot(U, U)) + 0.25 * (X[:, 0] ** 2 * U[:, 0] ** 2).sum()
+            cost = (
+                0.5 * (np.vdot(X, X) + np.vdot(U, U)) + 0.25 * (X[:, 0] ** 2 * U[:, 0] ** 2).sum()
+            )
             return Evaluation(float(cost), self._miss(X), self._g(X, U))
 
     def linearise(self, X, U, hessian='gauss_newton'):
@@ -215,9 +217,7 @@ def assert_derivatives(problem, U, hessian=None, proximal=0.0, atol=1e-6):
     for j in range(size.horizon):
         np.testing.assert_allclose(lin.B[j], roll_out[j + 1, :, j], **same)
         for k in range(j + 1, size.horizon):
-            np.testing.assert_allclose(
-                lin.A[k] @ roll_out[k, :, j], roll_out[k + 1, :, j], **same
-            )
+            np.testing.assert_allclose(lin.A[k] @ roll_out[k, :, j], roll_out[k + 1, :, j], **same)
     if hessian is None:
         return
 

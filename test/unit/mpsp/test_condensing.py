@@ -150,8 +150,13 @@ def uncondensed(lin, lower, upper, radius=None):
     if len(lin.output_error):
         opti.subject_to(lin.h_X @ dX[:, -1] + lin.h_U @ dU[:, -1] == -lin.output_error)
     opti.minimize(cost)
-    quiet = {'print_level': 0, 'tol': 1e-12, 'acceptable_tol': 1e-12, 'sb': 'yes',
-             'bound_relax_factor': 0.0}
+    quiet = {
+        'print_level': 0,
+        'tol': 1e-12,
+        'acceptable_tol': 1e-12,
+        'sb': 'yes',
+        'bound_relax_factor': 0.0,
+    }
     opti.solver('ipopt', {'print_time': False}, quiet)
     return np.atleast_2d(opti.solve().value(dU)).reshape(r, steps + 1).T
 

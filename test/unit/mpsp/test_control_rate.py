@@ -59,8 +59,9 @@ def test_condensed_hessian_is_that_of_the_sum():
 def test_weight_zero_is_the_plain_problem():
     inner = VanDerPol(horizon=8, mixed=1.2)
     U = np.random.default_rng(3).normal(size=(9, 1))
-    plain, wrapped = condensed(inner, U), condensed(
-        ControlRateProblem(inner, 0.0, np.array([5.0])), U
+    plain, wrapped = (
+        condensed(inner, U),
+        condensed(ControlRateProblem(inner, 0.0, np.array([5.0])), U),
     )
     for name, array in vars(plain).items():
         np.testing.assert_allclose(getattr(wrapped, name), array, atol=1e-13, err_msg=name)

@@ -36,9 +36,7 @@ class TooFlat(VanDerPol):
 
     def linearise(self, X, U, hessian='gauss_newton'):
         lin = super().linearise(X, U, hessian)
-        return replace(
-            lin, L_XX=1e-3 * lin.L_XX, L_UX=1e-3 * lin.L_UX, L_UU=1e-3 * lin.L_UU
-        )
+        return replace(lin, L_XX=1e-3 * lin.L_XX, L_UX=1e-3 * lin.L_UX, L_UU=1e-3 * lin.L_UU)
 
 
 class Cusp(VanDerPol):

@@ -194,8 +194,11 @@ def test_any_kind_of_row_may_be_absent(name, sizes, bound):
 @pytest.mark.parametrize('name', BACKENDS)
 def test_bounds_without_any_room(name):
     qp = program(6, m=0)
-    fixed = replace(qp, lower=np.where(np.arange(8) < 3, 0.0, qp.lower),
-                    upper=np.where(np.arange(8) < 3, 0.0, qp.upper))
+    fixed = replace(
+        qp,
+        lower=np.where(np.arange(8) < 3, 0.0, qp.lower),
+        upper=np.where(np.arange(8) < 3, 0.0, qp.upper),
+    )
     solution = solve_qp(fixed, name)
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU[:3], 0.0, atol=1e-6)
@@ -251,7 +254,7 @@ def test_residual_rejects_perturbed_relaxed_answers():
     'sign_error', [{'path': -1.0}, {'trust': -1.0}, {'bounds': -1.0}, {'terminal': -1.0}]
 )
 def test_residual_rejects_wrong_signs(sign_error):
-    (part, factor), = sign_error.items()
+    ((part, factor),) = sign_error.items()
     qp = replace(program(2, bound=0.3), radius=np.full(3, 0.2))
     qp = replace(qp, output_error=0.01 * qp.output_error)
     solution = solve_qp(qp, 'daqp')

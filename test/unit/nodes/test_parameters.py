@@ -5,7 +5,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cmpsp_ros.nodes.parameters import collect, declare
+from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 
@@ -71,14 +71,3 @@ def test_what_is_misspelt_or_wrong_is_named_and_nothing_declared(make_node):
     ]  # fmt: skip
     assert 'did you mean final_time?' in str(caught.value)
     assert not node.has_parameter('final_time')
-
-
-def test_what_is_collected_can_be_read_again(make_node):
-    node = make_node(*OBSTACLE)
-    values = declare(node, TABLE, 'guidance')
-    node.set_parameters([Parameter('goal.tolerance', value=1)])
-    raw = collect(node)
-    assert raw['goal.tolerance'] == 1
-    assert not any('sim_time' in key for key in raw)
-    again = TABLE.resolve(raw)
-    assert again == {**values, 'goal.tolerance': 1.0}

@@ -31,12 +31,14 @@ def check(pose, twist, duration, points):
     pose, points = np.array(pose), np.array(points)
     found = reach(pose[None], np.array([twist]), np.array([duration]), points)
     expected = sampled(pose, twist, duration, points)
-    # Sampling misses an extreme by at most half a step of path.
-    gap = abs(twist[0]) * duration / (SAMPLES - 1) / 2.0 + 1e-9
+    # Sampling misses an extreme by at most half a step of path; and the centre of an arc that is
+    # almost straight is so far away that its distance is rounded to this much.
+    rounding = 1e-9 + 1e-15 * abs(twist[0]) / max(abs(twist[1]), 1e-8)
+    gap = abs(twist[0]) * duration / (SAMPLES - 1) / 2.0 + rounding
     assert found[0].shape == found[1].shape == (1, len(points))
-    assert (found[0][0] <= expected[0] + 1e-9).all()
+    assert (found[0][0] <= expected[0] + rounding).all()
     assert (found[0][0] >= expected[0] - gap).all()
-    assert (found[1][0] >= expected[1] - 1e-9).all()
+    assert (found[1][0] >= expected[1] - rounding).all()
     assert (found[1][0] <= expected[1] + gap).all()
 
 
@@ -91,9 +93,7 @@ def test_reach_without_points():
 
 
 @unhurried
-@given(
-    twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)), duration=st.floats(0.0, 0.5)
-)
+@given(twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)), duration=st.floats(0.0, 0.5))
 def test_ends_are_those_of_the_robot(twist, duration):
     robot = DifferentialDrive()
     pose, twist = np.array([1.0, 2.0, 0.3]), np.array([twist])

@@ -103,20 +103,12 @@ def test_outside_is_enough_beside_the_middle(
 def test_inside_is_enough(
     limits, speed_share, turn_share, distance, period, share, angle, from_end
 ):
-    check_inside(limits, speed_share, turn_share, distance, period, share, angle, from_end)
-
-
-@hypothesis_settings(deadline=None, max_examples=300)
-@given(
-    speed_share=shares,
-    turn_share=shares,
-    angle=st.floats(-math.pi, math.pi),
-    from_end=st.booleans(),
-)
-def test_inside_is_enough_where_slower_arcs_bend_more(speed_share, turn_share, angle, from_end):
-    # At full speed no arc can bend as much as this circle does; at a tenth of it, some can.
-    limits = TwistLimits(1.785, 0.5)
-    check_inside(limits, speed_share, turn_share, 2.0, 0.8, 1.0, angle, from_end)
+    twist, end = arc(limits, speed_share, turn_share, period)
+    kept = inside(distance, limits, period)
+    far, near = (end, np.zeros(2)) if from_end else (np.zeros(2), end)
+    point = on_circle(far, share * kept, angle)
+    assume(math.dist(point, near) <= kept)
+    assert driven(twist, period, point)[1] <= distance + 1e-9
 
 
 def test_inside_knows_slow_arcs():
@@ -140,15 +132,6 @@ def test_inside_of_a_small_disc(distance):
             assert driven(twist, 0.3, point)[1] <= distance + 1e-9
 
 
-def check_inside(limits, speed_share, turn_share, distance, period, share, angle, from_end):
-    twist, end = arc(limits, speed_share, turn_share, period)
-    kept = inside(distance, limits, period)
-    far, near = (end, np.zeros(2)) if from_end else (np.zeros(2), end)
-    point = on_circle(far, share * kept, angle)
-    assume(math.dist(point, near) <= kept)
-    assert driven(twist, period, point)[1] <= distance + 1e-9
-
-
 def middles(limits, period, count=40_000):
     """Radius and half angle of full-speed arcs up to a whole circle, finely spaced."""
     largest = min(math.pi, limits.turn_rate * period / 2.0)
@@ -166,6 +149,8 @@ def test_outside_is_attained(limits, distance, period):
     # Beside the middle, `kept` from both ends, in coordinates about the arc's centre.
     beyond = R * np.cos(a) + np.sqrt(np.maximum(kept**2 - (R * np.sin(a)) ** 2, 0.0))
     nearest = np.where(R * np.sin(a) <= kept, beyond - R, np.inf)
+    straight = math.sqrt(max(kept**2 - (limits.speed * period / 2.0) ** 2, 0.0))
+    nearest = np.append(nearest, straight)
     assert nearest.min() == pytest.approx(distance, abs=1e-6)
     assert nearest.min() >= distance - 1e-9
 
@@ -207,8 +192,10 @@ def test_monotone_in_speed_and_period(distance, speed, more, period, longer):
         limits = TwistLimits(speed, speed / 0.055, 0.055)
         return outside(distance, limits, period), inside(distance + 1.5, limits, period)
 
-    base, faster, later = kept(speed, period), kept(speed + more, period), kept(
-        speed, period + longer
+    base, faster, later = (
+        kept(speed, period),
+        kept(speed + more, period),
+        kept(speed, period + longer),
     )
     for other in (faster, later):
         assert other[0] >= base[0] - 1e-9

@@ -1,0 +1,175 @@
+"""Topics and services of the nodes: the single source for code and README.
+
+`python -m cmpsp_ros.nodes.topics README.md` writes the table into the README.
+"""
+
+from __future__ import annotations
+
+import pathlib
+import sys
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from cmpsp_ros.parameters.documentation import with_section
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+    from rclpy.subscription import Subscription
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic or service of a node.
+
+    Attributes:
+        node: Name of the node.
+        direction: Seen from the node.
+        name: As the node asks for it, before namespaces and remapping.
+        type: Message or service class.
+        notes: For the user.
+        depth: Messages its queue holds; 0 for a service.
+        best_effort: Whether a subscription hears best-effort publishers as well.
+        latched: Whether late subscribers are told the last message (transient local).
+    """
+
+    node: str
+    direction: Literal['in', 'out', 'srv']
+    name: str
+    type: Any
+    notes: str
+    depth: int = 10
+    best_effort: bool = False
+    latched: bool = False
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Quality of service."""
+        return QoSProfile(
+            depth=self.depth,
+            reliability=ReliabilityPolicy.BEST_EFFORT
+            if self.best_effort
+            else ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL
+            if self.latched
+            else DurabilityPolicy.VOLATILE,
+        )
+
+    def publish_on(self, node: Node) -> Publisher:
+        """Create a publisher."""
+        return node.create_publisher(self.type, self.name, self.qos)
+
+    def listen_on(self, node: Node, callback: Callable[[Any], None]) -> Subscription:
+        """Create a subscription."""
+        return node.create_subscription(self.type, self.name, callback, self.qos)
+
+
+_STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; stamped as the odometry it answers'
+
+GUIDANCE_ODOM = Topic(
+    'guidance',
+    'in',
+    'odom',
+    Odometry,
+    'pose in the frame `frame_id`; best effort, so that it hears every publisher',
+    depth=50,
+    best_effort=True,
+)
+COMMAND = Topic(
+    'guidance',
+    'out',
+    'cmd_vel',
+    Twist,
+    '`linear.x` [m/s], `angular.z` [rad/s]; one a control step, zero twist last of all',
+    depth=1,
+)
+STAMPED_COMMAND = Topic('guidance', 'out', 'cmd_vel', TwistStamped, _STAMPED, depth=1)
+WHEELS = Topic(
+    'guidance',
+    'out',
+    '~/wheel_speeds',
+    JointState,
+    'commanded speed of right and left wheel [rad/s]; names from `robot.joint_names`',
+)
+DECISION = Topic(
+    'guidance',
+    'out',
+    '~/decision',
+    DiagnosticStatus,
+    'each control step: rung, why, miss, margins, slack, iterations, active rows, times; floats'
+    ' read back exactly',
+)
+PLAN = Topic('guidance', 'out', '~/predicted_path', Path, 'the plan, while somebody listens')
+MARKERS = Topic(
+    'guidance',
+    'out',
+    '~/markers',
+    MarkerArray,
+    'road, obstacles, what is kept clear, goal; latched',
+    depth=1,
+    latched=True,
+)
+HEALTH = Topic(
+    'guidance',
+    'out',
+    '/diagnostics',
+    DiagnosticArray,
+    'once a second and on every change: state, rung, step times, missed deadlines, odometry age',
+)
+RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
+
+SIM_COMMAND = Topic('sim', 'in', 'cmd_vel', Twist, 'obeyed within the wheel limits')
+SIM_STAMPED_COMMAND = Topic(
+    'sim', 'in', 'cmd_vel', TwistStamped, 'instead of Twist with `enable_stamped_cmd_vel`'
+)
+SIM_ODOM = Topic(
+    'sim', 'out', 'odom', Odometry, 'at `odom_rate`, with noise, on an exact time grid', depth=50
+)
+TRUTH = Topic(
+    'sim',
+    'out',
+    '~/truth',
+    Odometry,
+    'without noise, at every odometry and whenever the wheels change speed',
+    depth=50,
+)
+SIM_WHEELS = Topic(
+    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=50
+)
+CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`')
+SIM_RESET = Topic(
+    'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time goes on', depth=0
+)
+
+TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
+
+
+def markdown_table() -> str:
+    """The topics and services of all nodes, for the README."""
+    rows = ['| node | | name | type | notes |', '|---|---|---|---|---|']
+    for each in TOPICS:
+        package = each.type.__module__.partition('.')[0]
+        kind = f'{package}/{each.type.__name__}'
+        rows.append(f'| {each.node} | {each.direction} | `{each.name}` | {kind} | {each.notes} |')
+    return '\n'.join(rows)
+
+
+def with_table(text: str) -> str:
+    """A README with the table as it is now."""
+    return with_section(text, 'topics', markdown_table(), 'README')
+
+
+if __name__ == '__main__':
+    readme = pathlib.Path(sys.argv[1])
+    readme.write_text(with_table(readme.read_text(encoding='utf-8')), encoding='utf-8')

@@ -1,0 +1,204 @@
+"""A guidance node as a process, and a client that stands in for its robot."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import Twist, TwistStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from nav_msgs.msg import Odometry, Path as PathMessage
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from rclpy.duration import Duration
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_srvs.srv import Trigger
+
+from cmpsp_ros.robot.arcs import arc_ends
+
+CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
+LIMIT = 30.0
+START = (0.0, -9.25, 0.0)
+
+
+def odometry(stamp, pose, frame_id='odom'):
+    message = Odometry()
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
+    message.header.frame_id = frame_id
+    x, y, heading = map(float, pose)
+    message.pose.pose.position.x, message.pose.pose.position.y = x, y
+    message.pose.pose.orientation.z = math.sin(heading / 2.0)
+    message.pose.pose.orientation.w = math.cos(heading / 2.0)
+    return message
+
+
+def parameter_value(value):
+    if isinstance(value, float):
+        return ParameterValue(type=3, double_value=value)
+    return ParameterValue(type=8, double_array_value=value)
+
+
+class Client:
+    """Hears everything that a guidance node says, and gives it odometry."""
+
+    def __init__(self, ros, prefix='', kind=Twist):
+        self.ros, self.node, self.prefix, self.kind = ros, ros.node, prefix, kind
+        self.commands, self.messages, self.decisions = [], [], []
+        self.wheels, self.paths, self.health = [], [], []
+        listen, self.base = self.node.create_subscription, f'{prefix}/guidance'
+        listen(kind, f'{prefix}/cmd_vel', self.on_command, 100)
+        listen(DiagnosticStatus, f'{self.base}/decision', self.on_decision, 1000)
+        listen(JointState, f'{self.base}/wheel_speeds', self.wheels.append, 1000)
+        listen(PathMessage, f'{self.base}/predicted_path', self.paths.append, 100)
+        listen(DiagnosticArray, '/diagnostics', self.on_diagnostics, 100)
+        self.odometry = self.node.create_publisher(Odometry, f'{prefix}/odom', 50)
+        self.clients = {}
+        self.timer = None
+
+    def on_command(self, message):
+        self.messages.append(message)
+        twist = message.twist if self.kind is TwistStamped else message
+        self.commands.append((twist.linear.x, twist.angular.z))
+
+    def on_decision(self, message):
+        values = {each.key: each.value for each in message.values}
+        self.decisions.append({**values, 'reason': message.message, 'level': message.level})
+
+    def on_diagnostics(self, message):
+        for status in message.status:
+            if status.name == f'{self.base}: guidance':
+                values = {each.key: each.value for each in status.values}
+                self.health.append({**values, 'said': status.message, 'level': status.level})
+
+    def until(self, condition, timeout=LIMIT):
+        return self.ros.spin_until(condition, timeout)
+
+    def connect(self):
+        """Wait until nothing of an active node can be missed, in either direction."""
+        self.until(self.odometry.get_subscription_count)
+        self.until(lambda: int(self.latest('command_subscribers', '0')) > 0)
+        # Publishers see a subscription before that subscription sees them.
+        count = self.node.count_publishers
+        topics = ('decision', 'wheel_speeds', 'predicted_path')
+        self.until(lambda: all(count(f'{self.base}/{topic}') for topic in topics))
+
+    def latest(self, key, default=''):
+        return self.health[-1].get(key, default) if self.health else default
+
+    def until_health(self, **wanted):
+        """Wait for diagnostics that hold all of these values, or words of the sentence."""
+
+        def said():
+            health = self.health[-1] if self.health else {}
+            words, rest = wanted.get('said', ''), {k: v for k, v in wanted.items() if k != 'said'}
+            fits = all(health.get(key) == value for key, value in rest.items())
+            return health if fits and words in health.get('said', '') else None
+
+        return self.until(said)
+
+    def send(self, stamp, pose=START, frame_id='odom'):
+        message = odometry(stamp, pose, frame_id)
+        self.odometry.publish(message)
+        return message
+
+    def decide(self, message, condition=lambda decision: True):
+        """Publish odometry and wait for what is decided and commanded on it."""
+        before, commands = len(self.decisions), len(self.commands)
+        self.odometry.publish(message)
+        self.until(lambda: len(self.decisions) > before and len(self.commands) > commands)
+        assert condition(self.decisions[-1]), self.decisions[-1]
+        return self.decisions[-1], self.commands[-1]
+
+    def drive(self):
+        """Be a robot in real time from now on: obey the commands, publish odometry at 50 Hz."""
+        clock = self.node.get_clock()
+        self.pose, self.driven_to = np.array(START), clock.now().nanoseconds
+
+        def tick():
+            now = clock.now().nanoseconds
+            twist = np.array([self.commands[-1] if self.commands else (0.0, 0.0)])
+            duration = np.array([(now - self.driven_to) / 1e9])
+            self.pose, self.driven_to = arc_ends(self.pose[None], twist, duration)[0], now
+            self.send(now, self.pose)
+
+        self.timer = self.node.create_timer(0.02, tick)
+
+    def park(self):
+        """Publish no more odometry."""
+        self.node.destroy_timer(self.timer)
+
+    def until_driving(self):
+        count = len(self.commands)
+        self.until(lambda: any(speed > 0.5 for speed, _ in self.commands[count:]))
+
+    def call(self, kind, name, request):
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, f'{self.base}/{name}')
+        client = self.clients[name]
+        self.until(client.service_is_ready)
+        answer = client.call_async(request)
+        self.until(answer.done)
+        return answer.result()
+
+    def change_state(self, name_or_id):
+        number = name_or_id
+        if isinstance(name_or_id, str):
+            number = getattr(Transition, f'TRANSITION_{name_or_id.upper()}')
+        request = ChangeState.Request(transition=Transition(id=number))
+        return self.call(ChangeState, 'change_state', request).success
+
+    @property
+    def state(self):
+        return self.call(GetState, 'get_state', GetState.Request()).current_state.label
+
+    def set_parameter(self, key, value):
+        parameter = Parameter(name=key, value=parameter_value(value))
+        request = SetParameters.Request(parameters=[parameter])
+        return self.call(SetParameters, 'set_parameters', request).results[0]
+
+    def reset(self):
+        return self.call(Trigger, 'reset', Trigger.Request())
+
+    def now(self):
+        return self.node.get_clock().now().nanoseconds
+
+    def flush(self):
+        self.odometry.wait_for_all_acked(Duration(seconds=5.0))
+
+
+@pytest.fixture
+def client(ros):
+    """A client of the node `/guidance`."""
+    return Client(ros)
+
+
+@pytest.fixture
+def make_client(ros):
+    """Make another client: `make_client(prefix='', kind=Twist)`."""
+    return lambda **how: Client(ros, **how)
+
+
+@pytest.fixture
+def make_odometry():
+    """Make a message: `make_odometry(stamp, pose, frame_id='odom')`."""
+    return odometry
+
+
+@pytest.fixture
+def start_node(spawn):
+    """Start a node with case 3: `start_node('guidance_node', {key: value}, *ros_arguments)`."""
+
+    def start(name='guidance_node', parameters=None, *more):
+        given = {key: str(value).lower() for key, value in (parameters or {}).items()}
+        flags = [part for key, value in given.items() for part in ('-p', f'{key}:={value}')]
+        module = f'cmpsp_ros.nodes.{name}'
+        command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]
+        return spawn([*command, *flags, *more])
+
+    return start

@@ -1,0 +1,174 @@
+"""Whatever goes wrong, the robot is told to stop, and told why."""
+
+from __future__ import annotations
+
+import math
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import Twist
+
+pytestmark = pytest.mark.integration
+
+PERIOD_NS = 200_000_000
+ZERO = (0.0, 0.0)
+
+
+def spoil_position(message):
+    message.pose.pose.position.x = math.nan
+
+
+def spoil_orientation(message):
+    message.pose.pose.orientation.z = math.inf
+
+
+def leave_frame(message):
+    message.header.frame_id = 'map'
+
+
+def grow_old(message):
+    message.header.stamp.sec -= 100
+
+
+def lose_orientation(message):
+    message.pose.pose.orientation.z = message.pose.pose.orientation.w = 0.0
+
+
+FAULTS = [
+    (spoil_position, 'not finite'),
+    (spoil_orientation, 'not finite'),
+    (leave_frame, "frame 'map', wanted 'odom'"),
+    (grow_old, 's old (odom_timeout 60.0 s)'),
+    (lose_orientation, 'orientation of length 0'),
+]
+
+
+def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
+    start_node, client, make_odometry
+):
+    running = start_node('guidance_node', {'odom_timeout': 60.0})
+    client.connect()
+    client.until_health(state='active')
+    stamp, pose = client.now(), (0.0, -9.25, 0.0)
+    # The first odometry of all may be a bad one.
+    for spoil, reason in [FAULTS[0], *FAULTS]:
+        bad = make_odometry(stamp, pose)
+        spoil(bad)
+        decision, command = client.decide(bad)
+        assert command == ZERO
+        assert reason in decision['reason']
+        assert decision['rung'] == 'stop'
+        assert decision['level'] == DiagnosticStatus.ERROR
+        assert float(decision['wheel_speed_right']) == float(decision['wheel_speed_left']) == 0.0
+        client.until_health(level=DiagnosticStatus.ERROR, said=reason, rung='stop')
+        # Even between two control instants.
+        stamp += PERIOD_NS // 4
+        decision, command = client.decide(make_odometry(stamp, pose))
+        assert command[0] > 0.5
+        assert decision['rung'] == 'nominal'
+        assert int(decision['stamp']) == stamp
+        client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+        stamp += PERIOD_NS
+        decision, command = client.decide(make_odometry(stamp, pose))
+        assert command[0] > 0.5
+    assert 'Traceback' not in running.stderr
+
+
+def test_bad_odometry_that_goes_on_is_answered_once_a_control_period(
+    start_node, client, make_odometry
+):
+    start_node('guidance_node', {'odom_timeout': 60.0})
+    client.connect()
+    client.until_health(state='active')
+    client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
+    bad = make_odometry(client.now(), (math.nan, -9.25, 0.0))
+    begun = client.now()
+    timer = client.node.create_timer(0.01, lambda: client.odometry.publish(bad))
+    client.until(lambda: len(client.commands) > 5)
+    took = client.now() - begun
+    client.node.destroy_timer(timer)
+    assert set(client.commands[1:]) == {ZERO}
+    assert (len(client.commands) - 2) * PERIOD_NS <= took
+
+
+def test_odometry_that_stops_stops_the_robot_until_it_comes_back(start_node, client):
+    running = start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    client.until_health(level=DiagnosticStatus.OK)
+    client.park()
+    client.until(lambda: client.commands[-1] == ZERO)
+    reason = 'No usable odometry for more than 0.5 s (odom_timeout).'
+    client.until(lambda: client.decisions[-1]['reason'] == reason)
+    client.until_health(level=DiagnosticStatus.ERROR, said=reason)
+    count = len(client.commands)
+    client.until(lambda: len(client.commands) > count + 2)
+    assert set(client.commands[count:]) == {ZERO}
+    client.drive()
+    client.until_driving()
+    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    assert 'Traceback' not in running.stderr
+
+
+def test_a_robot_off_the_road_is_told_why_and_a_good_pose_brings_it_back(
+    start_node, client, make_odometry
+):
+    running = start_node('guidance_node', {'odom_timeout': 60.0})
+    client.connect()
+    client.until_health(state='active')
+    stamp = client.now()
+    client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
+    for place in ((0.0, 0.0, 0.0), (1e6, 0.0, 0.0), (8.0, -6.0, 0.0), (1e300, -1e300, 0.0)):
+        stamp += PERIOD_NS
+        decision, command = client.decide(make_odometry(stamp, place))
+        assert np.isfinite(command).all()
+        assert decision['reason']
+        wheels = float(decision['wheel_speed_right']), float(decision['wheel_speed_left'])
+        assert max(map(abs, wheels)) <= 51.0
+    stamp += PERIOD_NS
+    decision, command = client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
+    assert decision['rung'] == 'nominal'
+    assert command[0] > 0.5
+    assert 'Traceback' not in running.stderr
+
+
+def test_the_same_odometry_again_is_answered_again_for_who_missed_the_command(
+    start_node, ros, make_odometry, make_client
+):
+    """Lockstep: the first answer may leave before the simulator's subscription is known."""
+    client = make_client(kind=Twist)
+    for subscription in list(client.node.subscriptions):
+        if subscription.topic_name == '/cmd_vel':
+            client.node.destroy_subscription(subscription)
+    start_node('guidance_node', {'odom_timeout': 60.0})
+    client.until(client.odometry.get_subscription_count)
+    client.until(lambda: client.node.count_publishers('/guidance/decision'))
+    client.until_health(state='active')
+    first = make_odometry(client.now(), (0.0, -9.25, 0.0))
+    client.odometry.publish(first)
+    client.until(lambda: client.decisions)
+    client.node.create_subscription(Twist, '/cmd_vel', client.on_command, 10)
+    client.until(lambda: int(client.latest('command_subscribers', '0')) > 0)
+    timer = client.node.create_timer(0.1, lambda: client.odometry.publish(first))
+    client.until(lambda: client.commands, 10.0)
+    client.node.destroy_timer(timer)
+    assert client.commands[0][0] > 0.5
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('times', [1, 2])
+def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_node, client, number, times):
+    running = start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    for _ in range(times):
+        running.signal(number)
+    client.until(lambda: running.process.poll() is not None)
+    assert running.wait() == 0
+    client.until(lambda: client.commands[-1] == ZERO)
+    assert 'Traceback' not in running.stderr
+    assert 'FATAL' not in running.stderr

@@ -1,0 +1,227 @@
+"""The guidance node as a process: states, one control step, parameters."""
+
+from __future__ import annotations
+
+import signal
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TwistStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from visualization_msgs.msg import MarkerArray
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.nodes.guidance_messages import pose_of
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+pytestmark = pytest.mark.integration
+
+MS = 1_000_000
+PERIOD_NS = 200 * MS
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# Odometry is stamped ahead of time here, and the test may be slow between two messages.
+PATIENT = {'odom_timeout': 60.0}
+
+
+@pytest.fixture
+def law():
+    """The law itself, with the settings of the node under test."""
+    values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
+    return GuidanceLaw(guidance_settings(values))
+
+
+def test_every_state_is_entered_left_and_shown(start_node, client):
+    running = start_node('guidance_node', {'autostart': False})
+    client.until_health(state='unconfigured', level=DiagnosticStatus.OK)
+    assert not client.change_state('activate')
+    assert not client.change_state(99)
+    for _ in range(2):
+        assert client.change_state('configure')
+        client.until_health(state='inactive')
+        assert client.change_state('activate')
+        client.until_health(state='active', level=DiagnosticStatus.WARN, said='Waiting')
+        assert not client.change_state('configure')
+        client.connect()
+        client.drive()
+        client.until_driving()
+        client.until_health(state='active', rung='nominal', level=DiagnosticStatus.OK)
+        assert client.change_state('deactivate')
+        client.until(lambda: client.commands[-1] == (0.0, 0.0))
+        client.until_health(state='inactive')
+        count = len(client.commands)
+        client.until(lambda: client.decisions[-1]['reason'].endswith('was deactivated.'))
+        # Odometry still comes; nobody must answer it.
+        heard = len(client.health)
+        client.until(lambda heard=heard: len(client.health) > heard)
+        assert len(client.commands) == count
+        client.park()
+        assert client.change_state('cleanup')
+        client.until_health(state='unconfigured')
+        client.until(lambda: not client.node.count_publishers('/cmd_vel'))
+    assert client.state == 'unconfigured'
+    running.signal(signal.SIGINT)
+    assert running.wait() == 0
+    assert 'Traceback' not in running.stderr
+
+
+def test_shutdown_by_service_stops_the_robot_and_a_signal_ends_the_process(start_node, client):
+    running = start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    assert client.change_state('active_shutdown')
+    client.until(lambda: client.commands[-1] == (0.0, 0.0))
+    assert client.state == 'finalized'
+    client.until_health(state='finalized')
+    running.signal(signal.SIGINT)
+    assert running.wait() == 0
+    assert 'Traceback' not in running.stderr
+
+
+def test_one_command_at_each_control_instant_as_the_law_says(
+    start_node, client, law, make_odometry
+):
+    start_node('guidance_node', PATIENT)
+    client.connect()
+    client.until_health(state='active')
+    robot, pose, begun = guidance_settings(TABLE.resolve({})).robot, [0.0, -9.25, 0.0], client.now()
+    stamps = [begun, begun + 250 * MS, *(begun + k * PERIOD_NS for k in range(2, 6))]
+    for step, stamp in enumerate(stamps):
+        message = make_odometry(stamp, pose)
+        decision, command = client.decide(message)
+        wanted = law.update(stamp, pose_of(message, 'odom'))
+        assert command == tuple(wanted.twist.tolist())
+        assert len(client.commands) == len(client.decisions) == step + 1
+        assert decision['reason'] == wanted.reason
+        assert decision['rung'] == wanted.rung.name.lower()
+        exact = ('step', 'stamp', 'iterations', 'qp_iterations', 'active_rows', 'failures')
+        for key in exact:
+            assert int(decision[key]) == getattr(wanted, key)
+        for key in ('time_left', 'miss', 'margin', 'worst_margin', 'slack'):
+            assert float(decision[key]) == getattr(wanted, key)
+        assert float(decision['wheel_speed_right']) == wanted.wheel_speeds[0]
+        assert float(decision['wheel_speed_left']) == wanted.wheel_speeds[1]
+        assert {key for key in decision if key.endswith('_ms')} == {
+            'solve_ms',
+            'audit_ms',
+            'step_ms',
+        }
+        assert decision['finished'] == 'false'
+
+        client.until(lambda step=step: len(client.wheels) == step + 1)
+        assert client.wheels[-1].velocity.tolist() == wanted.wheel_speeds.tolist()
+        assert client.wheels[-1].name == ['wheel_right_joint', 'wheel_left_joint']
+        client.until(lambda step=step: len(client.paths) == step + 1)
+        points = [(p.pose.position.x, p.pose.position.y) for p in client.paths[-1].poses]
+        assert points == [tuple(point) for point in wanted.plan.poses[:, :2].tolist()]
+        assert np.hypot(points[-1][0] - 10.0, points[-1][1]) < 0.5
+        times = [Time.from_msg(p.header.stamp).nanoseconds for p in client.paths[-1].poses]
+        assert times[0] == stamp
+        assert times[-1] == begun + 10_000 * MS
+
+        # Between two control instants nothing is decided: the next answer is to the next one.
+        following = stamps[step + 1] if step + 1 < len(stamps) else stamp + PERIOD_NS
+        duration = np.array([(following - stamp) / 1e9])
+        next_due = begun + (1 + (stamp - begun) // PERIOD_NS) * PERIOD_NS
+        for between in (stamp, stamp + 20 * MS, next_due - 1):
+            client.send(between, pose)
+            assert law.update(between, np.array(pose)) is None
+        pose = robot.roll_out(np.array(pose), wanted.wheel_speeds[None], duration)[1].tolist()
+
+    late = []
+    client.node.create_subscription(MarkerArray, '/guidance/markers', late.append, LATCHED)
+    client.until(lambda: late)
+    assert {marker.ns for marker in late[0].markers} > {'road', 'goal', 'obstacles', 'margins'}
+
+
+def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_again(
+    start_node, make_client, make_odometry
+):
+    client = make_client(kind=TwistStamped)
+    start_node('guidance_node', {**PATIENT, 'enable_stamped_cmd_vel': True})
+    client.connect()
+    client.until_health(state='active')
+    begun, firsts = client.now(), []
+    for start in (begun, begun + 1050 * MS):
+        for step in range(3):
+            stamp = start + step * PERIOD_NS
+            decision, command = client.decide(make_odometry(stamp, (0.0, -9.25 + 0.01 * step, 0.0)))
+            assert Time.from_msg(client.messages[-1].header.stamp).nanoseconds == stamp
+            assert command[0] > 0.5
+            assert int(decision['step']) == step
+            if step == 0:
+                firsts.append(command)
+        assert float(decision['time_left']) == 9.6
+        assert client.reset().success
+    assert firsts[0] == firsts[1]
+
+
+def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_node, client):
+    running = start_node('guidance_node', PATIENT)
+    client.connect()
+    client.drive()
+    client.until_driving()
+    for key, value, words in (
+        ('road.inner_radius', 12.0, ['road.inner_radius', '12.0 m', 'road.outer_radius = 11.0']),
+        ('control_period', 0.1, ['control_period', '0.1', '0.2 until a restart']),
+        ('goal.position', [0.0, 0.0], ['goal.position', 'road.center']),
+        ('weights.road_centre', 3.0, ['weights.road_centre']),
+    ):
+        refused = client.set_parameter(key, value)
+        assert not refused.successful
+        for each in words:
+            assert each in refused.reason
+    markers = []
+    client.node.create_subscription(MarkerArray, '/guidance/markers', markers.append, LATCHED)
+    client.until(lambda: markers)
+    assert client.set_parameter('weights.road_center', 0.5).successful
+    client.until(lambda: len(markers) > 1)
+    client.until_driving()
+    client.until_health(state='active', rung='nominal')
+    assert client.set_parameter('goal.position', [10.2, 0.0]).successful
+    client.until(lambda: abs(client.paths[-1].poses[-1].pose.position.x - 10.2) < 0.1)
+    goal = [marker for marker in markers[-1].markers if marker.ns == 'goal']
+    client.until(lambda: len(markers) > 2)
+    goal = next(marker for marker in markers[-1].markers if marker.ns == 'goal')
+    assert goal.pose.position.x == 10.2
+    assert all(decision['rung'] == 'nominal' for decision in client.decisions)
+    assert 'Traceback' not in running.stderr
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'said'),
+    [
+        ({'weights.road_centre': 15.0}, ['weights.road_centre:', 'mean weights.road_center?']),
+        ({'final_time': 'soon'}, ['final_time:', "'soon'", 'a number > 0']),
+        ({'failure_tolerance': 0}, ['failure_tolerance:', 'found 0', '>= 1']),
+        ({'obstacles.names': '[a, rock]'}, ['obstacles.rock.center:', 'found nothing']),
+        ({'road.inner_radius': 11.0}, ['road.inner_radius:', 'found 11.0 m', 'less than']),
+        ({'goal.position': '[5.0, 0.0]'}, ['goal.position:', '5 m from road.center']),
+    ],
+)
+def test_what_it_cannot_be_started_with_is_said_and_nothing_is_commanded(
+    start_node, client, parameters, said
+):
+    running = start_node('guidance_node', parameters)
+    health = client.until_health(level=DiagnosticStatus.ERROR)
+    for words in said:
+        assert words in health['said']
+        assert words in running.stderr
+    assert health['state'] == 'unconfigured'
+    assert client.state == 'unconfigured'
+    assert 'Traceback' not in running.stderr
+
+    def topics():
+        names = client.node.get_publisher_names_and_types_by_node('guidance', '/')
+        return {name for name, _ in names}
+
+    client.until(lambda: '/diagnostics' in topics())
+    assert not topics() & {'/cmd_vel', '/guidance/decision'}
+    assert not client.change_state('configure')
+    running.signal(signal.SIGTERM)
+    assert running.wait() == 0

@@ -1,0 +1,114 @@
+"""Guidance and simulator together: one pair in lockstep, and two on one domain."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+
+pytestmark = pytest.mark.integration
+
+LOCKSTEP = {'lockstep': True, 'publish_clock': True}
+
+
+def finished(client):
+    return client.decisions and client.decisions[-1]['finished'] == 'true'
+
+
+@pytest.mark.parametrize(
+    ('sim', 'guidance'),
+    [
+        ({'lockstep': True, 'publish_clock': True}, {'use_sim_time': True}),
+        # Without a clock simulated time is no time that odometry could be late by.
+        ({'lockstep': True, 'publish_clock': False}, {'odom_timeout': 1000.0}),
+    ],
+    ids=['clock', 'no clock'],
+)
+def test_a_pair_in_lockstep_reaches_the_goal(start_node, client, sim, guidance):
+    start_node('sim_node', sim)
+    running = start_node('guidance_node', {**guidance, 'autostart': False})
+    assert client.change_state('configure')
+    # The simulator and this test.
+    client.until(lambda: int(client.latest('command_subscribers', '0')) >= 2)
+    client.until(lambda: client.node.count_publishers('/guidance/decision'))
+    assert client.change_state('activate')
+    client.until(lambda: finished(client))
+    *steps, last = client.decisions
+    assert len(steps) == 50
+    assert {step['rung'] for step in steps} <= {'nominal', 'elastic'}
+    assert float(last['miss']) < 1e-6
+    stamps = [int(step['stamp']) for step in client.decisions]
+    assert [stamp - stamps[0] for stamp in stamps] == [k * 200_000_000 for k in range(51)]
+    if sim['publish_clock']:
+        assert stamps[0] == 0
+    assert 'Traceback' not in running.stderr
+
+
+def test_two_pairs_on_one_domain_arrive_and_do_not_hear_each_other(start_node, make_client):
+    goals = {'/r1': (10.0, 0.0), '/r2': (9.5, 1.0)}
+    starts = {'/r1': (0.0, -9.25, 0.0), '/r2': (0.5, -10.5, 0.1)}
+    clients, pairs = {}, []
+    for prefix, goal in goals.items():
+        # Time of its own for each: on one /clock two simulators would contradict each other.
+        names = ['-r', f'__ns:={prefix}', '-r', f'/clock:={prefix}/clock']
+        place = {'initial_pose': list(starts[prefix]), 'goal.position': list(goal)}
+        pairs.append(start_node('sim_node', {**LOCKSTEP, **place}, *names))
+        guided = {'use_sim_time': True, 'autostart': False, **place}
+        pairs.append(start_node('guidance_node', guided, *names))
+        clients[prefix] = make_client(prefix=prefix)
+    one, two = clients.values()
+    truth = {prefix: [] for prefix in goals}
+    for prefix, client in clients.items():
+        client.node.create_subscription(Odometry, f'{prefix}/sim/truth', truth[prefix].append, 2000)
+        assert client.change_state('configure')
+    for client in (one, two):
+        client.until(lambda client=client: int(client.latest('command_subscribers', '0')) >= 2)
+    node = one.node
+    for prefix in goals:
+        (source,) = node.get_publishers_info_by_topic(f'{prefix}/cmd_vel')
+        assert (source.node_namespace, source.node_name) == (prefix, 'guidance')
+        listeners = node.get_subscriptions_info_by_topic(f'{prefix}/odom')
+        assert [(each.node_namespace, each.node_name) for each in listeners] == [
+            (prefix, 'guidance')
+        ]
+    for client in (one, two):
+        assert client.change_state('activate')
+    one.until(lambda: finished(one) and finished(two))
+    for prefix, client in clients.items():
+        *steps, last = client.decisions
+        assert len(steps) == 50
+        assert float(last['miss']) < 1e-6
+        path = [each.pose.pose.position for each in truth[prefix]]
+        assert (path[0].x, path[0].y) == starts[prefix][:2]
+        at_end = [
+            each.pose.pose.position
+            for each in truth[prefix]
+            if Time.from_msg(each.header.stamp).nanoseconds == 10_000_000_000
+        ]
+        assert math.dist((at_end[0].x, at_end[0].y), goals[prefix]) < 1e-6
+    for process in pairs:
+        assert process.process.poll() is None
+        assert 'Traceback' not in process.stderr
+    assert not node.count_publishers('/clock')
+    assert not node.count_publishers('/cmd_vel')
+
+
+def test_simulated_time_that_nobody_publishes_holds_nothing_back(start_node, client, ros):
+    """A node that uses simulated time waits for it, and says what it waits for."""
+    start_node('guidance_node', {'use_sim_time': True})
+    client.until_health(state='active', said='Waiting for odometry')
+    client.connect()
+    clock = client.node.create_publisher(Clock, '/clock', 10)
+    client.until(clock.get_subscription_count)
+    tick = Clock(clock=Time(seconds=5).to_msg())
+    clock.publish(tick)
+    clock.wait_for_all_acked(Duration(seconds=5.0))
+    client.send(5_000_000_000)
+    client.until(lambda: client.commands)
+    assert client.commands[0][0] > 0.5
+    assert client.node.get_parameter('use_sim_time').type_ == Parameter.Type.BOOL

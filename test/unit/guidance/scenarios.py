@@ -1,0 +1,111 @@
+"""The paper's scenarios, an exact robot, and a judge of the path that it drives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.road import Annulus
+
+MS = 1_000_000
+PERIOD = 200 * MS
+START = (0.0, -9.25, 0.0)
+FIRST = Obstacle('first', (8.0, -6.0), 0.7)
+SECOND = Obstacle('second', (10.0, -2.0), 0.5)
+PAPER = InitialGuess('constant', (45.13, 44.63))
+ROAD = InitialGuess('road')
+
+
+def settings(obstacles=(), limit=math.inf, guess=PAPER, **changes):
+    given = GuidanceSettings(
+        robot=DifferentialDrive(max_wheel_speed=limit),
+        road=Annulus(),
+        goal=(10.0, 0.0),
+        obstacles=obstacles,
+        initial_guess=guess,
+    )
+    return replace(given, **changes)
+
+
+CASES = {
+    'case 1': settings(),
+    'case 2': settings((FIRST, SECOND)),
+    'case 3': settings((FIRST, SECOND), 51.0),
+}
+
+
+@dataclass
+class Run:
+    """What happened in a closed loop: decisions, and where the robot was at the end of each."""
+
+    decisions: list[Decision] = field(default_factory=list)
+    driven: list[np.ndarray] = field(default_factory=list)
+    pose: np.ndarray = field(default_factory=lambda: np.array(START))
+
+    @property
+    def moves(self):
+        return [decision for decision in self.decisions if not decision.finished]
+
+    @property
+    def path(self):
+        return np.vstack(self.driven)
+
+    @property
+    def controls(self):
+        return np.array([decision.wheel_speeds for decision in self.decisions])
+
+    def miss(self, goal=(10.0, 0.0)):
+        return math.dist(self.pose[:2], goal)
+
+
+def clearance(path, given):
+    """Least clearance of points from road edges and obstacles, by nothing but distances."""
+    radius = np.linalg.norm(path[:, :2] - given.road.center, axis=1)
+    parts = [given.road.outer_radius - radius, radius - given.road.inner_radius]
+    for obstacle in given.obstacles:
+        away = np.linalg.norm(path[:, :2] - obstacle.center, axis=1)
+        parts.append(away - obstacle.radius)
+    return float(np.min(parts))
+
+
+def drive(law, given, stamps, start=START, pieces=40, before=None):
+    """Odometry at the stamps [ns], the exact robot in between until the last of them.
+
+    Args:
+        law: The guidance law.
+        given: Its settings.
+        stamps: When odometry comes, increasing.
+        start: First pose.
+        pieces: Points of the path that are kept from one stamp to the next.
+        before: Called as ``before(run, stamp)`` ahead of each update.
+    """
+    run = Run(pose=np.array(start, dtype=float))
+    run.driven.append(run.pose[None])
+    held = np.zeros(2)
+    for stamp, after in zip(stamps, [*stamps[1:], None], strict=True):
+        if before is not None:
+            before(run, stamp)
+        decision = law.update(stamp, run.pose.copy())
+        if decision is not None:
+            run.decisions.append(decision)
+            held = decision.wheel_speeds
+        if after is not None:
+            times = np.full(pieces, (after - stamp) / 1e9 / pieces)
+            path = given.robot.roll_out(run.pose, np.tile(held, (pieces, 1)), times)
+            run.driven.append(path[1:])
+            run.pose = path[-1]
+    return run
+
+
+def closed_loop(given, start=START, steps=50, before=None):
+    """The law on time: odometry at every control instant, and at the final time."""
+    law = GuidanceLaw(given)
+    stamps = [1_000_000_007 + k * PERIOD for k in range(steps + 1)]
+    return drive(law, given, stamps, start, before=before)

@@ -1,0 +1,491 @@
+"""The guidance law in closed loop with an exact robot, and when things go wrong."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import (
+    CASES,
+    FIRST,
+    MS,
+    PAPER,
+    PERIOD,
+    ROAD,
+    SECOND,
+    START,
+    clearance,
+    closed_loop,
+    drive,
+    settings,
+)
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
+from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.obstacles import Obstacle
+
+ON_TIME = [k * PERIOD for k in range(51)]
+SETTLED = {Rung.NOMINAL, Rung.ELASTIC}
+
+
+def assert_arrives(run, given, miss=1e-6, steps=50):
+    assert len(run.moves) == steps
+    assert {decision.rung for decision in run.moves} <= SETTLED
+    assert run.miss(given.goal) < miss
+    assert clearance(run.path, given) >= -1e-9
+    assert np.abs(run.controls).max() <= given.robot.max_wheel_speed
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_cases_of_the_paper(name):
+    given = CASES[name]
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    assert [decision.step for decision in run.moves] == list(range(50))
+    assert run.decisions[-1].finished
+    # What a decision says of itself is what then happens.
+    start = np.array(START)
+    for decision in run.moves:
+        wheels = decision.wheel_speeds[None]
+        np.testing.assert_array_equal(decision.twist, given.robot.twist(wheels)[0])
+        np.testing.assert_allclose(decision.plan.poses[0], start, atol=1e-12)
+        path = given.robot.roll_out(start, np.repeat(wheels, 400, axis=0), np.full(400, 5e-4))
+        assert decision.margin == pytest.approx(clearance(path, given), abs=2e-5)
+        assert decision.worst_margin <= decision.margin
+        assert 0.0 < decision.time_left <= 10.0
+        assert decision.iterations in {1, 2}
+        assert decision.reason
+        start = path[-1]
+    times_left = [decision.time_left for decision in run.moves]
+    np.testing.assert_allclose(times_left, 10.0 - 0.2 * np.arange(50), atol=1e-12)
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_a_plan_that_is_said_to_meet_every_constraint_does(name):
+    for decision in closed_loop(CASES[name]).moves:
+        if decision.reason == 'The plan meets every constraint.':
+            assert decision.worst_margin >= -1e-3, decision.step
+            assert decision.miss < 1e-2, decision.step
+
+
+def test_45_rad_s_from_the_road_guess_touches_nothing():
+    given = settings((FIRST, SECOND), 45.0, ROAD)
+    run = closed_loop(given)
+    assert len(run.moves) == 50
+    assert clearance(run.path, given) >= -1e-9
+    assert np.abs(run.controls).max() <= 45.0
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_road_guess(name):
+    given = replace(CASES[name], initial_guess=ROAD)
+    run = closed_loop(given)
+    assert clearance(run.path, given) >= -1e-9
+    assert len(run.moves) == 50
+
+
+def test_two_runs_give_the_same_bits():
+    for given in (CASES['case 3'], settings((FIRST, SECOND), 45.0, ROAD)):
+        one, other = closed_loop(given), closed_loop(given)
+        for first, second in zip(one.decisions, other.decisions, strict=True):
+            for name, value in vars(first).items():
+                if name == 'plan':
+                    continue
+                np.testing.assert_array_equal(value, getattr(second, name), err_msg=name)
+            if first.plan is not None:
+                for part in ('controls', 'poses'):
+                    np.testing.assert_array_equal(
+                        getattr(first.plan, part), getattr(second.plan, part)
+                    )
+                np.testing.assert_array_equal(
+                    first.plan.horizon.edges, second.plan.horizon.edges
+                )
+
+
+def test_a_timer_measures_and_decides_nothing():
+    ticks = iter(range(0, 10**9, 1_500_000))
+    given = CASES['case 3']
+    timed, plain = GuidanceLaw(given, lambda: next(ticks)), GuidanceLaw(given)
+    pose = np.array(START)
+    one, other = timed.update(5, pose), plain.update(5, pose)
+    np.testing.assert_array_equal(one.wheel_speeds, other.wheel_speeds)
+    assert one.phases['solve'] == pytest.approx(1.5)
+    assert set(one.phases) == {'solve', 'audit'}
+    assert set(other.phases.values()) == {0.0}
+
+
+@pytest.mark.parametrize('seed', range(3))
+@pytest.mark.parametrize('name', CASES)
+def test_odometry_that_comes_late(name, seed):
+    given = CASES[name]
+    late = np.random.default_rng(seed).integers(0, 8, size=51) * MS
+    late[[0, 50]] = 0
+    run = drive(GuidanceLaw(given), given, [int(k) for k in np.array(ON_TIME) + late])
+    assert_arrives(run, given, miss=1e-2)
+
+
+@pytest.mark.parametrize('rate', [20, 30, 50, 67])
+def test_odometry_of_any_rate_gives_a_decision_a_period(rate):
+    given = CASES['case 3']
+    stamps = [k * 1_000_000_000 // rate for k in range(10 * rate + 1)]
+    run = drive(GuidanceLaw(given), given, stamps, pieces=5)
+    assert_arrives(run, given, miss=1e-2)
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_odometry_with_gaps_longer_than_half_a_period(seed):
+    """The road is kept and nothing is touched, though some steps are up to half a period longer."""
+    rng = np.random.default_rng(seed)
+    late = rng.integers(0, 150, size=51) * MS
+    late[[0, 50]] = 0
+    given = CASES['case 3']
+    run = drive(GuidanceLaw(given), given, [int(k) for k in np.array(ON_TIME) + late])
+    assert clearance(run.path, given) >= -1e-9
+
+
+def test_plans_stay_clear_in_a_first_step_longer_than_the_period():
+    """The first step after a gap in odometry is swept by the audit, so the plan must know it."""
+    given = CASES['case 3']
+    for gap in range(5, 45, 3):
+        stamps = [*ON_TIME[:gap], gap * PERIOD + 110 * MS]
+        run = drive(GuidanceLaw(given), given, stamps)
+        last = run.decisions[-1]
+        assert last.rung in SETTLED, (gap, last.reason)
+        plan = last.plan
+        assert plan.horizon.durations[0] == pytest.approx(0.29)
+        twists = given.robot.twist(plan.controls[:-1])
+        centers = np.array([o.center for o in given.obstacles])
+        least, _ = reach(plan.poses[:-1], twists, plan.horizon.durations, centers)
+        assert (least[0] - [o.radius for o in given.obstacles]).min() >= -1e-6, gap
+
+
+def test_repeated_and_disordered_stamps_change_nothing():
+    given = CASES['case 3']
+    noisy, plain = GuidanceLaw(given), GuidanceLaw(given)
+    one = drive(plain, given, ON_TIME)
+
+    def disturb(run, stamp):
+        if stamp:
+            for other in (stamp - PERIOD, stamp - 1, 0, -5):
+                assert noisy.update(other, np.array([5.0, 5.0, 5.0])) is None
+
+    other = drive(noisy, given, ON_TIME, before=disturb)
+    np.testing.assert_array_equal(one.controls, other.controls)
+    law = GuidanceLaw(given)
+    assert law.update(7, np.array(START)) is not None
+    assert law.update(7, np.array(START)) is None
+    assert law.update(6, np.array(START)) is None
+    assert law.update(7 + PERIOD - 1, np.array(START)) is None
+    assert law.update(7 + PERIOD, np.array(START)).step == 1
+
+
+def test_commands_depend_on_time_since_the_first_odometry_alone():
+    given = CASES['case 2']
+    one = drive(GuidanceLaw(given), given, ON_TIME)
+    epoch = 1_763_697_269_123_456_789
+    other = drive(GuidanceLaw(given), given, [epoch + stamp for stamp in ON_TIME])
+    np.testing.assert_array_equal(one.controls, other.controls)
+    assert other.decisions[3].stamp == epoch + 3 * PERIOD
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_heading_wrapped_or_not(name):
+    given = CASES[name]
+
+    class Wrapping(GuidanceLaw):
+        def update(self, stamp, pose):
+            return super().update(stamp, np.array([*pose[:2], pose[2] + turns * math.tau]))
+
+    plain = closed_loop(given)
+    for turns in (-1, 2):
+        run = drive(Wrapping(given), given, ON_TIME)
+        np.testing.assert_allclose(run.controls, plain.controls, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {'weights': Weights(control_effort=0.01)},
+        {'weights': Weights(control_rate=0.5)},
+        {'weights': Weights(control_rate=0.5, control_effort=0.01)},
+        {'solver': SolverSettings(hessian='exact')},
+        {'solver': SolverSettings(hessian='exact'), 'weights': Weights(control_rate=0.1)},
+        {'solver': SolverSettings(iterations_per_step=5)},
+        {'solver': SolverSettings(heading_trust_region=0.3)},
+        {'safety': Safety(margin=0.05)},
+        {'robot_radius': 0.08},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize('name', ['case 1', 'case 3'])
+def test_other_settings_arrive_too(name, changes):
+    given = replace(CASES[name], **changes)
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    wanted = changes.get('robot_radius', 0.0)
+    assert clearance(run.path, given) >= wanted - 1e-6
+
+
+def test_control_rate_makes_commands_smoother():
+    def roughness(weight):
+        run = closed_loop(replace(CASES['case 2'], weights=Weights(control_rate=weight)))
+        return (np.diff(run.controls[:50], axis=0) ** 2).sum()
+
+    assert roughness(5.0) < 0.9 * roughness(0.0)
+
+
+def test_samples_alone_are_clear_where_that_is_all_that_was_asked():
+    given = replace(CASES['case 3'], safety=Safety(between_samples=False))
+    run = closed_loop(given)
+    assert run.miss() < 1e-6
+    at_samples = np.array([driven[-1] for driven in run.driven])
+    assert clearance(at_samples, given) >= -1e-3
+    assert clearance(run.path, given) >= -0.05
+
+
+@pytest.mark.parametrize('final_time', [10.09, 10.05, 10.13, 9.95])
+def test_final_time_that_is_no_whole_number_of_periods(final_time):
+    given = replace(CASES['case 3'], final_time=final_time)
+    final = round(final_time * 1e9)
+    stamps = [*(stamp for stamp in range(0, final, PERIOD)), final]
+    run = drive(GuidanceLaw(given), given, stamps)
+    assert run.miss() < 1e-2
+    assert clearance(run.path, given) >= -1e-9
+    assert {decision.rung for decision in run.moves} <= SETTLED
+
+
+def broken(law, monkeypatch):
+    """From here on no subproblem is solved."""
+    improve = law._planner.improve
+
+    def fail(*arguments):
+        return replace(improve(*arguments), solved=False, reason='No.')
+
+    monkeypatch.setattr(law._planner, 'improve', fail)
+
+
+def test_the_ladder_when_the_solver_fails(monkeypatch):
+    given = replace(CASES['case 3'], failure_tolerance=3)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    good = run.decisions[-1]
+    broken(law, monkeypatch)
+    rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
+    rungs = [decision.rung for decision in rest.decisions]
+    assert rungs[:3] == [Rung.SHIFTED] * 3
+    assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
+    # The shifted plan is the last good one, exactly.
+    for k, decision in enumerate(rest.decisions[:3], start=1):
+        np.testing.assert_array_equal(decision.plan.controls, good.plan.controls[k:])
+        assert decision.reason.startswith('No.')
+        assert 'last audited plan' in decision.reason
+        assert decision.miss < 1e-2
+    # Then it is thrown away, and there is nothing left to fall back on.
+    assert rungs[3:] == [Rung.STOP] * 3
+    for decision in rest.decisions[3:]:
+        assert not decision.wheel_speeds.any()
+        assert not decision.twist.any()
+        assert decision.plan is None
+        assert decision.reason == 'No.'
+    assert clearance(rest.path, given) >= 0.0
+
+
+def _after(run, given):
+    wheels = run.decisions[-1].wheel_speeds[None]
+    return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
+
+
+def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
+    given = replace(CASES['case 1'], failure_tolerance=5)
+    law = GuidanceLaw(given)
+
+    def disturb(run, stamp):
+        if stamp == 20 * PERIOD:
+            broken(law, monkeypatch)
+        if stamp == 22 * PERIOD:
+            monkeypatch.undo()
+
+    run = drive(law, given, ON_TIME, before=disturb)
+    rungs = [decision.rung for decision in run.moves]
+    assert rungs[20:22] == [Rung.SHIFTED] * 2
+    assert set(rungs[:20] + rungs[22:]) <= SETTLED
+    assert run.decisions[21].failures == 2
+    assert run.decisions[22].failures == 0
+    assert run.miss() < 1e-6
+
+
+def test_failure_at_the_very_first_step_stops(monkeypatch):
+    law = GuidanceLaw(CASES['case 1'])
+    broken(law, monkeypatch)
+    decision = law.update(0, np.array(START))
+    assert decision.rung is Rung.STOP
+    assert decision.failures == 1
+    assert decision.miss == pytest.approx(math.hypot(10.0, 9.25))
+
+
+@pytest.mark.parametrize('ahead', [0.45, 0.7, 1.0, 1.5])
+@pytest.mark.parametrize('radius', [0.1, 0.3, 1.2])
+@pytest.mark.parametrize('limit', [math.inf, 51.0])
+def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
+    given = settings(limit=limit)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    pose = _after(run, given)
+    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    # Its edge is `ahead` of the robot, straight on.
+    center = tuple(pose[:2] + (ahead + radius) * forward)
+    blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
+    law.reconfigure(blocked)
+    rest = drive(law, blocked, ON_TIME[21:], start=pose)
+    assert clearance(rest.path, blocked) >= -1e-9
+    assert np.abs(rest.controls).max() <= limit
+    for decision in rest.moves:
+        if decision.rung is Rung.STOP:
+            assert decision.plan is None
+            assert not decision.wheel_speeds.any()
+            assert 'too close to obstacle sudden' in decision.reason or decision.failures
+
+
+def test_an_obstacle_at_the_very_nose_makes_it_stop():
+    given = CASES['case 1']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    pose = _after(run, given)
+    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * np.array([math.cos(pose[2]), math.sin(pose[2])])), 1.0)
+    blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
+    law.reconfigure(blocked)
+    decision = law.update(21 * PERIOD, pose)
+    if decision.rung in SETTLED:
+        assert decision.margin >= 0.0
+    else:
+        assert decision.rung is Rung.STOP
+        assert 'too close to obstacle wall' in decision.reason
+        assert decision.failures == 1
+
+
+def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
+    given = replace(settings(guess=ROAD), failure_tolerance=2)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:11])
+    guesses = []
+    improve = law._planner.improve
+
+    def fail(pose, held, guess, horizon):
+        guesses.append(guess)
+        return replace(improve(pose, held, guess, horizon), solved=False, reason='No.')
+
+    monkeypatch.setattr(law._planner, 'improve', fail)
+    drive(law, given, ON_TIME[11:15], start=_after(run, given))
+    warm = run.decisions[-1].plan.controls
+    np.testing.assert_array_equal(guesses[0], warm[1:])
+    np.testing.assert_array_equal(guesses[1], warm[2:])
+    # The third guess is a fresh one.
+    assert not np.array_equal(guesses[2], warm[3:])
+    assert guesses[2].shape == warm[3:].shape
+
+
+def test_after_the_final_time_it_stays_stopped():
+    given = CASES['case 1']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME)
+    last = run.decisions[-1]
+    assert last.finished
+    assert last.rung is Rung.STOP
+    assert last.reason == 'The final time has passed.'
+    assert last.time_left == 0.0
+    assert last.miss < 1e-6
+    assert law.update(50 * PERIOD + 1, run.pose) is None
+    again = law.update(52 * PERIOD, run.pose)
+    assert again.finished
+    assert not again.wheel_speeds.any()
+
+
+def test_odometry_that_first_comes_back_after_the_final_time():
+    law = GuidanceLaw(CASES['case 1'])
+    assert not law.update(0, np.array(START)).finished
+    late = law.update(99 * PERIOD, np.array(START))
+    assert late.finished
+    assert late.rung is Rung.STOP
+
+
+def test_reset_begins_again():
+    given = CASES['case 3']
+    law = GuidanceLaw(given)
+    one = drive(law, given, ON_TIME)
+    law.reset()
+    other = drive(law, given, [stamp + 77 for stamp in ON_TIME])
+    np.testing.assert_array_equal(one.controls, other.controls)
+    assert [decision.step for decision in other.moves] == list(range(50))
+    law.reset()
+    assert law.update(3, np.array(START)).step == 0, 'time may go back across a reset'
+
+
+def test_halt():
+    given = CASES['case 3']
+    law = GuidanceLaw(given)
+    early = law.halt(5, 'Nothing heard yet.')
+    assert early.rung is Rung.STOP
+    assert early.reason == 'Nothing heard yet.'
+    run = drive(law, given, ON_TIME[:11])
+    stop = law.halt(10 * PERIOD + 5, 'Odometry is stale.')
+    assert stop.rung is Rung.STOP
+    assert stop.reason == 'Odometry is stale.'
+    assert not stop.wheel_speeds.any()
+    assert not stop.twist.any()
+    assert stop.plan is None
+    assert not stop.finished
+    assert stop.time_left == pytest.approx(8.0, abs=1e-6)
+    # It goes on from where it stands, from a fresh guess.
+    onward = law.update(12 * PERIOD, run.pose)
+    assert onward.rung in SETTLED
+    assert onward.step == 11
+
+
+def test_reconfigure_with_the_same_settings_changes_nothing():
+    given = CASES['case 3']
+    law, plain = GuidanceLaw(given), GuidanceLaw(given)
+    one = drive(plain, given, ON_TIME)
+    other = drive(law, given, ON_TIME, before=lambda run, stamp: law.reconfigure(given))
+    np.testing.assert_array_equal(one.controls, other.controls)
+
+
+def test_goal_at_the_centre_of_the_road_circle_touches_nothing():
+    given = settings((FIRST,), 51.0, ROAD, goal=(0.0, 0.0))
+    run = closed_loop(given)
+    assert clearance(run.path, given) >= -1e-9
+    assert len(run.moves) == 50
+
+
+@pytest.mark.parametrize('final_time', [0.05, 0.2, 0.3, 0.4])
+def test_shortest_final_times(final_time):
+    start = (10.0, -1.2 * final_time, math.pi / 2)
+    given = settings(final_time=final_time, guess=ROAD)
+    final = round(final_time * 1e9)
+    run = drive(GuidanceLaw(given), given, [*range(0, final, PERIOD), final], start=start)
+    assert run.decisions[0].rung in SETTLED
+    assert clearance(run.path, given) >= 0.0
+    if final_time >= 0.1:
+        assert run.miss() < 1e-2
+
+
+def test_standing_on_the_goal_it_stays():
+    given = settings(guess=ROAD, final_time=2.0)
+    run = closed_loop(given, (10.0, 0.0, math.pi / 2), steps=10)
+    assert run.miss() < 1e-6
+    assert np.abs(run.controls).max() < 1e-3
+
+
+@pytest.mark.parametrize('start', [(0.0, -11.05, 0.3), (0.0, -8.95, -0.3)])
+def test_started_just_outside_the_road_it_comes_back(start):
+    given = settings(guess=ROAD)
+    run = closed_loop(given, start)
+    out = np.array([min(0.0, clearance(part, given)) for part in run.driven])
+    assert (np.diff(out) >= -1e-9).all()
+    assert out[-1] == 0.0
+    assert run.miss() < 1e-6
+
+
+def test_guess_of_the_paper_is_the_one_in_the_settings():
+    assert PAPER.wheel_speeds == (45.13, 44.63)

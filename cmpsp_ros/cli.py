@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from pathlib import Path
 from types import FrameType
@@ -107,18 +108,19 @@ def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
 
 def _table(summary: Summary, scenario: Scenario) -> Table:
     limit = scenario.settings.robot.max_wheel_speed
+    limited = f'limit {limit:g} rad/s' if math.isfinite(limit) else 'no limit'
     times = summary.step_times
     table = Table('figure', 'value', title=f'{summary.preset}: {summary.control_steps} steps')
     for name, value in (
         ('miss at the final time', f'{summary.miss:.3g} m'),
         ('least clearance, between samples too', f'{summary.clearance:+.4f} m'),
-        ('largest wheel speed', f'{summary.max_wheel_speed:.2f} of {limit:g} rad/s'),
+        ('largest wheel speed', f'{summary.max_wheel_speed:.2f} rad/s ({limited})'),
         (
             'step time p50 / p99 / max',
             f'{times["p50"]:.2f} / {times["p99"]:.2f} / {times["max"]:.2f} ms',
         ),
         ('deadlines missed', str(summary.deadline_misses)),
-        ('rungs', ', '.join(f'{name} {count}' for name, count in summary.rungs.items())),
+        ('rungs', ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count)),
     ):
         table.add_row(name, value)
     return table

@@ -127,7 +127,7 @@ class GuidanceLaw:
         candidate = self._improve(pose, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
-        reason = self._describe(improvement)
+        reason = self._describe(candidate)
         if candidate.usable:
             self._failures = 0
         else:
@@ -151,7 +151,7 @@ class GuidanceLaw:
             twist=self._settings.robot.twist(plan.controls[0]),
             time_left=(self._final - horizon.edges[0]) / NANOSECONDS,
             plan=plan,
-            miss=math.dist(plan.poses[-1, :2], self._settings.goal),
+            miss=self._miss(plan),
             margin=verdict.margin,
             worst_margin=verdict.worst_margin,
             slack=improvement.slack if improvement.elastic else 0.0,
@@ -231,17 +231,29 @@ class GuidanceLaw:
             finished=finished,
         )
 
-    def _describe(self, improvement: Improvement) -> str:
-        if not improvement.elastic:
-            return 'The plan meets every constraint.'
-        where = self._audit.names(improvement.slack_where)
-        parts = [where] if where else []
-        if improvement.slack_terminal:
-            parts.append('the goal')
-        return (
-            f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
-            f' {" and ".join(parts)}.'
-        )
+    def _describe(self, candidate: _Candidate) -> str:
+        improvement, verdict = candidate.improvement, candidate.verdict
+        if improvement.elastic:
+            where = self._audit.names(improvement.slack_where)
+            parts = [where] if where else []
+            if improvement.slack_terminal:
+                parts.append('the goal')
+            return (
+                f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
+                f' {" and ".join(parts)}.'
+            )
+        miss = self._miss(candidate.plan)
+        if verdict.worst_margin < 0.0:
+            return (
+                f'No slack was needed, but later on the plan still comes'
+                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
+            )
+        if miss > self._settings.goal_tolerance:
+            return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
+        return 'The plan meets every constraint.'
+
+    def _miss(self, plan: Plan) -> float:
+        return math.dist(plan.poses[-1, :2], self._settings.goal)
 
 
 def warm_up(settings: GuidanceSettings) -> None:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-import yaml  # type: ignore[import-untyped]
+import yaml
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 

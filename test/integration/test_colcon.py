@@ -4,10 +4,12 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = 'cmpsp_ros'
@@ -150,3 +152,31 @@ def test_python_package_is_typed_and_alone(colcon_install: Path) -> None:
     [packages] = (colcon_install / PACKAGE / 'lib').glob('python*/site-packages')
     assert (packages / PACKAGE / 'py.typed').is_file()
     assert not (packages / 'test').exists()
+
+
+def test_installed_nodes_complete_a_run(
+    colcon_install: Path,
+    share: Path,
+    ros: Any,
+    spawn: Callable[..., Any],
+) -> None:
+    programs = colcon_install / PACKAGE / 'lib' / PACKAGE
+    [packages] = (colcon_install / PACKAGE / 'lib').glob('python*/site-packages')
+    decided: list[dict[str, str]] = []
+
+    def on_decision(message: DiagnosticStatus) -> None:
+        decided.append({each.key: each.value for each in message.values})
+
+    ros.node.create_subscription(DiagnosticStatus, '/guidance/decision', on_decision, 100)
+    common = ['--ros-args', '--params-file', share / 'config' / 'case3.yaml']
+    lockstep = ['-p', 'lockstep:=true', '-p', 'publish_clock:=true']
+    # What sourcing the workspace does: its packages come before any other copy.
+    paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get('PYTHONPATH')])])
+    spawn([programs / 'sim_node', *common, *lockstep], PYTHONPATH=paths)
+    guidance = spawn(
+        [programs / 'guidance_node', *common, '-p', 'use_sim_time:=true'], PYTHONPATH=paths
+    )
+    opened = Path(f'/proc/{guidance.pid}/cmdline').read_text().split('\0')
+    assert str(programs / 'guidance_node') in opened
+    ros.spin_until(lambda: decided and decided[-1]['finished'] == 'true', 60.0)
+    assert float(decided[-1]['miss']) < 1e-6

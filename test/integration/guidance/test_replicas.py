@@ -20,6 +20,13 @@ def finished(client):
     return client.decisions and client.decisions[-1]['finished'] == 'true'
 
 
+def at(stamp, truth):
+    for each in truth:
+        if Time.from_msg(each.header.stamp).nanoseconds == stamp:
+            return each.pose.pose.position
+    return None
+
+
 @pytest.mark.parametrize(
     ('sim', 'guidance'),
     [
@@ -85,12 +92,8 @@ def test_two_pairs_on_one_domain_arrive_and_do_not_hear_each_other(start_node, m
         assert float(last['miss']) < 1e-6
         path = [each.pose.pose.position for each in truth[prefix]]
         assert (path[0].x, path[0].y) == starts[prefix][:2]
-        at_end = [
-            each.pose.pose.position
-            for each in truth[prefix]
-            if Time.from_msg(each.header.stamp).nanoseconds == 10_000_000_000
-        ]
-        assert math.dist((at_end[0].x, at_end[0].y), goals[prefix]) < 1e-6
+        end = client.until(lambda prefix=prefix: at(10_000_000_000, truth[prefix]))
+        assert math.dist((end.x, end.y), goals[prefix]) < 1e-6
     for process in pairs:
         assert process.process.poll() is None
         assert 'Traceback' not in process.stderr

@@ -23,7 +23,6 @@ from scenarios import (
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
-from cmpsp_ros.robot.arcs import reach
 from cmpsp_ros.robot.obstacles import Obstacle
 
 ON_TIME = [k * PERIOD for k in range(51)]
@@ -99,9 +98,7 @@ def test_two_runs_give_the_same_bits():
                     np.testing.assert_array_equal(
                         getattr(first.plan, part), getattr(second.plan, part)
                     )
-                np.testing.assert_array_equal(
-                    first.plan.horizon.edges, second.plan.horizon.edges
-                )
+                np.testing.assert_array_equal(first.plan.horizon.edges, second.plan.horizon.edges)
 
 
 def test_a_timer_measures_and_decides_nothing():
@@ -145,20 +142,19 @@ def test_odometry_with_gaps_longer_than_half_a_period(seed):
     assert clearance(run.path, given) >= -1e-9
 
 
-def test_plans_stay_clear_in_a_first_step_longer_than_the_period():
-    """The first step after a gap in odometry is swept by the audit, so the plan must know it."""
-    given = CASES['case 3']
-    for gap in range(5, 45, 3):
-        stamps = [*ON_TIME[:gap], gap * PERIOD + 110 * MS]
+@pytest.mark.parametrize('interval', [200, 250, 290])
+def test_a_thin_pole_is_passed_whatever_the_rate_of_odometry(interval):
+    """Steps get up to half a period longer than the period, and a pole fits between their ends."""
+    for place in range(12, 20):
+        angle = 0.012 * place - 0.9
+        pole = Obstacle('pole', (9.98 * math.cos(angle), 9.98 * math.sin(angle)), 0.05)
+        given = settings((pole,), 51.0, ROAD)
+        stamps = [*range(0, 10_000 * MS, interval * MS), 10_000 * MS]
         run = drive(GuidanceLaw(given), given, stamps)
-        last = run.decisions[-1]
-        assert last.rung in SETTLED, (gap, last.reason)
-        plan = last.plan
-        assert plan.horizon.durations[0] == pytest.approx(0.29)
-        twists = given.robot.twist(plan.controls[:-1])
-        centers = np.array([o.center for o in given.obstacles])
-        least, _ = reach(plan.poses[:-1], twists, plan.horizon.durations, centers)
-        assert (least[0] - [o.radius for o in given.obstacles]).min() >= -1e-6, gap
+        for decision in run.moves:
+            assert decision.rung in SETTLED, (place, decision.step, decision.reason)
+        assert clearance(run.path, given) >= -1e-9
+        assert run.miss() < 1e-2
 
 
 def test_repeated_and_disordered_stamps_change_nothing():
@@ -195,12 +191,16 @@ def test_heading_wrapped_or_not(name):
     given = CASES[name]
 
     class Wrapping(GuidanceLaw):
-        def update(self, stamp, pose):
-            return super().update(stamp, np.array([*pose[:2], pose[2] + turns * math.tau]))
+        turns = 0
 
-    plain = closed_loop(given)
+        def update(self, stamp, pose):
+            return super().update(stamp, np.array([*pose[:2], pose[2] + self.turns * math.tau]))
+
+    plain, law = closed_loop(given), Wrapping(given)
     for turns in (-1, 2):
-        run = drive(Wrapping(given), given, ON_TIME)
+        law.reset()
+        law.turns = turns
+        run = drive(law, given, ON_TIME)
         np.testing.assert_allclose(run.controls, plain.controls, atol=1e-6)
 
 
@@ -353,7 +353,8 @@ def test_an_obstacle_at_the_very_nose_makes_it_stop():
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:21])
     pose = _after(run, given)
-    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * np.array([math.cos(pose[2]), math.sin(pose[2])])), 1.0)
+    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * forward), 1.0)
     blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
     law.reconfigure(blocked)
     decision = law.update(21 * PERIOD, pose)
@@ -369,21 +370,21 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     given = replace(settings(guess=ROAD), failure_tolerance=2)
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:11])
-    guesses = []
+    warm = run.decisions[-1].plan.controls
+    guesses = {}
     improve = law._planner.improve
 
     def fail(pose, held, guess, horizon):
-        guesses.append(guess)
+        # The first one of a step; others may be tried beside it.
+        guesses.setdefault(len(horizon.durations), guess)
         return replace(improve(pose, held, guess, horizon), solved=False, reason='No.')
 
     monkeypatch.setattr(law._planner, 'improve', fail)
-    drive(law, given, ON_TIME[11:15], start=_after(run, given))
-    warm = run.decisions[-1].plan.controls
-    np.testing.assert_array_equal(guesses[0], warm[1:])
-    np.testing.assert_array_equal(guesses[1], warm[2:])
-    # The third guess is a fresh one.
-    assert not np.array_equal(guesses[2], warm[3:])
-    assert guesses[2].shape == warm[3:].shape
+    drive(law, given, ON_TIME[11:14], start=_after(run, given))
+    np.testing.assert_array_equal(guesses[39], warm[1:])
+    np.testing.assert_array_equal(guesses[38], warm[2:])
+    assert guesses[37].shape == warm[3:].shape
+    assert not np.array_equal(guesses[37], warm[3:])
 
 
 def test_after_the_final_time_it_stays_stopped():

@@ -168,7 +168,7 @@ def test_condensing_does_not_change_the_solution(shape, seed):
     lower, upper = qp.lower.reshape(-1, shape[2]), qp.upper.reshape(-1, shape[2])
     solution = solve_qp(qp, 'daqp')
     if solution.status is not QPStatus.SOLVED:
-        with pytest.raises(RuntimeError, match='Infeasible|Restoration'):
+        with pytest.raises(RuntimeError, match=r'Infeasible|Restoration'):
             uncondensed(lin, lower, upper)
         return
     expected = uncondensed(lin, lower, upper)

@@ -84,7 +84,7 @@ def test_gradient_by_differences_through_the_roll_out():
 
 @pytest.mark.parametrize('weight', [-1.0, np.nan, -1e-12])
 def test_bad_weight_is_named(weight):
-    with pytest.raises(ProblemError, match='weight: found .*, wanted a number >= 0'):
+    with pytest.raises(ProblemError, match=r'weight: found .*, wanted a number >= 0'):
         ControlRateProblem(VanDerPol(), weight, np.zeros(1))
 
 

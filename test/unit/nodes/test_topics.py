@@ -1,0 +1,77 @@
+"""The table of topics is what the nodes really open, and what the README says."""
+
+from pathlib import Path
+
+import pytest
+import rclpy
+
+from cmpsp_ros.nodes.guidance_node import GuidanceNode
+from cmpsp_ros.nodes.sim_node import SimNode
+from cmpsp_ros.nodes.topics import TOPICS, with_table
+
+README = Path(__file__).parents[3] / 'README.md'
+OF_ROS = {'/rosout', '/parameter_events'}
+
+
+@pytest.fixture
+def make(monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+    made = []
+
+    def make(node_type, *parameters):
+        arguments = [part for each in parameters for part in ('-p', each)]
+        rclpy.init(args=['--ros-args', *arguments] if arguments else [])
+        made.append(node_type())
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+def opened(node, direction):
+    listed = {
+        'out': node.get_publisher_names_and_types_by_node,
+        'in': node.get_subscriber_names_and_types_by_node,
+    }[direction](node.get_name(), '/')
+    return {
+        (name, kind)
+        for name, kinds in listed
+        for kind in kinds
+        if name not in OF_ROS and 'transition_event' not in name
+    }
+
+
+def in_table(node, direction, *, stamped=False, clock=True):
+    found = set()
+    for each in TOPICS:
+        if (each.node, each.direction) != (node.get_name(), direction):
+            continue
+        if each.name == 'cmd_vel' and (each.type.__name__ == 'TwistStamped') != stamped:
+            continue
+        if each.name == '/clock' and not clock:
+            continue
+        full = each.name.replace('~', f'/{node.get_name()}')
+        package = each.type.__module__.partition('.')[0]
+        found.add((full if full[0] == '/' else f'/{full}', f'{package}/msg/{each.type.__name__}'))
+    return found
+
+
+@pytest.mark.parametrize('stamped', [False, True])
+def test_guidance_opens_what_the_table_says(make, stamped):
+    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}')
+    for direction in ('in', 'out'):
+        assert opened(node, direction) == in_table(node, direction, stamped=stamped)
+
+
+@pytest.mark.parametrize('clock', [False, True])
+def test_simulator_opens_what_the_table_says(make, clock):
+    node = make(SimNode, f'publish_clock:={str(clock).lower()}')
+    for direction in ('in', 'out'):
+        assert opened(node, direction) == in_table(node, direction, clock=clock)
+
+
+def test_readme_holds_the_table():
+    text = README.read_text(encoding='utf-8')
+    assert with_table(text) == text

@@ -57,7 +57,7 @@ def demo(
         folder = make_folder(output, force=force)
         summary = _run(scenario, folder)
     except (ParameterError, DemoError, BagError) as error:
-        _errors.print(str(error), style='red', markup=False, highlight=False)
+        _errors.print(str(error), style='red', markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from None
     except KeyboardInterrupt:
         _errors.print('interrupted; all nodes were stopped', style='red')
@@ -65,7 +65,7 @@ def demo(
     _console.print(_table(summary, scenario))
     _console.print(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
     if summary.failure:
-        _errors.print(summary.failure, style='red', markup=False, highlight=False)
+        _errors.print(summary.failure, style='red', markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1)
 
 

@@ -14,13 +14,18 @@ def along_path(settings: GuidanceSettings) -> ClearSpace:
     return ClearSpace.of(settings.road, settings.obstacles, distance)
 
 
-def at_samples(settings: GuidanceSettings) -> ClearSpace:
+def at_samples(settings: GuidanceSettings, longest: float | None = None) -> ClearSpace:
     """Space for the samples of a plan, such that the path between them stays in `along_path`.
 
     Without a wheel limit there is no such space that is known beforehand, and it is the same as
     `along_path`; with `safety.between_samples` off it is so by choice.
+
+    Args:
+        settings: All settings of the guidance law.
+        longest: Longest time between two samples [s]; the control period where it is shorter.
     """
+    period = max(settings.control_period, longest or 0.0)
     space = along_path(settings)
     if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
-        return space.for_samples(settings.robot.twist_limits(), settings.control_period)
+        return space.for_samples(settings.robot.twist_limits(), period)
     return space

@@ -71,6 +71,7 @@ class GuidanceLaw:
         """Begin again: the next odometry is time 0."""
         self._start: int | None = None
         self._due = 0
+        self._latest = 0
         self._step = 0
         self._failures = 0
         self._plan: Plan | None = None
@@ -96,10 +97,10 @@ class GuidanceLaw:
         """
         if self._start is None:
             self._start = stamp
-            self._due = 0
         now = stamp - self._start
         if now < self._due:
             return None
+        self._latest = now
         if now >= self._final:
             self._due = now + self._period
             return self._halt(stamp, pose, 'The final time has passed.', finished=True)
@@ -112,14 +113,14 @@ class GuidanceLaw:
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.
 
-        The plan is dropped, and the next odometry is decided on at once.
+        The plan is dropped, and the next newer odometry is decided on at once.
 
         Args:
             stamp: Present time [ns].
             reason: Why, in a sentence.
         """
         self._plan = None
-        self._due = 0
+        self._due = 0 if self._start is None else self._latest + 1
         return self._halt(stamp, np.full(3, math.nan), reason)
 
     def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
@@ -149,7 +150,7 @@ class GuidanceLaw:
             reason=reason,
             wheel_speeds=plan.controls[0],
             twist=self._settings.robot.twist(plan.controls[0]),
-            time_left=(self._final - horizon.edges[0]) / NANOSECONDS,
+            time_left=(self._final - int(horizon.edges[0])) / NANOSECONDS,
             plan=plan,
             miss=self._miss(plan),
             margin=verdict.margin,

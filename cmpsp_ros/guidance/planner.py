@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,7 +66,6 @@ class Planner:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles, weights and solver from the settings."""
         self._settings = settings
-        self._space = at_samples(settings)
         self._arcs_matter = settings.safety.between_samples and not np.isfinite(
             settings.robot.max_wheel_speed
         )
@@ -100,10 +100,11 @@ class Planner:
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
     ) -> OptimalControlProblem:
         settings, durations = self._settings, horizon.durations
-        robot, space = settings.robot, self._space
+        robot, longest = settings.robot, _rounded_up(float(durations.max()))
+        space = at_samples(settings, longest)
         if self._arcs_matter:
-            arcs = _ROOM * robot.twist(guess[:-1])
-            space = space.for_samples_of(arcs, settings.control_period)
+            period = max(settings.control_period, longest)
+            space = space.for_samples_of(_ROOM * robot.twist(guess[:-1]), period)
         problem = GuidanceProblem(robot, space, self._cost, pose, self._goal, durations)
         if settings.weights.control_rate > 0.0:
             return ControlRateProblem(problem, settings.weights.control_rate, held)
@@ -121,6 +122,11 @@ class Planner:
             hessian=solver.hessian,
             trust_radius=trust_radius,
         )
+
+
+def _rounded_up(duration: float) -> float:
+    """To the next centisecond, so that late odometry does not ask for a new space each time."""
+    return math.ceil(duration * 100.0 - 1e-6) / 100.0
 
 
 def _summary(iterate: Iterate, horizon: Horizon) -> Improvement:

@@ -36,14 +36,14 @@ class SolverSettings:
     Attributes:
         iterations_per_step: Iterations at each control step (the paper's "iteration unfolding").
         qp: Name of the QP back end.
-        hessian: Hessian of the cost: Gauss-Newton, or exact and projected to PSD.
+        hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
         heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];
             0 means none.
     """
 
     iterations_per_step: int = 2
     qp: str = 'daqp'
-    hessian: Literal['gauss_newton', 'exact'] = 'gauss_newton'
+    hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
 
 

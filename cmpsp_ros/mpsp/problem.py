@@ -12,7 +12,15 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.errors import ProblemError
 
 Array = NDArray[np.float64]
-Hessian = Literal['gauss_newton', 'exact']
+Hessian = Literal['gauss_newton', 'exact', 'projected']
+"""Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).
+
+``gauss_newton`` leaves out the curvature of the residuals and is positive semi-definite; ``exact``
+is the second derivative as it is, indefinite where the cost is not convex; ``projected`` is its
+positive semi-definite part. None of them holds the curvature of ``F``, ``h`` or ``g``: neither do
+(45) and (49)-(52), and Lemma 1, which calls (45) the Hessian of ``J`` by the controls, is right for
+linear dynamics only.
+"""
 
 
 @dataclass(frozen=True)
@@ -109,7 +117,10 @@ class Linearisation:
                 )
             applies = array[array != -np.inf] if field.name == 'g' else array
             if not np.isfinite(applies).all():
-                raise ProblemError(f'{field.name}: found a value that is not finite')
+                bad = np.isnan(array) | np.isposinf(array)
+                bad |= np.isneginf(array) & (field.name != 'g')
+                place = np.argwhere(bad)[0].tolist()
+                raise ProblemError(f'{field.name}: found a value that is not finite, at {place}')
 
 
 @dataclass(frozen=True)
@@ -167,9 +178,42 @@ class OptimalControlProblem(ABC):
         Args:
             X: States, shape ``(N + 1, n)``.
             U: Controls, shape ``(N + 1, r)``.
-            hessian: Which second derivative of the cost to return. Both must leave the condensed
-                Hessian positive semi-definite: ``exact`` is projected.
+            hessian: Which second derivative of the cost to return. All but ``exact`` must leave
+                the condensed Hessian positive semi-definite.
         """
+
+    def check(self) -> None:
+        """Raise unless bounds and target fit the dimensions and each other.
+
+        Raises:
+            ProblemError: Names the argument, what was found and what was wanted.
+        """
+        wanted = (self.size.horizon + 1, self.size.control)
+        for name in ('control_lower', 'control_upper'):
+            bound = getattr(self, name)
+            if bound.shape != wanted:
+                raise ProblemError(f'{name}: found shape {bound.shape}, wanted {wanted}')
+            bad = np.argwhere(np.isnan(bound))
+            if len(bad):
+                raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
+        bad = np.argwhere(
+            (self.control_lower > self.control_upper)
+            | np.isposinf(self.control_lower)
+            | np.isneginf(self.control_upper)
+        )
+        if len(bad):
+            stage, index = bad[0]
+            lower, upper = self.control_lower[stage, index], self.control_upper[stage, index]
+            raise ProblemError(
+                f'control_lower: found {lower} at {[int(stage), int(index)]}, '
+                f'wanted at most control_upper, {upper} there, and a number between the two'
+            )
+        if self.target.shape != (self.size.output,):
+            raise ProblemError(
+                f'target: found shape {self.target.shape}, wanted {(self.size.output,)}'
+            )
+        if not np.isfinite(self.target).all():
+            raise ProblemError(f'target: found {self.target}, wanted finite numbers')
 
     def check_controls(self, U: Array) -> None:
         """Raise unless ``U`` is a control history of this problem.

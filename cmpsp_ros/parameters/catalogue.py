@@ -114,8 +114,9 @@ def _parameters() -> Iterator[Parameter]:
     yield solver('solver.qp', _STRING, 'daqp', '',
         'Name of the quadratic-programming back end.', **_FIXED)
     yield solver('solver.hessian', _STRING, 'gauss_newton', '',
-        'Hessian of the cost: `gauss_newton`, or `exact` and made positive semidefinite.',
-        choices=('gauss_newton', 'exact'))
+        'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
+        'its positive semidefinite part.',
+        choices=('gauss_newton', 'projected', 'exact'))
     yield solver('solver.heading_trust_region', _DOUBLE, 0.6, 'rad',
         'Largest change of heading at any stage in one iteration; 0 means none.',
         range=_NOT_NEGATIVE)

@@ -13,6 +13,8 @@ from cmpsp_ros.guidance.settings import (
     SolverSettings,
     Weights,
 )
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
@@ -35,9 +37,11 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
-            or the final time comes before the first control step; with all of these.
+            the final time comes before the first control step, or the QP back end is not
+            installed; with all of these.
     """
-    _raise_if_any([*_time_problems(values), *_road_problems(values), *_goal_problems(values)])
+    groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
+    _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
         road=_road(values),
@@ -146,6 +150,14 @@ def _road_problems(values: Values) -> Iterator[Problem]:
 def _goal_problems(values: Values) -> Iterator[Problem]:
     x, y = values['goal.position']
     yield from _place_problems(values, 'goal.position', (x, y))
+
+
+def _solver_problems(values: Values) -> Iterator[Problem]:
+    name = values['solver.qp']
+    try:
+        backend(name)
+    except ProblemError:
+        yield Problem('solver.qp', repr(name), f'one of {", ".join(available())}')
 
 
 def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:

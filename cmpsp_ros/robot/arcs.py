@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Below this turn [rad] an arc is taken for its chord: the difference is under a nanometre for any
-# length below a centimetre per microradian, while the centre of the arc recedes to infinity.
-_STRAIGHT = 1e-8
+# Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than
+# 1.3e-8 of its length; the centre of a flatter arc is too far away to measure from.
+_STRAIGHT = 1e-7
 
 
 def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:

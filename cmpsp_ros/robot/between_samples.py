@@ -86,11 +86,15 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
         period: Time between two samples, ``T`` [s].
 
     Returns:
-        Distance not to exceed at the samples [m], not more than ``distance``; 0 where the robot
-        can leave the disc and come back between two samples from anywhere in it.
+        Distance not to exceed at the samples [m], not more than ``distance``; 0 where the disc
+        is so small that the robot may cross it in one period.
     """
+    if distance <= limits.speed * period:
+        return 0.0
 
     def squared(R: Array, a: Array) -> Array:
+        # The bulge of an arc grows with its radius up to half the distance, and then shrinks.
+        R = np.minimum(R, distance / 2.0)
         return _bulge(R, a, distance - R)
 
     return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))

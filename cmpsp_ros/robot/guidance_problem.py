@@ -20,6 +20,10 @@ from cmpsp_ros.robot.distance import distances
 
 Array = NDArray[np.float64]
 
+# The centre line's distance has no second derivative at the road's centre; nearer than this [m]
+# its curvature is held.
+_LEAST_RADIUS = 1e-3
+
 EDGES = 2
 """Path constraints of the road, outer edge first; the obstacles' follow."""
 
@@ -95,11 +99,11 @@ class GuidanceProblem(OptimalControlProblem):
         return Evaluation(0.5 * float(cost), X[-1, :2] - self.target, self._violations(distance))
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        """Analytic derivatives; ``exact`` adds the curvature of the centre line where positive.
+        """Analytic derivatives.
 
         The second derivative of ``(r - r_p)^2 / 2`` is ``n n' + (1 - r_p / r) t t'`` with unit
-        vectors ``n`` across and ``t`` along the road: negative along it wherever ``r < r_p``, and
-        then set to 0, which is its projection.
+        vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term out. It
+        is negative wherever ``r < r_p``, and there 0 in the projection.
         """
         size, cost = self.size, self._cost
         stages = size.horizon + 1
@@ -112,10 +116,12 @@ class GuidanceProblem(OptimalControlProblem):
         L_X[:, :2] = cost.road_center * off_center[:, None] * across
         L_XX = np.zeros((stages, 3, 3))
         L_XX[:, :2, :2] = cost.road_center * across[:, :, None] * across[:, None, :]
-        if hessian == 'exact':
+        if hessian != 'gauss_newton':
             along = np.column_stack([-across[:, 1], across[:, 0]])
-            radius = np.maximum(distance[:, 0], np.finfo(float).tiny)
-            curvature = cost.road_center * np.maximum(off_center / radius, 0.0)
+            radius = np.maximum(distance[:, 0], _LEAST_RADIUS)
+            curvature = cost.road_center * off_center / radius
+            if hessian == 'projected':
+                curvature = np.maximum(curvature, 0.0)
             L_XX[:, :2, :2] += curvature[:, None, None] * along[:, :, None] * along[:, None, :]
         L_UU = np.zeros((stages, 2, 2))
         L_UU[:] = (cost.control_change + cost.control_effort) * np.eye(2)

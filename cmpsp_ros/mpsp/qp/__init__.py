@@ -9,11 +9,16 @@ from importlib.util import find_spec
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import daqp_backend
-from cmpsp_ros.mpsp.qp.solution import Backend, Penalties, QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.solution import (
+    TOLERANCE,
+    Backend,
+    Penalties,
+    QPSolution,
+    QPStatus,
+    kkt_residual,
+)
 
 __all__ = ['Backend', 'Penalties', 'QPSolution', 'QPStatus', 'available', 'backend', 'solve_qp']
-
-_TOLERANCE = 1e-5
 
 
 def available() -> tuple[str, ...]:
@@ -56,6 +61,6 @@ def solve_qp(qp: CondensedQP, name: str, penalties: Penalties | None = None) -> 
     solution = backend(name)(qp, penalties)
     if solution.status is QPStatus.SOLVED:
         residual = kkt_residual(qp, solution, penalties)
-        if not residual <= _TOLERANCE:
+        if not residual <= TOLERANCE:
             return replace(solution, status=QPStatus.FAILED)
     return solution

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +14,7 @@ from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 
 # Solvers that factor the Hessian want it positive definite, slack variables included.
-_SLACK_CURVATURE = 1e-9
+_SLACK_CURVATURE = 1e-6
 
 
 class QpsolversBackend:
@@ -46,9 +47,14 @@ class QpsolversBackend:
             for name in ('P', 'G', 'A'):
                 matrix = getattr(problem, name)
                 setattr(problem, name, None if matrix is None else sparse.csc_matrix(matrix))
-        answer = qpsolvers.solve_problem(problem, solver=self._solver)
+        with warnings.catch_warnings():
+            # Some solvers warn of every program without a solution; that is an answer here.
+            warnings.simplefilter('ignore')
+            answer = qpsolvers.solve_problem(problem, solver=self._solver)
         if not answer.found or answer.x is None:
-            return QPSolution.unsolved(qp, QPStatus.INFEASIBLE)
+            says = str(answer.extras.get('status', '')).lower()
+            infeasible = 'infeasible' in says and 'dual' not in says
+            return QPSolution.unsolved(qp, QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED)
         p, t = len(qp.g), len(qp.radius)
         path, above, below = np.split(_or_zeros(answer.z, p + 2 * t), [p, p + t])
         return QPSolution(

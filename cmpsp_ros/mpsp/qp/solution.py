@@ -11,6 +11,9 @@ import numpy as np
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
 
+TOLERANCE = 1e-5
+"""Relative violation of the optimality conditions up to which an answer is a solution."""
+
 
 class QPStatus(Enum):
     """How a quadratic program ended; the value is a sentence for the user."""

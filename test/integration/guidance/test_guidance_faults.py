@@ -38,7 +38,7 @@ def lose_orientation(message):
 
 FAULTS = [
     (spoil_position, 'not finite'),
-    (spoil_orientation, 'not finite'),
+    (spoil_orientation, 'orientation of length inf'),
     (leave_frame, "frame 'map', wanted 'odom'"),
     (grow_old, 's old (odom_timeout 60.0 s)'),
     (lose_orientation, 'orientation of length 0'),

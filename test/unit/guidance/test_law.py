@@ -444,6 +444,15 @@ def test_halt():
     assert onward.step == 11
 
 
+def test_odometry_from_before_a_halt_is_not_decided_on():
+    given = CASES['case 3']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:11])
+    law.halt(10 * PERIOD + 5, 'Odometry is stale.')
+    assert law.update(8 * PERIOD, run.pose) is None
+    assert law.update(10 * PERIOD, run.pose) is None
+
+
 def test_reconfigure_with_the_same_settings_changes_nothing():
     given = CASES['case 3']
     law, plain = GuidanceLaw(given), GuidanceLaw(given)

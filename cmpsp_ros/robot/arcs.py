@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than
-# 1.3e-8 of its length; the centre of a flatter arc is too far away to measure from.
-_STRAIGHT = 1e-7
+# Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than an
+# eighth of that part of its length.
+_STRAIGHT = 1e-10
 
 
 def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
@@ -57,23 +57,23 @@ def reach(poses: Array, twists: Array, durations: Array, points: Array) -> tuple
     to_chord = np.linalg.norm(points - foot, axis=2)
     least = np.where(bent[:, None], least, to_chord)
 
-    radius = length / np.where(bent, turn, 1.0)
-    heading = poses[:, 2]
-    normal = np.column_stack([-np.sin(heading), np.cos(heading)])
-    centers = starts + (radius[:, None] * normal)[:, None, :]
-    out = points - centers
-    distance = np.linalg.norm(out, axis=2)
-    side = np.sign(radius)[:, None]
-    facing = np.arctan2(side * out[:, :, 0], -side * out[:, :, 1])
-    size = np.abs(radius)[:, None]
-    for angle, extreme, fold in (
-        (facing, np.abs(distance - size), np.minimum),
-        (facing + np.pi, distance + size, np.maximum),
+    R = (length / np.where(bent, turn, 1.0))[:, None]
+    heading = poses[:, 2, None]
+    out = points - starts
+    # Components of `out` across the start's heading, towards the arc's centre, and along it.
+    across = np.cos(heading) * out[:, :, 1] - np.sin(heading) * out[:, :, 0]
+    ahead = np.cos(heading) * out[:, :, 0] + np.sin(heading) * out[:, :, 1]
+    excess = (out**2).sum(axis=2) - 2.0 * R * across
+    distance = np.sqrt(np.maximum(R * R + excess, 0.0))
+    # Distance from the circle, without the difference of two numbers as large as its radius.
+    far = distance + np.abs(R)
+    near = np.abs(excess) / np.where(far > 0.0, far, 1.0)
+    # Angle, about the centre, from the start on to where the arc passes the point.
+    bearing = np.arctan2(R * ahead, R * R - R * across) * np.sign(turn)[:, None]
+    for angle, extreme, fold, best in (
+        (bearing, near, np.minimum, least),
+        (bearing + np.pi, far, np.maximum, greatest),
     ):
-        passed = np.mod((angle - heading[:, None]) * np.sign(turn)[:, None], 2.0 * np.pi)
-        on_arc = bent[:, None] & (passed <= np.abs(turn)[:, None])
-        if fold is np.minimum:
-            least = np.where(on_arc, fold(least, extreme), least)
-        else:
-            greatest = np.where(on_arc, fold(greatest, extreme), greatest)
+        passed = bent[:, None] & (np.mod(angle, 2.0 * np.pi) <= np.abs(turn)[:, None])
+        best[passed] = fold(best[passed], extreme[passed])
     return least, greatest

@@ -12,6 +12,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 from rclpy.time import Time
 
+from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.nodes.guidance_messages import OdometryError, level_of, pose_of
 from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
@@ -188,9 +189,12 @@ class GuidanceNode(LifecycleNode):
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision)
         if self._decision is None or decision.rung != self._decision.rung:
-            log = self.get_logger()
-            say = log.info if decision.rung == 0 or decision.finished else log.warning
-            say(f'{decision.rung.name.lower()}: {decision.reason}')
+            said = f'{decision.rung.name.lower()}: {decision.reason}'
+            # rclpy refuses one place in the code that logs at two levels.
+            if decision.rung == Rung.NOMINAL or decision.finished:
+                self.get_logger().info(said)
+            else:
+                self.get_logger().warning(said)
         self._decision, self._halted_at = decision, None
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -94,7 +94,6 @@ class SimNode(Node):
             self._drive_to(self.next_ns)
             message = self.measure()
             self.publish(message)
-            self._publish_truth(self.plant.motion)
             self.next_ns += self.period_ns
         self._drive_to(stamp_ns)
         return message
@@ -118,12 +117,13 @@ class SimNode(Node):
         return message
 
     def publish(self, message: Odometry) -> None:
-        """Publish odometry, its time before it."""
+        """Publish odometry of this instant, its time before it and the truth after it."""
         if self._clock_out is not None:
             self._clock_out.publish(ClockMessage(clock=message.header.stamp))
         self.odometry.publish(message)
         if self._transforms is not None:
             self._transforms.sendTransform(_transform(message))
+        self._publish_truth(self.plant.motion)
 
     def _drive_to(self, stamp_ns: int) -> None:
         for change in self.plant.advance(stamp_ns):

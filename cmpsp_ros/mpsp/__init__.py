@@ -1,1 +1,82 @@
-"""The C-MPSP method for any problem of the form (1)-(6): arrays in, arrays out."""
+"""The C-MPSP method for any problem of the form (1)-(6): arrays in, arrays out.
+
+What a user needs is imported from here, ``from cmpsp_ros.mpsp import solve``; each name comes from
+its own module when first asked for, so that a caller of one part does not wait for the others.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cmpsp_ros.mpsp.casadi_functions import from_casadi
+    from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
+    from cmpsp_ros.mpsp.condensing import CondensedQP, condense, sensitivities
+    from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+    from cmpsp_ros.mpsp.curvature import convexify
+    from cmpsp_ros.mpsp.derivative_check import DerivativeReport, check_derivatives
+    from cmpsp_ros.mpsp.errors import ProblemError
+    from cmpsp_ros.mpsp.functions import from_functions
+    from cmpsp_ros.mpsp.iteration import CMPSP, Iterate, Options, Step, solve
+    from cmpsp_ros.mpsp.problem import (
+        Dimensions,
+        Evaluation,
+        Hessian,
+        Linearisation,
+        OptimalControlProblem,
+    )
+    from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, available, solve_qp
+    from cmpsp_ros.mpsp.status import Solution, Status
+
+__all__ = [
+    'CMPSP',
+    'CondensedQP',
+    'ControlRateProblem',
+    'DerivativeReport',
+    'Dimensions',
+    'Evaluation',
+    'Hessian',
+    'Iterate',
+    'Linearisation',
+    'OptimalControlProblem',
+    'Options',
+    'Penalties',
+    'ProblemError',
+    'QPSolution',
+    'QPStatus',
+    'Solution',
+    'Status',
+    'Step',
+    'available',
+    'check_derivatives',
+    'condense',
+    'convexify',
+    'from_casadi',
+    'from_functions',
+    'has_closed_form',
+    'sensitivities',
+    'solve',
+    'solve_closed_form',
+    'solve_qp',
+]
+
+_HOMES = {
+    'casadi_functions': ('from_casadi',),
+    'closed_form': ('has_closed_form', 'solve_closed_form'),
+    'condensing': ('CondensedQP', 'condense', 'sensitivities'),
+    'control_rate': ('ControlRateProblem',),
+    'curvature': ('convexify',),
+    'derivative_check': ('DerivativeReport', 'check_derivatives'),
+    'errors': ('ProblemError',),
+    'functions': ('from_functions',),
+    'iteration': ('CMPSP', 'Iterate', 'Options', 'Step', 'solve'),
+    'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
+    'qp': ('Penalties', 'QPSolution', 'QPStatus', 'available', 'solve_qp'),
+    'status': ('Solution', 'Status'),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_HOME[name]}'), name)

@@ -1,4 +1,9 @@
-"""The closed form (35) of a program without inequalities: one symmetric linear system."""
+"""The closed form (35) of a program without inequalities: one symmetric linear system.
+
+At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing as much again at most.
+A BLAS that starts threads may stall for far longer on a busy machine: where time is short, tell it
+to use one, as with ``OPENBLAS_NUM_THREADS=1``.
+"""
 
 from __future__ import annotations
 

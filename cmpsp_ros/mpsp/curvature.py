@@ -16,7 +16,7 @@ from cmpsp_ros.mpsp.definiteness import (
 from cmpsp_ros.mpsp.problem import Array
 
 CURVATURE_LEFT = 1e-3
-"""Least eigenvalue of a shifted Hessian, relative to the largest in magnitude.
+"""Least eigenvalue of a shifted Hessian, relative to the largest in magnitude before.
 
 Any positive number would make the program solvable. But a step is as long as the gradient over
 the curvature: this keeps it within a thousand times the natural length, which bounds, trust
@@ -48,7 +48,6 @@ def convexify(qp: CondensedQP) -> tuple[CondensedQP, float]:
         return qp, 0.0
     values = np.linalg.eigvalsh(qp.H)
     size = np.abs(values).max() or 1.0
-    # Shifting raises the largest eigenvalue, too; the difference is below CURVATURE_LEFT itself.
     shift = float(CURVATURE_LEFT * size - values[0])
     return replace(qp, H=qp.H + shift * np.eye(len(qp.H))), shift
 

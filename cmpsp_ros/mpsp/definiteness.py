@@ -18,12 +18,14 @@ def is_positive_definite(H: Array) -> bool:
     """
     if H.size == 0:
         return True
+    if not np.isfinite(H).all():
+        return False
     margin = CURVATURE_MARGIN * np.abs(np.diagonal(H)).max()
     try:
         np.linalg.cholesky(H - margin * np.eye(len(H)))
     except np.linalg.LinAlgError:
         return False
-    return bool(np.isfinite(H).all())
+    return True
 
 
 def is_positive_definite_along(H: Array, S: Array) -> bool:
@@ -45,7 +47,12 @@ def is_positive_definite_along(H: Array, S: Array) -> bool:
 
 
 def nearest_positive_semidefinite(blocks: Array) -> Array:
-    """Each symmetric block with its negative eigenvalues set to 0, shape ``(..., d, d)``."""
+    """Each symmetric block with its negative eigenvalues set to 0, shape ``(..., d, d)``.
+
+    Blocks are left as they are where any of them is not finite.
+    """
+    if not np.isfinite(blocks).all():
+        return blocks
     values, vectors = np.linalg.eigh(blocks)
     raised = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
     # What is positive semi-definite already keeps its bits.

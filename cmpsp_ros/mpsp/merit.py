@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +14,14 @@ from cmpsp_ros.mpsp.qp.solution import QPSolution
 
 _SUFFICIENT_DECREASE = 1e-4
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
+# Tried only where all of those fail, which otherwise ends the iteration.
+_LAST_RESORTS = tuple(0.5**halvings for halvings in range(5, 13))
 _ABOVE_MULTIPLIER = 1.1
+# Rounding of a merit, relative to its magnitude: thousands of terms, and states that went through
+# a whole roll-out. A smaller difference between two merits says nothing.
+_ROUNDING = 1e-13
+# A promise below this, relative to the same magnitude, is too close to rounding to be checked.
+_UNCHECKABLE = 1e-11
 
 
 @dataclass(frozen=True)
@@ -40,10 +49,21 @@ class Merit:
 
     def value(self, evaluation: Evaluation) -> float:
         """Merit of a trajectory; infinite where it is not finite."""
+        value = evaluation.cost + self.violation(evaluation)
+        return value if math.isfinite(value) else math.inf
+
+    def magnitude(self, evaluation: Evaluation) -> float:
+        """What the rounding of a merit is relative to, its penalties at unit violation."""
+        return abs(evaluation.cost) + float(self.terminal.sum())
+
+    def can_check(self, promised: float, evaluation: Evaluation) -> bool:
+        """Whether a promised decrease stands clear of rounding."""
+        return promised > _UNCHECKABLE * self.magnitude(evaluation)
+
+    def violation(self, evaluation: Evaluation) -> float:
+        """Weighted violation of the constraints, the part of the merit that is not cost."""
         miss = self.terminal @ np.abs(evaluation.output_error)
-        violation = (self.path * np.maximum(evaluation.g, 0.0)).sum()
-        value = float(evaluation.cost + miss + violation)
-        return value if np.isfinite(value) else np.inf
+        return float(miss + (self.path * np.maximum(evaluation.g, 0.0)).sum())
 
     def predicted_decrease(self, qp: CondensedQP, dU: Array) -> float:
         """Decrease of the merit that its linearisation promises for the full step."""
@@ -63,18 +83,60 @@ class Trial:
         U: Controls, shape ``(N + 1, r)``.
         X: Predicted states, shape ``(N + 1, n)``.
         evaluation: Value along them.
+        corrected: Whether a second-order correction bent the step.
     """
 
     length: float
     U: Array
     X: Array
     evaluation: Evaluation
+    corrected: bool = False
+
+
+Correction = Callable[[Evaluation], Array]
+"""From the value after the full step to the control deviations that mend its violation."""
+
+
+def second_order_correction(qp: CondensedQP, solution: QPSolution, evaluation: Evaluation) -> Array:
+    """Least deviations that undo what the constraints' curvature costs a full step.
+
+    Near a solution with active curved constraints the full step violates them by the square of
+    its length, and the merit may refuse it for that, however close the solution is: the Maratos
+    effect. Going back to the constraints along their gradients at the start of the step mends it.
+
+    Args:
+        qp: The subproblem.
+        solution: Its solution, which tells the active rows and bounds.
+        evaluation: Value after the full step.
+
+    Returns:
+        Deviations on top of the step, shape ``(q,)``; 0 where a bound is active.
+    """
+    g = evaluation.g[qp.path_stage, qp.path_index]
+    active = (solution.path > 0.0) | (g > 0.0)
+    rows = np.concatenate([qp.S_N, qp.B_C[active]])
+    excess = np.concatenate([evaluation.output_error, g[active]])
+    # Measured by the Hessian's diagonal, so that controls of unlike units share the work.
+    curvature = np.diagonal(qp.H)
+    scale = 1.0 / np.sqrt(np.where(curvature > 0.0, curvature, 1.0))
+    scale[solution.bounds != 0.0] = 0.0
+    shortest: Array = np.linalg.lstsq(rows * scale, -excess, rcond=None)[0]
+    return scale * shortest
 
 
 def search(
-    problem: OptimalControlProblem, start: Trial, dU: Array, merit: Merit, promised: float
+    problem: OptimalControlProblem,
+    start: Trial,
+    dU: Array,
+    merit: Merit,
+    promised: float,
+    correction: Correction | None = None,
+    longest: float = 1.0,
 ) -> Trial:
     """Backtrack from the full step until the merit falls by enough.
+
+    Where the full step is refused although it does not lower the violation, the search goes back
+    along the arc ``a dU + a^2 w``, with ``w`` the second-order correction.
 
     Args:
         problem: The problem.
@@ -82,20 +144,62 @@ def search(
         dU: Search direction, shape ``(N + 1, r)``.
         merit: Merit function of this step.
         promised: Its predicted decrease for the full step.
+        correction: Gives ``w``; None for none.
+        longest: Step length to begin with.
 
     Returns:
         The first trial that keeps its promise, else the best one that lowers the merit at all,
-        else the start with step length 0.
+        else the start with step length 0. A rise within rounding counts as none.
     """
     before = merit.value(start.evaluation)
-    best, least = Trial(0.0, start.U, start.X, start.evaluation), before
-    for length in _STEP_LENGTHS:
-        U = np.clip(start.U + length * dU, problem.control_lower, problem.control_upper)
-        X = problem.predict(U)
-        trial = Trial(length, U, X, problem.evaluate(X, U))
+
+    def keeps_promise(trial: Trial) -> bool:
+        wanted = before - _SUFFICIENT_DECREASE * trial.length * max(promised, 0.0)
         value = merit.value(trial.evaluation)
-        if value <= before - _SUFFICIENT_DECREASE * length * max(promised, 0.0):
-            return trial
-        if value < least:
-            best, least = trial, value
-    return best
+        return value <= wanted or value <= wanted + _ROUNDING * merit.magnitude(start.evaluation)
+
+    first = _trial(problem, start, dU, None, longest)
+    if keeps_promise(first):
+        return first
+    trials, bend = [first], None
+    if correction is not None and longest == 1.0:
+        bend = _bend(start, first, dU, merit, correction)
+    for length in _STEP_LENGTHS:
+        # The first one again only if it is now a different one.
+        if length > longest or (length == longest and bend is None):
+            continue
+        trials.append(_trial(problem, start, dU, bend, length))
+        if keeps_promise(trials[-1]):
+            return trials[-1]
+    best = min(trials, key=lambda trial: merit.value(trial.evaluation))
+    if merit.value(best.evaluation) < before:
+        return best
+    shorter = (_trial(problem, start, dU, bend, length) for length in _LAST_RESORTS)
+    return _first_lower(shorter, merit, before) or Trial(0.0, start.U, start.X, start.evaluation)
+
+
+def _first_lower(trials: Iterator[Trial], merit: Merit, before: float) -> Trial | None:
+    return next((trial for trial in trials if merit.value(trial.evaluation) < before), None)
+
+
+def _bend(
+    start: Trial, full: Trial, dU: Array, merit: Merit, correction: Correction
+) -> Array | None:
+    """The correction, where violation is what the full step is refused for, and it is small."""
+    violation = merit.violation(full.evaluation)
+    if not (np.isfinite(violation) and violation > merit.violation(start.evaluation)):
+        return None
+    bend = correction(full.evaluation).reshape(dU.shape)
+    # A correction as long as the step itself is none: the constraints bend too much for it.
+    return bend if np.linalg.norm(bend) < np.linalg.norm(dU) else None
+
+
+def _trial(
+    problem: OptimalControlProblem, start: Trial, dU: Array, bend: Array | None, length: float
+) -> Trial:
+    U = start.U + length * dU
+    if bend is not None:
+        U += length * length * bend
+    U = np.clip(U, problem.control_lower, problem.control_upper)
+    X = problem.predict(U)
+    return Trial(length, U, X, problem.evaluate(X, U), bend is not None)

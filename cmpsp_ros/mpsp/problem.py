@@ -91,7 +91,23 @@ class Linearisation:
         """Raise where an array has the wrong shape or a value that is not finite.
 
         Raises:
-            ProblemError: Names the array, the shape or value found and the one wanted.
+            ProblemError: Names the array, the shape found and the one wanted, or where in it.
+        """
+        self.check_shapes(size)
+        for field in fields(self):
+            array = getattr(self, field.name)
+            bad = ~np.isfinite(array)
+            if field.name == 'g':
+                bad &= array != -np.inf
+            if bad.any():
+                place = np.argwhere(bad)[0].tolist()
+                raise ProblemError(f'{field.name}: found a value that is not finite, at {place}')
+
+    def check_shapes(self, size: Dimensions) -> None:
+        """Raise where an array has the wrong shape.
+
+        Raises:
+            ProblemError: Names the array, the shape found and the one wanted.
         """
         N, n, r, m, l = size.horizon, size.state, size.control, size.output, size.path  # noqa: E741
         wanted = {
@@ -115,12 +131,6 @@ class Linearisation:
                 raise ProblemError(
                     f'{field.name}: found shape {array.shape}, wanted {wanted[field.name]}'
                 )
-            applies = array[array != -np.inf] if field.name == 'g' else array
-            if not np.isfinite(applies).all():
-                bad = np.isnan(array) | np.isposinf(array)
-                bad |= np.isneginf(array) & (field.name != 'g')
-                place = np.argwhere(bad)[0].tolist()
-                raise ProblemError(f'{field.name}: found a value that is not finite, at {place}')
 
 
 @dataclass(frozen=True)
@@ -190,24 +200,10 @@ class OptimalControlProblem(ABC):
         """
         wanted = (self.size.horizon + 1, self.size.control)
         for name in ('control_lower', 'control_upper'):
-            bound = getattr(self, name)
-            if bound.shape != wanted:
-                raise ProblemError(f'{name}: found shape {bound.shape}, wanted {wanted}')
-            bad = np.argwhere(np.isnan(bound))
-            if len(bad):
-                raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
-        bad = np.argwhere(
-            (self.control_lower > self.control_upper)
-            | np.isposinf(self.control_lower)
-            | np.isneginf(self.control_upper)
-        )
-        if len(bad):
-            stage, index = bad[0]
-            lower, upper = self.control_lower[stage, index], self.control_upper[stage, index]
-            raise ProblemError(
-                f'control_lower: found {lower} at {[int(stage), int(index)]}, '
-                f'wanted at most control_upper, {upper} there, and a number between the two'
-            )
+            found = getattr(self, name).shape
+            if found != wanted:
+                raise ProblemError(f'{name}: found shape {found}, wanted {wanted}')
+        check_bounds('control_lower', self.control_lower, 'control_upper', self.control_upper)
         if self.target.shape != (self.size.output,):
             raise ProblemError(
                 f'target: found shape {self.target.shape}, wanted {(self.size.output,)}'
@@ -227,3 +223,22 @@ class OptimalControlProblem(ABC):
         bad = np.flatnonzero(~np.isfinite(U).all(axis=1))
         if len(bad):
             raise ProblemError(f'U: found {U[bad[0]]} at stage {bad[0]}, wanted finite numbers')
+
+
+def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
+    """Raise unless there is a number between every lower bound and its upper one.
+
+    Raises:
+        ProblemError: Names the bound, the stage and the control.
+    """
+    for name, bound in ((lower_name, lower), (upper_name, upper)):
+        bad = np.argwhere(np.isnan(bound))
+        if len(bad):
+            raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
+    bad = np.argwhere((lower > upper) | np.isposinf(lower) | np.isneginf(upper))
+    if len(bad):
+        place = tuple(bad[0])
+        raise ProblemError(
+            f'{lower_name}: found {lower[place]} at {bad[0].tolist()}, '
+            f'wanted a number below {upper_name}, which is {upper[place]} there'
+        )

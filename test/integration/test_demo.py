@@ -215,9 +215,7 @@ def test_case_3_in_real_time(start_demo, tmp_path):
         (['case4'], ['case4', 'did you mean', 'case3']),
     ],
 )
-def test_what_cannot_be_run_is_said_before_anything_starts(
-    start_demo, tmp_path, arguments, said
-):
+def test_what_cannot_be_run_is_said_before_anything_starts(start_demo, tmp_path, arguments, said):
     folder = tmp_path / 'run'
     running = start_demo(*arguments, '--lockstep', '--output', folder)
     assert running.wait(LIMIT) == 1
@@ -250,6 +248,18 @@ def test_an_interrupted_run_leaves_a_readable_bag_and_a_robot_that_stands(
     assert run.decisions[-1].reason == 'The guidance node was deactivated.'
     assert run.driven.twists[-1].tolist() == [0.0, 0.0]
     assert not (folder / 'summary.json').exists()
+
+
+def test_an_interruption_while_nodes_start_leaves_none_running(start_demo, tmp_path, wait_until):
+    folder = tmp_path / 'run'
+    running = start_demo('case3', '--output', folder)
+    nodes = wait_until(lambda: children(running.pid), LIMIT)
+    running.signal(signal.SIGINT)
+    nodes.update(children(running.pid))
+    assert running.wait(LIMIT) == 130
+    assert 'Traceback' not in running.stderr
+    # One that was not yet known to the demo goes when it sees that the demo has gone.
+    wait_until(lambda: are_gone(nodes.values()), LIMIT)
 
 
 def test_a_second_interruption_does_not_leave_a_node_behind(start_demo, tmp_path, wait_until):

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.qp import daqp_backend
+from cmpsp_ros.mpsp.qp import daqp_backend, hildreth
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Backend,
@@ -20,10 +20,12 @@ from cmpsp_ros.mpsp.qp.solution import (
 
 __all__ = ['Backend', 'Penalties', 'QPSolution', 'QPStatus', 'available', 'backend', 'solve_qp']
 
+_NATIVE: dict[str, Backend] = {'daqp': daqp_backend.solve, 'hildreth': hildreth.solve}
+
 
 def available() -> tuple[str, ...]:
     """Names of all back ends installed here, the native ones first."""
-    native = ('daqp',)
+    native = tuple(_NATIVE)
     if find_spec('qpsolvers') is None:
         return native
     import qpsolvers  # noqa: PLC0415 (slow to import, and most runs need daqp alone)
@@ -38,8 +40,8 @@ def backend(name: str) -> Backend:
     Raises:
         ProblemError: No back end of that name is installed; says which are.
     """
-    if name == 'daqp':
-        return daqp_backend.solve
+    if name in _NATIVE:
+        return _NATIVE[name]
     if name not in available():
         raise ProblemError(f'qp: found {name!r}, wanted one of {", ".join(available())}')
     from cmpsp_ros.mpsp.qp.qpsolvers_backend import QpsolversBackend  # noqa: PLC0415

@@ -5,9 +5,10 @@ others held, again and again. In the coordinates ``z = L' dU`` of the Cholesky f
 each such move is a projection onto the row's slab.
 
 It needs no factorisation beyond that one and no active set, and rows may depend on each other. It
-converges linearly, and slowly where active rows are nearly parallel or meet at small angles.
-With the constants below the controls of well-conditioned programs agree with daqp's to about 1e-7
-of their size, and multipliers to about 1e-5; what has not converged within the limit is `FAILED`.
+converges linearly: fast where few rows are active, slowly where active rows meet at small angles
+in those coordinates. On random programs its controls agree with daqp's to 3e-8 and its multipliers
+to 2e-7, relative to the largest; with a Hessian of condition 1e4, one in eight hits the limit of
+sweeps and is `FAILED`.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
     is an indefinite Hessian, data that are not finite, or the iteration limit.
     """
     q, m, p, t = len(qp.c), len(qp.output_error), len(qp.g), len(qp.radius)
-    rows = np.concatenate([qp.S_N, qp.B_C, qp.T, np.eye(q)])
+    rows: Array = np.concatenate([qp.S_N, qp.B_C, qp.T, np.eye(q, dtype=np.float64)])
     lower = np.concatenate([-qp.output_error, np.full(p, -np.inf), -qp.radius, qp.lower])
     upper = np.concatenate([-qp.output_error, qp.g, qp.radius, qp.upper])
     cap = np.full(len(rows), np.inf)
@@ -56,16 +57,18 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
     if (lower > upper).any():
         return QPSolution.unsolved(qp, QPStatus.INFEASIBLE)
     try:
-        L = np.linalg.cholesky(qp.H)
+        L = np.asarray(np.linalg.cholesky(qp.H), dtype=np.float64)
     except np.linalg.LinAlgError:
         return QPSolution.unsolved(qp, QPStatus.FAILED)
 
     # Rows without any bound are never active.
     kept = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
-    V = np.ascontiguousarray(np.linalg.solve(L, rows[kept].T).T)
-    start = -np.linalg.solve(L, qp.c)
+    V: Array = rows[kept]
+    start: Array = -qp.c.reshape(1, q)
+    _forward(L, V)
+    _forward(L, start)
     shares = np.zeros(len(kept))
-    z = start.copy()
+    z = start[0].copy()
     end, sweeps = _ascend(
         z, shares, V, lower[kept], upper[kept], cap[kept],
         SWEEP_LIMIT, TOLERANCE, SWEEPS_BETWEEN_CHECKS, FARTHEST,
@@ -74,7 +77,8 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
         failure = QPStatus.INFEASIBLE if end == _INFEASIBLE else QPStatus.FAILED
         return QPSolution.unsolved(qp, failure)
     # Afresh from the multipliers: `z` has gathered the rounding of every move.
-    dU = np.linalg.solve(L.T, start - V.T @ shares)
+    dU: Array = start[0] - shares @ V
+    _backward(L, dU)
     multipliers = np.zeros(len(rows))
     multipliers[kept] = shares
     terminal, path, trust, bounds = np.split(multipliers, [m, m + p, m + p + t])
@@ -84,6 +88,27 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
 def _is_number(qp: CondensedQP, rows: Array, lower: Array, upper: Array) -> bool:
     finite = all(np.isfinite(part).all() for part in (qp.H, qp.c, rows))
     return bool(finite and not np.isnan(lower).any() and not np.isnan(upper).any())
+
+
+@compiled
+def _forward(L: Array, rows: Array) -> None:
+    """Each row ``a`` becomes ``L^-1 a``."""
+    q = len(L)
+    for i in range(len(rows)):
+        for j in range(q):
+            total = rows[i, j]
+            for k in range(j):
+                total -= L[j, k] * rows[i, k]
+            rows[i, j] = total / L[j, j]
+
+
+@compiled
+def _backward(L: Array, z: Array) -> None:
+    """``z`` becomes ``L'^-1 z``."""
+    for j in range(len(z) - 1, -1, -1):
+        z[j] /= L[j, j]
+        for k in range(j):
+            z[k] -= L[j, k] * z[j]
 
 
 @compiled
@@ -154,7 +179,9 @@ def _ascend(
         if longest <= tolerance * size:
             return _CONVERGED, sweep + 1
         if (sweep + 1) % between_checks == 0:
-            if _proves_infeasible(multipliers - earlier, V, lower, upper, farthest * size):
+            # A row that can give proves nothing.
+            direction = np.where(np.isfinite(cap), 0.0, multipliers - earlier)
+            if _proves_infeasible(direction, V, lower, upper, farthest * size):
                 return _INFEASIBLE, sweep + 1
             earlier[:] = multipliers
     return _LIMIT, limit
@@ -166,8 +193,9 @@ def _proves_infeasible(
 ) -> bool:
     """Whether weights on the rows leave no feasible ``z`` within ``|z| <= farthest``.
 
-    Every feasible ``z`` has ``direction' V z <= sum(upper of positive, lower of negative weights)``;
-    where that is negative, ``|z|`` must be at least its size over ``|V' direction|``.
+    Every feasible ``z`` has ``direction' V z <= support``, the sum of upper bounds times positive
+    and lower bounds times negative weights. Where that is negative, ``|z|`` must be at least its
+    size over ``|V' direction|``.
     """
     count, q = V.shape
     support = 0.0
@@ -184,4 +212,4 @@ def _proves_infeasible(
         for i in range(count):
             total += direction[i] * V[i, j]
         pull += total * total
-    return -support > farthest * np.sqrt(pull)
+    return bool(-support > farthest * np.sqrt(pull))

@@ -16,7 +16,6 @@ from nav_msgs.msg import Odometry
 from nav_msgs.msg import Path as PathMessage
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import SetParameters
-from rclpy.duration import Duration
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
@@ -92,7 +91,7 @@ class Client:
     def latest(self, key, default=''):
         return self.health[-1].get(key, default) if self.health else default
 
-    def until_health(self, **wanted):
+    def until_health(self, timeout=LIMIT, **wanted):
         """Wait for diagnostics that hold all of these values, or words of the sentence."""
 
         def said():
@@ -101,7 +100,7 @@ class Client:
             fits = all(health.get(key) == value for key, value in rest.items())
             return health if fits and words in health.get('said', '') else None
 
-        return self.until(said)
+        return self.until(said, timeout)
 
     def send(self, stamp, pose=START, frame_id='odom'):
         message = odometry(stamp, pose, frame_id)
@@ -168,9 +167,6 @@ class Client:
 
     def now(self):
         return self.node.get_clock().now().nanoseconds
-
-    def flush(self):
-        self.odometry.wait_for_all_acked(Duration(seconds=5.0))
 
 
 @pytest.fixture

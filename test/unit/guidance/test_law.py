@@ -211,7 +211,7 @@ def test_heading_wrapped_or_not(name):
         {'weights': Weights(control_rate=0.5)},
         {'weights': Weights(control_rate=0.5, control_effort=0.01)},
         {'solver': SolverSettings(hessian='exact')},
-        {'solver': SolverSettings(hessian='exact'), 'weights': Weights(control_rate=0.1)},
+        {'solver': SolverSettings(hessian='projected'), 'weights': Weights(control_rate=0.1)},
         {'solver': SolverSettings(iterations_per_step=5)},
         {'solver': SolverSettings(heading_trust_region=0.3)},
         {'safety': Safety(margin=0.05)},

@@ -69,9 +69,9 @@ def test_weight_zero_is_the_plain_problem():
 
 def test_a_large_weight_holds_the_control():
     problem = ControlRateProblem(VanDerPol(horizon=10, passes=False), 1e6, np.array([0.3]))
-    iterate, status = solve(problem, np.zeros((11, 1)), Options(np.zeros(0), np.ones(2)), 60)
-    assert status is Status.CONVERGED
-    np.testing.assert_allclose(iterate.U, 0.3, atol=1e-4)
+    found = solve(problem, np.zeros((11, 1)), Options(np.zeros(0), np.ones(2)), 60)
+    assert found.status is Status.CONVERGED
+    np.testing.assert_allclose(found.iterate.U, 0.3, atol=1e-4)
 
 
 def test_gradient_by_differences_through_the_roll_out():

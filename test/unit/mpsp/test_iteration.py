@@ -23,6 +23,11 @@ def zeros(problem):
     return np.zeros(problem.control_lower.shape)
 
 
+def run(problem, guess, options, iterations):
+    solution = solve(problem, guess, options, iterations)
+    return solution.iterate, solution.status
+
+
 def contradictory(seed=0):
     """A linear problem whose path constraints contradict each other at one stage."""
     problem = LinearQuadratic(np.random.default_rng(seed), path=2)
@@ -32,11 +37,38 @@ def contradictory(seed=0):
 
 
 class TooFlat(VanDerPol):
-    """Its Hessian is a thousandth of the true one, so that every step is far too long."""
+    """Its Hessian is a fraction of the true one, so that every step is far too long."""
+
+    fraction = 1e-3
 
     def linearise(self, X, U, hessian='gauss_newton'):
         lin = super().linearise(X, U, hessian)
-        return replace(lin, L_XX=1e-3 * lin.L_XX, L_UX=1e-3 * lin.L_UX, L_UU=1e-3 * lin.L_UU)
+        L_XX, L_UX, L_UU = (self.fraction * part for part in (lin.L_XX, lin.L_UX, lin.L_UU))
+        return replace(lin, L_XX=L_XX, L_UX=L_UX, L_UU=L_UU)
+
+
+class HalfHearted(LinearQuadratic):
+    """Its Hessian is a quarter of the true one: full steps overshoot by a factor of three."""
+
+    def linearise(self, X, U, hessian='gauss_newton'):
+        lin = super().linearise(X, U, hessian)
+        return replace(lin, L_XX=lin.L_XX / 4.0, L_UX=lin.L_UX / 4.0, L_UU=lin.L_UU / 4.0)
+
+
+class Saddle(VanDerPol):
+    """Its exact Hessian curves downward in the control at the guess."""
+
+    def evaluate(self, X, U):
+        there = super().evaluate(X, U)
+        bump = 2.0 * np.cos(2.0 * U).sum()
+        return replace(there, cost=there.cost + float(bump))
+
+    def linearise(self, X, U, hessian='gauss_newton'):
+        lin = super().linearise(X, U, hessian)
+        curvature = -8.0 * np.cos(2.0 * U)[:, :, None]
+        if hessian != 'exact':
+            curvature = np.maximum(curvature, 0.0)
+        return replace(lin, L_U=lin.L_U - 4.0 * np.sin(2.0 * U), L_UU=lin.L_UU + curvature)
 
 
 class Cusp(VanDerPol):
@@ -78,17 +110,17 @@ def test_one_iteration_solves_a_linear_quadratic_problem(seed, shape):
 @pytest.mark.parametrize('seed', range(20))
 def test_a_linear_quadratic_problem_converges_at_once(seed):
     problem = LinearQuadratic(np.random.default_rng(seed), path=0)
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 10)
-    assert status is Status.CONVERGED
-    assert iterate.index == 2
+    solution = solve(problem, zeros(problem), options_for(problem), 10)
+    assert solution.status is Status.CONVERGED
+    assert solution.iterate.index == 2
 
 
 @pytest.mark.parametrize('seed', range(20))
 def test_the_solution_itself_is_no_stall(seed):
     problem = LinearQuadratic(np.random.default_rng(seed), path=0)
     strict = options_for(problem, control_tolerance=1e-9)
-    first, _ = solve(problem, zeros(problem), strict, 10)
-    again, status = solve(problem, first.U, strict, 10)
+    first, _ = run(problem, zeros(problem), strict, 10)
+    again, status = run(problem, first.U, strict, 10)
     assert status is Status.CONVERGED
     np.testing.assert_allclose(again.U, first.U, atol=1e-8)
 
@@ -100,7 +132,7 @@ def test_converges_to_a_point_that_meets_the_optimality_conditions(goal, hessian
     floor, mixed = (-0.8, 1.6) if goal[0] else (-0.5, 2.0)
     problem = VanDerPol(horizon=40, goal=goal, floor=floor, mixed=mixed, limit=3.0)
     options = options_for(problem, hessian=hessian, line_search=line_search)
-    iterate, status = solve(problem, zeros(problem), options, 200)
+    iterate, status = run(problem, zeros(problem), options, 200)
     assert status is Status.CONVERGED
     np.testing.assert_allclose(iterate.X[-1], goal, atol=1e-9)
     assert iterate.evaluation.g.max() < 1e-8
@@ -124,7 +156,7 @@ def test_both_tolerances_must_be_met():
 
     def iterations(output, control):
         options = options_for(problem, output_tolerance=output, control_tolerance=control)
-        iterate, status = solve(problem, zeros(problem), options, 100)
+        iterate, status = run(problem, zeros(problem), options, 100)
         assert status is Status.CONVERGED
         target = np.linalg.norm(problem.target)
         assert np.linalg.norm(iterate.evaluation.output_error) <= output * target
@@ -156,16 +188,16 @@ def test_terminal_tolerance_is_relative_but_absolute_where_the_target_is_zero():
 
 def test_no_output_at_all_is_never_missed():
     problem = VanDerPol(passes=False, floor=-0.5)
-    _, status = solve(problem, zeros(problem), options_for(problem), 50)
+    _, status = run(problem, zeros(problem), options_for(problem), 50)
     assert status is Status.CONVERGED
 
 
 def test_iteration_limit():
     problem = VanDerPol(goal=(0.4, -0.2))
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 1)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 1)
     assert status is Status.ITERATION_LIMIT
     assert iterate.index == 1
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 0)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 0)
     assert status is Status.ITERATION_LIMIT
     assert iterate.index == 0
 
@@ -173,7 +205,7 @@ def test_iteration_limit():
 @pytest.mark.parametrize('seed', range(4))
 def test_infeasible(seed):
     problem = contradictory(seed)
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 50)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 50)
     assert status is Status.INFEASIBLE
     step = iterate.step
     assert step.elastic
@@ -211,22 +243,135 @@ def test_contradicting_subproblems_are_solved_relaxed(goal, floor):
 
 def test_unreachable_goal_is_infeasible():
     problem = VanDerPol(goal=(50.0, 0.0), limit=1.0)
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 200)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 200)
     assert status is Status.INFEASIBLE
     assert np.abs(iterate.step.slack_terminal).max() > 10.0
 
 
 def test_stalled():
     problem = TooFlat(passes=False)
-    iterate, status = solve(problem, np.ones((21, 1)), options_for(problem), 50)
+    problem.fraction = 1e-9
+    iterate, status = run(problem, np.ones((21, 1)), options_for(problem), 50)
     assert status is Status.STALLED
     assert iterate.step.length == 0.0
     np.testing.assert_array_equal(iterate.U, iterate.previous_U)
 
 
+def test_steps_far_too_long_are_cut_as_far_as_it_takes():
+    problem = TooFlat(passes=False)
+    iterate, status = run(problem, np.ones((21, 1)), options_for(problem), 300)
+    assert status is Status.CONVERGED
+    reference, _ = run(VanDerPol(passes=False), np.ones((21, 1)), options_for(problem), 100)
+    np.testing.assert_allclose(iterate.U, reference.U, atol=1e-4)
+
+
+def test_a_stall_at_a_contradiction_is_one():
+    """No progress in the merit and none promised in the violation: infeasible, not stalled."""
+    problem = contradictory()
+    iteration = CMPSP(problem, options_for(problem, control_tolerance=0.0))
+    iterate = iteration.init(zeros(problem))
+    for _ in range(3):
+        iterate = iteration.step(iterate)
+    halted = replace(iterate, step=replace(iterate.step, length=0.0, full_change=1.0))
+    assert iteration.terminate(halted) is Status.INFEASIBLE
+    promising = replace(halted.step, slack_path=0.5 * halted.step.slack_path)
+    assert iteration.terminate(replace(halted, step=promising)) is Status.STALLED
+
+
+def test_diverged_where_the_controls_grow_without_bound():
+    problem = HalfHearted(np.random.default_rng(0), output=0, path=0)
+    options = options_for(problem, line_search=False)
+    iterate, status = run(problem, zeros(problem), options, 100)
+    assert status is Status.DIVERGED
+    assert iterate.index < 50
+    searched = run(problem, zeros(problem), options_for(problem), 100)
+    assert searched[1] is Status.CONVERGED
+
+
+def test_violation_is_the_third_tolerance():
+    problem = VanDerPol(floor=-0.5, passes=False)
+    iteration = CMPSP(problem, options_for(problem))
+    solution = solve(problem, zeros(problem), options_for(problem), 50)
+    assert solution.status is Status.CONVERGED
+    at = solution.iterate
+    g = at.evaluation.g.copy()
+    for excess, wanted in ((0.9e-6, Status.CONVERGED), (1.1e-6, None)):
+        g[7, 0] = excess
+        moved = replace(at, evaluation=replace(at.evaluation, g=g))
+        assert iteration.terminate(moved) is wanted
+
+
+def test_a_step_cut_short_is_not_a_small_change():
+    problem = VanDerPol(goal=(0.4, -0.2))
+    iteration = CMPSP(problem, options_for(problem))
+    at = solve(problem, zeros(problem), options_for(problem), 50).iterate
+    assert iteration.terminate(at) is Status.CONVERGED
+    long = replace(at, step=replace(at.step, length=1e-3, full_change=1e-3))
+    assert iteration.terminate(long) is None
+
+
+def test_lost_curvature_is_put_back_and_told():
+    problem = Saddle(passes=False, limit=2.0)
+    guess = np.full((21, 1), 0.1)
+    solution = solve(problem, guess, options_for(problem, hessian='exact'), 100)
+    assert solution.status is Status.CONVERGED
+    assert solution.curvature_lost > 0
+    assert solution.history[1].shift > 0.0
+    assert solution.history[-1].shift == 0.0
+    assert f'lost curvature in {solution.curvature_lost} iterations' in solution.sentence
+    plain = solve(problem, guess, options_for(problem), 300)
+    assert plain.status is Status.CONVERGED
+    assert plain.curvature_lost == 0
+
+
+@pytest.mark.parametrize('path', [0, 2])
+def test_a_cost_that_is_flat_in_one_control_can_be_solved(path):
+    """The last control moves nothing; where it costs nothing either, it stays where it is."""
+    problem = LinearQuadratic(np.random.default_rng(2), path=path)
+    problem.W[-1, 3:] = problem.W[-1, :, 3:] = problem.w[-1, 3:] = 0.0
+    problem.h_U[:] = problem.g_U[-1] = 0.0
+    solution = solve(problem, np.ones((6, 2)), options_for(problem), 200)
+    assert solution.status is Status.CONVERGED
+    # The closed form wants curvature everywhere; daqp gets by without it.
+    assert (solution.history[1].shift > 0.0) == (path == 0)
+    np.testing.assert_allclose(solution.iterate.U[-1], 1.0, atol=1e-9)
+
+
+def test_a_solution_tells_everything_about_its_run():
+    problem = VanDerPol(horizon=40, goal=(0.4, -0.2), floor=-0.8, mixed=1.6, limit=1.5)
+    solution = solve(problem, zeros(problem), options_for(problem), 100)
+    assert solution.status is Status.CONVERGED
+    assert [record.index for record in solution.history] == list(range(solution.iterate.index + 1))
+    assert solution.terminal_multipliers.shape == (2,)
+    assert solution.path_multipliers.shape == (41, 2)
+    assert solution.bound_multipliers.shape == (41, 1)
+    assert solution.violated == ()
+    last = solution.history[-1]
+    assert last.U is solution.iterate.U
+    assert last.kkt_residual < 1e-6 < solution.history[0].kkt_residual
+    assert last.terminal_error < 1e-9
+    assert last.active_bounds == {
+        (int(k), 0) for k in np.flatnonzero(np.abs(solution.iterate.U[:, 0]) == 1.5)
+    }
+    assert solution.sentence.startswith('Converged: ')
+    none = solve(problem, zeros(problem), options_for(problem), 0)
+    assert not none.terminal_multipliers.any()
+    assert not none.path_multipliers.any()
+    assert not none.bound_multipliers.any()
+
+
+def test_a_subproblem_at_hand_is_not_made_again():
+    problem = VanDerPol(goal=(0.4, -0.2))
+    iteration = CMPSP(problem, options_for(problem))
+    start = iteration.init(zeros(problem))
+    qp = iteration.subproblem(start)
+    problem.linearise = None
+    assert iteration.step(start, qp).step.length == 1.0
+
+
 def test_qp_failed_where_it_may_not_be_relaxed():
     problem = contradictory()
-    iterate, status = solve(problem, zeros(problem), options_for(problem, elastic=False), 50)
+    iterate, status = run(problem, zeros(problem), options_for(problem, elastic=False), 50)
     assert status is Status.QP_FAILED
     assert iterate.step.qp_status is QPStatus.INFEASIBLE
     assert not iterate.step.elastic
@@ -236,7 +381,7 @@ def test_qp_failed_where_it_may_not_be_relaxed():
 
 def test_prediction_that_is_not_finite():
     problem = VanDerPol(start=(1e150, 1e150))
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 50)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 50)
     assert status is Status.NOT_FINITE
     assert iterate.index == 0
     assert not iterate.is_finite
@@ -244,7 +389,7 @@ def test_prediction_that_is_not_finite():
 
 def test_derivatives_that_are_not_finite():
     problem = Cusp()
-    iterate, status = solve(problem, zeros(problem), options_for(problem), 50)
+    iterate, status = run(problem, zeros(problem), options_for(problem), 50)
     assert status is Status.NOT_FINITE
     np.testing.assert_array_equal(iterate.U, zeros(problem))
 
@@ -252,7 +397,7 @@ def test_derivatives_that_are_not_finite():
 def test_full_step_that_blows_up_without_a_line_search():
     problem = TooFlat(passes=False)
     options = options_for(problem, line_search=False)
-    _, status = solve(problem, np.ones((21, 1)), options, 50)
+    _, status = run(problem, np.ones((21, 1)), options, 50)
     assert status is Status.NOT_FINITE
 
 
@@ -303,9 +448,9 @@ def test_a_step_leaves_its_iterate_alone():
 def test_back_ends_lead_to_the_same_solution(name):
     problem = VanDerPol(goal=(0.2, 0.0), floor=-0.6, limit=2.0)
     strict = options_for(problem, qp=name, output_tolerance=1e-6, control_tolerance=1e-5)
-    iterate, status = solve(problem, zeros(problem), strict, 100)
+    iterate, status = run(problem, zeros(problem), strict, 100)
     assert status is Status.CONVERGED
-    reference, _ = solve(problem, zeros(problem), options_for(problem), 100)
+    reference, _ = run(problem, zeros(problem), options_for(problem), 100)
     np.testing.assert_allclose(iterate.U, reference.U, atol=1e-4)
 
 
@@ -315,7 +460,7 @@ def test_back_ends_lead_to_the_same_solution(name):
         ({'penalty_terminal': np.ones(3)}, r'penalty_terminal: found shape \(3,\), wanted \(2,\)'),
         ({'penalty_path': np.ones(1)}, r'penalty_path: found shape \(1,\), wanted \(2,\)'),
         ({'trust_radius': np.ones(1)}, r'trust_radius: found shape \(1,\), wanted \(2,\)'),
-        ({'qp': 'hildreth'}, "qp: found 'hildreth', wanted one of daqp"),
+        ({'qp': 'newton'}, "qp: found 'newton', wanted one of daqp, hildreth"),
     ],
 )
 def test_options_that_do_not_fit_are_named(changes, message):

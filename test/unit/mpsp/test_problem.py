@@ -59,3 +59,28 @@ def test_linearisation_check_names_every_array():
             spoilt.flat[-1] = bad
             with pytest.raises(ProblemError, match=f'^{name}: found a value that is not finite'):
                 replace(lin, **{name: spoilt}).check(problem.size)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'named'),
+    [
+        (
+            {'control_lower': np.zeros((4, 1))},
+            r'control_lower: found shape \(4, 1\), wanted \(5, 1\)',
+        ),
+        ({'control_upper': np.zeros(5)}, r'control_upper: found shape \(5,\), wanted \(5, 1\)'),
+        ({'control_upper': np.full((5, 1), np.nan)}, r'control_upper: found nan at \[0, 0\]'),
+        (
+            {'control_lower': np.full((5, 1), 2.0)},
+            r'control_lower: found 2.0 at \[0, 0\], wanted .* 1.0',
+        ),
+        ({'target': np.zeros(3)}, r'target: found shape \(3,\), wanted \(2,\)'),
+        ({'target': np.full(2, np.nan)}, r'target: found \[nan nan\], wanted finite'),
+    ],
+)
+def test_bounds_and_target_are_checked(changes, named):
+    problem = VanDerPol(horizon=4, limit=1.0)
+    problem.check()
+    vars(problem).update(changes)
+    with pytest.raises(ProblemError, match=named):
+        problem.check()

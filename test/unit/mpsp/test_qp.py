@@ -278,8 +278,8 @@ def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
 
 
 def test_unknown_back_end_names_those_that_are_there():
-    with pytest.raises(ProblemError, match=r"qp: found 'hildreth', wanted one of daqp, clarabel"):
-        backend('hildreth')
+    with pytest.raises(ProblemError, match=r"qp: found 'newton', wanted one of daqp, hildreth, clarabel"):
+        backend('newton')
 
 
 @pytest.mark.parametrize('name', BACKENDS)

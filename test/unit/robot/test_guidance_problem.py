@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from problems import assert_derivatives, differences
 
+from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.iteration import Options, solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robot.clear_space import ClearSpace
@@ -13,6 +14,7 @@ from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus
 
+KINDS = ('gauss_newton', 'projected', 'exact')
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
 
 
@@ -34,7 +36,7 @@ def options(posed, **changes):
     )
 
 
-@pytest.mark.parametrize('kind', ['gauss_newton', 'exact'])
+@pytest.mark.parametrize('kind', KINDS)
 def test_derivatives(kind):
     posed = problem(Cost(10.0, 15.0, 2.0, 0.3), OBSTACLES, steps=6)
     rng = np.random.default_rng(0)
@@ -44,27 +46,31 @@ def test_derivatives(kind):
     np.testing.assert_array_equal(lin.L_UU, np.tile(2.3 * np.eye(2), (7, 1, 1)))
 
 
-def test_exact_hessian_is_exact_where_it_is_not_projected():
-    # Further out than the centre line everywhere: a circle of 7 m makes it so.
-    posed = problem(Cost(7.0, 15.0, 2.0, 0.3), OBSTACLES, steps=6)
+@pytest.mark.parametrize('radius', [7.0, 10.0])
+def test_exact_hessian_is_the_second_derivative_inside_and_outside_the_centre_line(radius):
+    posed = problem(Cost(radius, 15.0, 2.0, 0.3), OBSTACLES, steps=6)
     U = np.array([45.0, 44.8]) + 0.1 * np.random.default_rng(1).normal(size=(7, 2))
-    radius = np.linalg.norm(posed.predict(U)[:, :2], axis=1)
-    assert radius.min() > 7.0
+    inside = np.linalg.norm(posed.predict(U)[:, :2], axis=1) < radius
+    assert inside.any() == (radius == 10.0)
     assert_derivatives(posed, U, 'exact', proximal=2.0, atol=2e-5)
 
 
-def test_both_hessians_are_positive_semi_definite_and_agree_on_the_centre_line():
+def test_projected_hessian_is_the_positive_part_of_the_exact_one():
     posed = problem(Cost(10.0, 15.0, 0.0, 0.0), steps=6)
     U = np.tile([45.0, 44.8], (7, 1))
     X = posed.predict(U)
-    assert (np.linalg.norm(X[:, :2], axis=1) < 10.0).any()
-    for kind in ('gauss_newton', 'exact'):
-        lin = posed.linearise(X, U, kind)
-        assert np.linalg.eigvalsh(lin.L_XX).min() >= -1e-12
-    inner = np.linalg.norm(X[:, :2], axis=1) <= 10.0
-    exact, plain = (posed.linearise(X, U, kind).L_XX for kind in ('exact', 'gauss_newton'))
-    np.testing.assert_array_equal(exact[inner], plain[inner])
-    assert not np.array_equal(exact, plain)
+    inside = np.linalg.norm(X[:, :2], axis=1) < 10.0
+    assert inside.any()
+    assert not inside.all()
+    exact, projected, plain = (
+        posed.linearise(X, U, kind).L_XX for kind in ('exact', 'projected', 'gauss_newton')
+    )
+    np.testing.assert_array_equal(projected[inside], plain[inside])
+    np.testing.assert_array_equal(projected[~inside], exact[~inside])
+    assert np.linalg.eigvalsh(exact[inside]).min(axis=1).max() < 0.0
+    for kind in (projected, plain):
+        assert np.linalg.eigvalsh(kind).min() >= -1e-12
+    np.testing.assert_allclose(projected, nearest_positive_semidefinite(exact), atol=1e-12)
 
 
 def test_gauss_newton_is_what_remains_of_the_second_derivative_on_the_centre_line():
@@ -112,7 +118,7 @@ def test_limits():
     assert np.isinf(free.control_upper).all()
 
 
-@pytest.mark.parametrize('kind', ['gauss_newton', 'exact'])
+@pytest.mark.parametrize('kind', KINDS)
 def test_at_the_centre_of_the_road_everything_is_finite(kind):
     posed = GuidanceProblem(
         DifferentialDrive(),
@@ -125,9 +131,9 @@ def test_at_the_centre_of_the_road_everything_is_finite(kind):
     U = np.zeros((4, 2))
     lin = posed.linearise(posed.predict(U), U, kind)
     lin.check(posed.size)
-    assert np.linalg.eigvalsh(lin.L_XX).min() >= -1e-9
-    _, status = solve(posed, U, options(posed, hessian=kind), 10)
-    assert status is not Status.NOT_FINITE
+    assert kind == 'exact' or np.linalg.eigvalsh(lin.L_XX).min() >= -1e-9
+    found = solve(posed, U, options(posed, hessian=kind), 10)
+    assert found.status is not Status.NOT_FINITE
 
 
 @pytest.mark.parametrize('steps', [1, 2])
@@ -140,8 +146,8 @@ def test_shortest_horizons(steps):
         np.array([10.0, 0.0]),
         np.full(steps, 0.25),
     )
-    iterate, _ = solve(posed, np.full((steps + 1, 2), 40.0), options(posed), 30)
-    np.testing.assert_allclose(iterate.X[-1, :2], [10.0, 0.0], atol=1e-8)
+    found = solve(posed, np.full((steps + 1, 2), 40.0), options(posed), 30)
+    np.testing.assert_allclose(found.iterate.X[-1, :2], [10.0, 0.0], atol=1e-8)
 
 
 def best(posed, U, cost, road, limit=np.inf, obstacles=()):
@@ -198,13 +204,14 @@ def best(posed, U, cost, road, limit=np.inf, obstacles=()):
         (Cost(10.0, 15.0, 0.2, 0.02), 48.0, OBSTACLES),
     ],
 )
-@pytest.mark.parametrize('kind', ['gauss_newton', 'exact'])
+@pytest.mark.parametrize('kind', KINDS)
 def test_solution_is_that_of_an_independent_solver(cost, limit, obstacles, kind):
     road = Annulus()
     posed = problem(cost, obstacles, DifferentialDrive(max_wheel_speed=limit), road=road)
     start = np.tile([45.13, 44.63], (51, 1))
-    iterate, status = solve(posed, start, options(posed, hessian=kind), 600)
-    assert status is Status.CONVERGED
+    found = solve(posed, start, options(posed, hessian=kind), 1000)
+    assert found.status is Status.CONVERGED
+    iterate = found.iterate
     assert np.linalg.norm(iterate.evaluation.output_error) < 1e-8
     assert iterate.evaluation.g.max() < 1e-8
     least, _ = best(posed, iterate.U, cost, road, limit, obstacles)

@@ -1,0 +1,134 @@
+"""Derivatives of a user's function of one stage, by complex step or by central differences."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.problem import Array
+
+Scheme = Literal['complex_step', 'central']
+
+_COMPLEX_STEP = 1e-30
+# Least sum of truncation and rounding: of a first difference, and of a difference of differences.
+_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
+_TWICE = float(np.finfo(float).eps ** (1.0 / 4.0))
+_AGREEMENT = 1e-5
+
+
+class StageFunction:
+    """A function ``(k, x, u)`` of the user's as one of ``k`` and ``Z_k = (X_k, U_k)``.
+
+    Attributes:
+        name: What the user calls it.
+        shape: Of its value.
+        scheme: How it is differentiated.
+    """
+
+    scheme: Scheme = 'central'
+
+    def __init__(
+        self, name: str, function: Callable[..., Any], states: int, shape: tuple[int, ...]
+    ) -> None:
+        """Take the function, the number of states in ``Z_k``, and the shape of the value."""
+        self.name = name
+        self.shape = shape
+        self._function = function
+        self._states = states
+
+    def __call__(self, k: int, Z: NDArray[Any]) -> NDArray[Any]:
+        """The value, not a number where Python's arithmetic gives up, complex where ``Z`` is.
+
+        Raises:
+            ProblemError: The value has the wrong shape or is no number.
+        """
+        try:
+            with np.errstate(all='ignore'):
+                # Copies: the function may work in place.
+                found = self._function(k, Z[: self._states].copy(), Z[self._states :].copy())
+        except ArithmeticError:
+            nan = complex(np.nan, np.nan) if np.iscomplexobj(Z) else np.nan
+            return np.full(self.shape, nan)
+        try:
+            value = np.array(found, dtype=Z.dtype)
+        except (TypeError, ValueError) as error:
+            raise ProblemError(
+                f'{self.name}: found {found!r} at stage {k}, wanted numbers'
+            ) from error
+        if value.shape != self.shape:
+            raise ProblemError(
+                f'{self.name}: found shape {value.shape} at stage {k}, wanted {self.shape}'
+            )
+        return value
+
+    def jacobian(self, k: int, Z: Array) -> Array:
+        """First derivatives, shape ``shape + (n + r,)``."""
+        if self.scheme == 'complex_step':
+            return _complex_step(self, k, Z)
+        return _central(self, k, Z, _STEP)
+
+    def hessian(self, k: int, Z: Array) -> Array:
+        """Second derivatives of a scalar function by differences of its gradient, symmetric."""
+        if self.scheme == 'complex_step':
+            second = _central(lambda k, Z: _complex_step(self, k, Z), k, Z, _STEP)
+        else:
+            second = _central(lambda k, Z: _central(self, k, Z, _TWICE), k, Z, _TWICE)
+        return 0.5 * (second + second.T)
+
+    def choose_scheme(self, probes: Iterable[tuple[int, Array]]) -> None:
+        """Take the complex step if it agrees with differences at all probes, else differences.
+
+        Probes at which the function or its derivatives are not finite count for nothing; without
+        any left, differences are taken.
+        """
+        self.scheme = 'central'
+        agreed = False
+        for k, Z in probes:
+            expected = _central(self, k, Z, _STEP)
+            if not np.isfinite(expected).all():
+                continue
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter('error', np.exceptions.ComplexWarning)
+                    found = _complex_step(self, k, Z)
+            # Whatever it is that a function raises on complex numbers: it does not take them.
+            except Exception:
+                return
+            if not np.allclose(found, expected, rtol=_AGREEMENT, atol=_AGREEMENT):
+                return
+            agreed = True
+        if agreed:
+            self.scheme = 'complex_step'
+
+
+def _complex_step(function: Callable[[int, NDArray[Any]], NDArray[Any]], k: int, Z: Array) -> Array:
+    """``Im f(Z + i h e_j) / h``: no difference is taken, so nothing cancels."""
+    columns = []
+    for j in range(len(Z)):
+        at = Z.astype(complex)
+        at[j] += 1j * _COMPLEX_STEP
+        columns.append(function(k, at).imag / _COMPLEX_STEP)
+    return np.stack(columns, axis=-1)
+
+
+def _central(
+    function: Callable[[int, Array], NDArray[Any]], k: int, Z: Array, relative_step: float
+) -> Array:
+    columns = []
+    for j in range(len(Z)):
+        ahead, behind = Z.copy(), Z.copy()
+        step = relative_step * (1.0 + abs(Z[j]))
+        ahead[j] += step
+        behind[j] -= step
+        here, there = function(k, behind), function(k, ahead)
+        # A constraint that does not apply is -inf on both sides: nothing changes.
+        applies = ~(np.isneginf(here) & np.isneginf(there))
+        change = np.subtract(there, here, out=np.zeros_like(here), where=applies)
+        # Not `2 step`: what was added is what counts, after rounding.
+        columns.append(change / (ahead[j] - behind[j]))
+    return np.stack(columns, axis=-1)

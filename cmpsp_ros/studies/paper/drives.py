@@ -1,0 +1,210 @@
+"""Runs in closed loop, and what is measured on the path driven, not on what the law says of it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.law import warm_up
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.studies.closed_loop import drive
+from cmpsp_ros.studies.paper.experiments import Experiment
+
+Array = NDArray[np.float64]
+
+_PER_ARC = 10
+
+
+@dataclass(frozen=True)
+class Path:
+    """A path driven under zero-order hold, and the wheel speeds that did it.
+
+    Attributes:
+        settings: What the law, or whatever drove, was told.
+        poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
+        wheel_speeds: Right and left, shape ``(N, 2)`` [rad/s].
+    """
+
+    settings: GuidanceSettings
+    poses: Array
+    wheel_speeds: Array
+
+    @property
+    def times(self) -> Array:
+        """Control instants and the end, shape ``(N + 1,)`` [s]."""
+        return np.arange(len(self.poses), dtype=np.float64) * self.settings.control_period
+
+    @property
+    def durations(self) -> Array:
+        """Length of every step, shape ``(N,)`` [s]."""
+        return np.full(len(self.wheel_speeds), self.settings.control_period)
+
+    @property
+    def miss(self) -> float:
+        """Distance from the goal at the end [m]."""
+        return math.dist(self.poses[-1, :2], self.settings.goal)
+
+    @property
+    def off_center(self) -> Array:
+        """Distance outward from the centre line at each instant, shape ``(N + 1,)`` [m]."""
+        road = self.settings.road
+        off: Array = np.linalg.norm(self.poses[:, :2] - road.center, axis=1) - road.center_radius
+        return off
+
+    @property
+    def cost(self) -> float:
+        """Cost (95) of the path driven, its second term left out as that is of an iteration."""
+        off = self.off_center
+        return 0.5 * self.settings.weights.road_center * float(off @ off)
+
+    def clearance(self, *, between_samples: bool) -> Array:
+        """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
+        settings = self.settings
+        space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        if between_samples:
+            twists = settings.robot.twist(self.wheel_speeds)
+            reached = reach(self.poses[:-1], twists, self.durations, space.centers)
+        else:
+            away = np.linalg.norm(self.poses[:, None, :2] - space.centers, axis=2)
+            reached = away, away
+        least: Array = space.clearance(*reached).min(axis=0)
+        return least
+
+    def points(self) -> Array:
+        """Positions along the path, several on each arc, shape ``(K, 2)`` [m]."""
+        parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
+        poses = np.repeat(self.poses[:-1], _PER_ARC, axis=0)
+        twists = np.repeat(self.settings.robot.twist(self.wheel_speeds), _PER_ARC, axis=0)
+        since = (self.durations[:, None] * parts).ravel()
+        return np.vstack([arc_ends(poses, twists, since)[:, :2], self.poses[-1:, :2]])
+
+    def measures(self) -> dict[str, Any]:
+        """The figures of this path, under the names that `results.json` has."""
+        limit = self.settings.robot.max_wheel_speed
+        right, left = self.wheel_speeds.T
+        return {
+            'miss_m': self.miss,
+            'clearance_at_samples_m': float(self.clearance(between_samples=False).min()),
+            'clearance_between_samples_m': float(self.clearance(between_samples=True).min()),
+            'max_right_rad_s': float(np.abs(right).max()),
+            'max_left_rad_s': float(np.abs(left).max()),
+            'limit_rad_s': limit if math.isfinite(limit) else None,
+            'cost': self.cost,
+        }
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A run of the guidance law.
+
+    Attributes:
+        experiment: Which run of the paper.
+        between_samples: Whether the path between samples was kept clear too.
+        path: What was driven.
+        rungs: Rung of the ladder at each control step.
+        step_times: Computing time of each control step [ms].
+    """
+
+    experiment: Experiment
+    between_samples: bool
+    path: Path
+    rungs: tuple[str, ...]
+    step_times: Array
+
+    def measures(self) -> dict[str, Any]:
+        """The figures of this run; computing times are left out as they never repeat."""
+        rungs = {name: self.rungs.count(name) for name in dict.fromkeys(self.rungs)}
+        return {**self.path.measures(), 'rungs': rungs}
+
+    def series(self) -> dict[str, Any]:
+        """The run as numbers."""
+        x, y, heading = self.path.poses.T
+        right, left = self.path.wheel_speeds.T
+        return {
+            't_s': self.path.times.tolist(),
+            'x_m': x.tolist(),
+            'y_m': y.tolist(),
+            'heading_rad': heading.tolist(),
+            'right_rad_s': right.tolist(),
+            'left_rad_s': left.tolist(),
+        }
+
+
+def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
+    """Drive one run of the paper with the guidance law."""
+    settings = experiment.with_bound(between_samples)
+    pose = np.array(experiment.pose)
+    decisions, times = [], []
+    steps = drive(settings, pose)
+    finished = False
+    while not finished:
+        began = time.perf_counter_ns()
+        decision = next(steps)
+        times.append((time.perf_counter_ns() - began) * 1e-6)
+        decisions.append(decision)
+        finished = decision.finished
+    # The last decision only says that the time is over.
+    wheel_speeds = np.array([decision.wheel_speeds for decision in decisions[:-1]])
+    return Drive(
+        experiment,
+        between_samples,
+        drive_open(settings, pose, wheel_speeds),
+        tuple(decision.rung.name.lower() for decision in decisions[:-1]),
+        np.array(times[:-1]),
+    )
+
+
+def drive_open(settings: GuidanceSettings, pose: Array, wheel_speeds: Array) -> Path:
+    """The path that a history of wheel speeds ``(N, 2)`` [rad/s] leads along."""
+    durations = np.full(len(wheel_speeds), settings.control_period)
+    return Path(settings, settings.robot.roll_out(pose, wheel_speeds, durations), wheel_speeds)
+
+
+def guessed_path(experiment: Experiment) -> Path:
+    """Where the run's constant first guess would lead."""
+    settings = experiment.settings
+    steps = round(settings.final_time / settings.control_period)
+    guess = np.tile(settings.initial_guess.wheel_speeds, (steps, 1))
+    return drive_open(settings, np.array(experiment.pose), guess)
+
+
+class Laboratory:
+    """Runs every experiment once, however many figures ask for it."""
+
+    def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
+        """Start with nothing run.
+
+        Args:
+            progress: Told what is being done, one line each.
+            judge: Whether an independent solver may be asked.
+        """
+        self.progress = progress
+        self.judge = judge
+        self._drives: dict[tuple[str, bool], Drive] = {}
+
+    def drive(self, experiment: Experiment, *, between_samples: bool) -> Drive:
+        """The run, from memory if it was made before."""
+        key = (experiment.key, between_samples)
+        if key not in self._drives:
+            if not self._drives:
+                self.progress('loading compiled code')
+                warm_up(experiment.settings)
+            how = 'clear between samples' if between_samples else 'samples only'
+            self.progress(f'driving {experiment.key}, {how}')
+            self._drives[key] = run_law(experiment, between_samples=between_samples)
+        return self._drives[key]
+
+    def both(self, experiments: Sequence[Experiment]) -> tuple[list[Drive], list[Drive]]:
+        """All of them twice: at samples only as in the paper, and clear between samples too."""
+        return (
+            [self.drive(each, between_samples=False) for each in experiments],
+            [self.drive(each, between_samples=True) for each in experiments],
+        )

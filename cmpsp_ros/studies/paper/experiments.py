@@ -1,0 +1,151 @@
+"""The paper's runs: which preset, which first guess, from which heading, in which colour."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+FIG5_GUESSES: Final = (
+    ((30.0, 29.5), 'red'),
+    ((35.0, 34.5), 'green'),
+    ((40.0, 39.5), 'magenta'),
+    ((43.0, 42.5), 'blue'),
+    ((45.0, 44.5), 'black'),
+)
+"""Right and left wheel [rad/s], colour: Sec. 5, "Algorithm Convergence"; the colours are ours."""
+
+TABLE1_GUESSES: Final = (
+    ((45.0, 44.5), 'black'),
+    ((45.0, 45.0), 'blue'),
+    ((18.0, 15.0), 'magenta'),
+    ((44.5, 44.5), 'green'),
+)
+"""Right and left wheel [rad/s], colour."""
+
+TABLE2_HEADINGS: Final = ((60.0, 'black'), (0.0, 'blue'), (-60.0, 'green'))
+"""Initial heading [deg], colour; from (0, -9.25) m, with `TABLE2_GUESS`."""
+
+TABLE2_GUESS: Final = (36.0, 36.0)
+"""Right and left wheel [rad/s]."""
+
+_FEW: Final = (('zero', 'black'), ('one', 'red'), ('two', 'green'))
+_MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One run of the paper, still without the choice between samples only and the whole path.
+
+    Attributes:
+        key: Short name, unique among all runs.
+        label: Name in legends and tables.
+        color: Colour in pictures; the paper's where it names one.
+        settings: Everything that the guidance law is told.
+        pose: Where the run starts (x, y, heading) [m, m, rad].
+    """
+
+    key: str
+    label: str
+    color: str
+    settings: GuidanceSettings
+    pose: tuple[float, float, float]
+
+    def with_bound(self, between_samples: bool) -> GuidanceSettings:
+        """Settings that keep the path clear between samples too, or the samples only."""
+        safety = replace(self.settings.safety, between_samples=between_samples)
+        return replace(self.settings, safety=safety)
+
+
+def cases() -> tuple[Experiment, ...]:
+    """Cases 1 to 3, the last with the 51 rad/s of (94)."""
+    return (
+        _preset('case1', 'Case 1', 'black'),
+        _preset('case2', 'Case 2', 'blue'),
+        _preset('case3', 'Case 3', 'red'),
+    )
+
+
+def case3_at_45() -> Experiment:
+    """Case 3 with the 45 rad/s of the text."""
+    return _preset('case3_45', 'Case 3, 45 rad/s', 'magenta')
+
+
+def table1() -> tuple[Experiment, ...]:
+    """Case 3 from the four guesses of Table 1."""
+    case3 = _preset('case3', '', '')
+    return tuple(
+        replace(
+            case3,
+            key=f'table1_{row}',
+            label=f'guess ({right:g}, {left:g})',
+            color=color,
+            settings=replace(case3.settings, initial_guess=_constant(right, left)),
+        )
+        for row, ((right, left), color) in enumerate(TABLE1_GUESSES, 1)
+    )
+
+
+def road_guess() -> Experiment:
+    """Case 3 from a guess along the road's centre line."""
+    case3 = _preset('case3', '', '')
+    settings = replace(case3.settings, initial_guess=InitialGuess('road'))
+    return replace(case3, key='road_guess', label='road guess', settings=settings)
+
+
+def table2(*, as_printed: bool = False) -> tuple[Experiment, ...]:
+    """Case 3 from the three headings of Table 2.
+
+    Args:
+        as_printed: Whether to start from y = 9.25 m as printed, where a minus sign is missing.
+    """
+    y = 9.25 if as_printed else -9.25
+    case3 = _preset('case3', '', '')
+    return tuple(
+        replace(
+            case3,
+            key=f'table2_{row}_as_printed' if as_printed else f'table2_{row}',
+            label=f'heading {heading:g}°'.replace('-', '−'),
+            color=color,
+            settings=replace(case3.settings, initial_guess=_constant(*TABLE2_GUESS)),
+            pose=(0.0, y, math.radians(heading)),
+        )
+        for row, (heading, color) in enumerate(TABLE2_HEADINGS, 1)
+    )
+
+
+def few_obstacles() -> tuple[Experiment, ...]:
+    """Zero, one and two obstacles, sparsely placed."""
+    return tuple(_file(count, color) for count, color in _FEW)
+
+
+def many_obstacles() -> tuple[Experiment, ...]:
+    """Three, four and five obstacles, densely packed."""
+    return tuple(_file(count, color) for count, color in _MANY)
+
+
+def _constant(right: float, left: float) -> InitialGuess:
+    return InitialGuess('constant', (right, left))
+
+
+def _preset(name: str, label: str, color: str) -> Experiment:
+    return _experiment(name, label, color, load_parameter_file(name))
+
+
+def _file(count: str, color: str) -> Experiment:
+    label = f'{count} obstacle' if count == 'one' else f'{count} obstacles'
+    key = label.replace(' ', '_')
+    given = load_parameter_file(config_directory() / 'paper' / f'{key}.yaml')
+    names = ', '.join(given.get('obstacles.names', ()))
+    return _experiment(key, f'{label} ({names})' if names else label, color, given)
+
+
+def _experiment(key: str, label: str, color: str, given: dict[str, object]) -> Experiment:
+    values = TABLE.resolve(given)
+    x, y, heading = values['initial_pose']
+    return Experiment(key, label, color, guidance_settings(values), (x, y, heading))

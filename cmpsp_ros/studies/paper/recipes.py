@@ -1,0 +1,134 @@
+"""Other ways to drive the same runs, to see what the law's additions to the paper are worth.
+
+They share the method and the model with the guidance law, and nothing of the law itself: no fresh
+plan beside a flawed one, no audit, no ladder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.initial_guess import initial_guess
+from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
+from cmpsp_ros.studies.paper.drives import Path, drive_open
+from cmpsp_ros.studies.paper.experiments import Experiment
+
+Array = NDArray[np.float64]
+
+_GOAL_PENALTY, _EDGE_PENALTY, _OBSTACLE_PENALTY = 1e3, 3e3, 1e4
+
+
+class Recipe(Enum):
+    """How the two iterations of a control step are done.
+
+    Attributes:
+        AS_WRITTEN: Squared constraints (92) (93), hard, and the full step (43).
+        ONE_PLAN: The law's relaxation, trust region and line search, but the warm start alone.
+    """
+
+    AS_WRITTEN = 'as written'
+    ONE_PLAN = 'one plan'
+
+
+class SquaredConstraints(GuidanceProblem):
+    """The same problem with the squared distances of (92) and (93)."""
+
+    def __init__(
+        self, settings: GuidanceSettings, space: ClearSpace, pose: Array, durations: Array
+    ) -> None:
+        """Set the problem up from where the robot is."""
+        super().__init__(
+            settings.robot, space, _cost(settings), pose, np.array(settings.goal), durations
+        )
+        self._centers = space.centers[np.r_[0, 0 : len(space.centers)]]
+        self._radii = np.concatenate([[space.outer, space.inner], space.radii])
+
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Value, miss and violations [m^2]."""
+        evaluation = super().evaluate(X, U)
+        return replace(evaluation, g=evaluation.g * (self._distance(X) + self._radii))
+
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        """Derivatives, by the product rule from those of the distances."""
+        linear = super().linearise(X, U, hessian)
+        distance = self._distance(X)
+        return replace(
+            linear,
+            g=linear.g * (distance + self._radii),
+            g_X=linear.g_X * (2.0 * distance[:, :, None]),
+        )
+
+    def _distance(self, X: Array) -> Array:
+        away: Array = np.linalg.norm(X[:, None, :2] - self._centers, axis=2)
+        return away
+
+
+def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = False) -> Path:
+    """Drive a run of the paper by one of the recipes, two iterations a control step.
+
+    Args:
+        experiment: The run.
+        recipe: How to iterate.
+        between_samples: Whether the path between samples is to be kept clear too.
+    """
+    settings = experiment.with_bound(between_samples)
+    pose = np.array(experiment.pose)
+    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
+    horizon = remaining(0, period, final)
+    plan = initial_guess(settings, pose, horizon.durations)
+    driven = []
+    for now in range(0, final, period):
+        later = remaining(now, period, final)
+        plan = _improve(settings, recipe, pose, shift(plan, horizon, later), later.durations)
+        horizon = later
+        driven.append(plan[0])
+        pose = settings.robot.roll_out(pose, plan[:1], later.durations[:1])[-1]
+    return drive_open(settings, np.array(experiment.pose), np.array(driven))
+
+
+def _improve(
+    settings: GuidanceSettings, recipe: Recipe, pose: Array, guess: Array, durations: Array
+) -> Array:
+    space = at_samples(settings)
+    problem: GuidanceProblem
+    if recipe is Recipe.AS_WRITTEN:
+        problem = SquaredConstraints(settings, space, pose, durations)
+    else:
+        goal = np.array(settings.goal)
+        problem = GuidanceProblem(settings.robot, space, _cost(settings), pose, goal, durations)
+    obstacles = [_OBSTACLE_PENALTY] * len(settings.obstacles)
+    adds = recipe is Recipe.ONE_PLAN
+    options = Options(
+        penalty_terminal=np.full(2, _GOAL_PENALTY),
+        penalty_path=np.array([_EDGE_PENALTY] * EDGES + obstacles),
+        elastic=adds,
+        line_search=adds,
+        trust_radius=(
+            np.array([np.inf, np.inf, settings.solver.heading_trust_region]) if adds else None
+        ),
+    )
+    iteration = CMPSP(problem, options)
+    iterate = iteration.init(guess)
+    for _ in range(settings.solver.iterations_per_step):
+        iterate = iteration.step(iterate)
+    return iterate.U
+
+
+def _cost(settings: GuidanceSettings) -> Cost:
+    weights = settings.weights
+    return Cost(
+        settings.road.center_radius,
+        weights.road_center,
+        weights.control_change,
+        weights.control_effort,
+    )

@@ -1,0 +1,52 @@
+"""The domain of a run."""
+
+from __future__ import annotations
+
+import os
+import socket
+
+import pytest
+
+from cmpsp_ros.demo import processes
+from cmpsp_ros.demo.errors import DemoError
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """The two variables, put back at the end, and a process number that chooses domain 7."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', '0')
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'SUBNET')
+    monkeypatch.setattr(os, 'getpid', lambda: 206)
+    return monkeypatch
+
+
+def test_the_choice_is_left_to_the_children_and_stays_on_this_machine(environment):
+    environment.setattr(processes, '_is_free', lambda domain: True)
+    assert processes.use_free_domain() == 7
+    assert os.environ['ROS_DOMAIN_ID'] == '7'
+    assert os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] == 'LOCALHOST'
+
+
+def test_domains_in_use_are_passed_over_round_the_end(environment):
+    tried = []
+    environment.setattr(processes, '_is_free', lambda domain: tried.append(domain) or domain == 3)
+    assert processes.use_free_domain() == 3
+    assert tried == [*range(7, 101), 1, 2, 3]
+
+
+def test_no_domain_left(environment):
+    environment.setattr(processes, '_is_free', lambda domain: False)
+    with pytest.raises(DemoError, match='ROS domains 1 to 100 are all in use'):
+        processes.use_free_domain()
+    assert os.environ['ROS_DOMAIN_ID'] == '0'
+
+
+def test_a_domain_is_in_use_when_its_first_participant_s_port_is():
+    with socket.socket(type=socket.SOCK_DGRAM) as taken:
+        for domain in range(60, 0, -1):
+            try:
+                taken.bind(('127.0.0.1', 7400 + 250 * domain + 10))
+            except OSError:
+                continue
+            break
+        assert not processes._is_free(domain)

@@ -1,0 +1,182 @@
+"""Figures of runs whose figures are known."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
+from cmpsp_ros.demo.summary import Summary, summarise, window
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.settings import guidance_settings
+
+SECOND = 1_000_000_000
+RADIUS, SPEED = 10.0, 1.0
+
+
+def on_circle(seconds):
+    """Pose on the centre line of the road after so long at 1 m/s, from (0, -10)."""
+    angle = SPEED * seconds / RADIUS
+    return RADIUS * math.sin(angle), -RADIUS * math.cos(angle), angle
+
+
+def settings(obstacles=(), final_time=4.0, goal=None, **changes):
+    values = {'final_time': final_time, 'goal.position': list(goal or on_circle(final_time)[:2])}
+    values['obstacles.names'] = [f'o{k}' for k in range(len(obstacles))]
+    for k, (center, radius) in enumerate(obstacles):
+        values[f'obstacles.o{k}.center'] = list(center)
+        values[f'obstacles.o{k}.radius'] = radius
+    return guidance_settings(TABLE.resolve({**values, **changes}))
+
+
+def driven(*seconds):
+    twist = (SPEED, SPEED / RADIUS)
+    return [(round(each * SECOND), on_circle(each), twist) for each in seconds]
+
+
+@pytest.fixture
+def summary_of(write_bag):
+    """Figures of a bag: `summary_of(settings, truth, wheels=..., decisions=...)`."""
+
+    def read(chosen, truth, **rest):
+        return summarise(read_run(write_bag(truth, **rest)), chosen, 'known')
+
+    return read
+
+
+def test_an_obstacle_on_the_arc_between_two_samples_is_seen(summary_of):
+    x, y, _ = on_circle(1.5)
+    summary = summary_of(settings([((x, y), 0.3)]), driven(0, 1, 2, 3, 4))
+    assert summary.clearance == pytest.approx(-0.3)
+    assert 'cut road edge or obstacle by 0.3 m' in summary.failure
+    # Beside the chord, but on the arc; one that the samples alone would not show.
+    assert min(math.dist((x, y), on_circle(k)[:2]) for k in range(5)) > 0.3 + 0.15
+
+
+def test_an_arc_that_bulges_over_the_outer_edge_is_seen(summary_of):
+    # A chord of the circle of 10.99 m, driven straight, lies inside; with a bend it bulges out.
+    truth = [
+        (0, (-1.0, -10.9, -0.4), (2.02, 0.4)),
+        (SECOND, (1.0, -10.9, 0.4), (0.0, 0.0)),
+        (4 * SECOND, (1.0, -10.9, 0.4), (0.0, 0.0)),
+    ]
+    summary = summary_of(settings(goal=(1.0, -10.9)), truth)
+    assert summary.clearance < -0.05
+    assert summary.reached
+
+
+def test_the_miss_is_that_at_the_final_time_between_two_samples(summary_of):
+    chosen = settings(final_time=2.5, goal=on_circle(2.5)[:2])
+    summary = summary_of(chosen, driven(0, 1, 2, 3))
+    assert summary.miss < 1e-12
+    assert summary.reached
+    assert summary.failure == ''
+    beside = settings(final_time=2.5, goal=on_circle(2.6)[:2])
+    summary = summary_of(beside, driven(0, 1, 2, 3), name='other')
+    assert summary.miss == pytest.approx(2.0 * RADIUS * math.sin(0.1 / RADIUS / 2.0))
+    assert not summary.reached
+    assert 'missed by 0.1 m' in summary.failure
+
+
+def test_what_happens_before_the_first_decision_and_after_the_final_time_does_not_count(
+    summary_of,
+):
+    x, y, _ = on_circle(0.5)
+    far = on_circle(9.5)[:2]
+    wheels = [(0, (99.0, 0.0)), (SECOND, (1.0, -7.5)), (5 * SECOND, (3.0, 2.0))]
+    wheels += [(7 * SECOND, (99.0, 99.0))]
+    decisions = [{'stamp': (1 + k) * SECOND, 'step_ms': 1.0 + k} for k in range(4)]
+    decisions += [{'stamp': 5 * SECOND, 'rung': 'stop', 'finished': True, 'step_ms': 900.0}]
+    summary = summary_of(
+        settings([((x, y), 0.2), (far, 0.2)], goal=on_circle(5.0)[:2]),
+        driven(*range(11)),
+        wheels=wheels,
+        decisions=decisions,
+    )
+    assert summary.miss < 1e-12
+    assert summary.clearance > 0.0
+    assert summary.max_wheel_speed == 7.5
+    assert summary.control_steps == 4
+    assert summary.rungs == {'nominal': 4, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary.step_times == {'p50': 2.5, 'p99': pytest.approx(3.97), 'max': 4.0}
+
+
+def test_rungs_and_deadlines_are_counted(summary_of):
+    rungs = ['nominal', 'elastic', 'elastic', 'shifted', 'stop']
+    times = [10.0, 200.0, 200.1, None, 300.0]
+    decisions = [
+        {'stamp': k * 200_000_000, 'rung': rung, 'step_ms': ms}
+        for k, (rung, ms) in enumerate(zip(rungs, times, strict=True))
+    ]
+    summary = summary_of(settings(), driven(0, 1, 2, 3, 4), decisions=decisions)
+    assert summary.rungs == {'nominal': 1, 'elastic': 2, 'shifted': 1, 'stop': 1}
+    assert summary.deadline_misses == 2
+    assert summary.control_steps == 5
+
+
+def test_the_robot_s_own_radius_is_taken_off(summary_of):
+    summary = summary_of(settings(**{'robot.radius': 0.25}), driven(0, 1, 2, 3, 4))
+    assert summary.clearance == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize('seconds', [(0, 1, 2, 3), (0, 1, 2, 3.9), (0.5, 2, 5)])
+def test_a_recording_that_does_not_cover_the_run_is_refused(write_bag, seconds):
+    run = read_run(write_bag(driven(*seconds)))
+    with pytest.raises(
+        BagError, match=r'path driven is recorded from .* wanted 0 to 4000000000 ns'
+    ):
+        window(run, settings())
+
+
+def test_a_summary_is_written_with_every_figure_exactly(tmp_path):
+    numbers = {'p50': 0.1 + 0.2, 'p99': 1e-300, 'max': 1.0 / 3.0}
+    summary = Summary('x', True, 5e-324, -0.0, 51.0, numbers, 0, {'nominal': 1}, 1)
+    path = tmp_path / 'summary.json'
+    summary.write(path)
+    assert path.read_text().endswith('}\n')
+    assert json.loads(path.read_text()) == {
+        'preset': 'x',
+        'reached': True,
+        'miss_m': 5e-324,
+        'clearance_m': -0.0,
+        'max_wheel_speed_rad_s': 51.0,
+        'step_ms': numbers,
+        'deadline_misses': 0,
+        'rungs': {'nominal': 1},
+        'control_steps': 1,
+    }
+
+
+def test_a_summary_without_measured_times_is_still_json(summary_of, tmp_path):
+    summary = summary_of(settings(), driven(0, 1, 2, 3, 4))
+    path = tmp_path / 'summary.json'
+    summary.write(path)
+
+    def refuse(constant):
+        raise AssertionError(f'{constant} is not JSON')
+
+    assert json.loads(path.read_text(), parse_constant=refuse)['control_steps'] == 1
+
+
+def test_the_two_failures_are_both_told():
+    summary = Summary('x', False, 0.5, -0.1, 1.0, {}, 0, {}, 1)
+    assert summary.failure == (
+        'the goal was missed by 0.5 m and the path cut road edge or obstacle by 0.1 m'
+    )
+
+
+def test_pictures_are_drawn_without_plans_obstacles_or_limit(write_bag, tmp_path):
+    run = read_run(
+        write_bag(driven(0, 1, 2, 3, 4), wheels=[(k * SECOND, (k, -k * 1.5)) for k in range(4)])
+    )
+    chosen = settings(**{'robot.max_wheel_speed': 0.0})
+    assert math.isinf(chosen.robot.max_wheel_speed)
+    for draw, name in ((draw_trajectory, 'path.png'), (draw_wheel_speeds, 'wheels.png')):
+        draw(run, chosen, tmp_path / name)
+        assert (tmp_path / name).read_bytes()[:4] == b'\x89PNG'
+    assert np.isfinite(run.driven.poses).all()

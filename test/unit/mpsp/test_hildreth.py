@@ -1,0 +1,209 @@
+"""Hildreth's procedure against daqp: hard, relaxed and contradicting programs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from problems import LinearQuadratic, VanDerPol
+
+from cmpsp_ros.mpsp import Options, Penalties, QPStatus, Status, condense, solve, solve_qp
+from cmpsp_ros.mpsp.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp import hildreth
+from cmpsp_ros.mpsp.qp.solution import kkt_residual
+
+
+def program(seed, q=12, m=2, p=10, t=4, feasible=True):
+    """A random program, of moderate condition, with some bounds missing on either side."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(q, q))
+    S_N, B_C, T = (rng.normal(size=(rows, q)) for rows in (m, p, t))
+    inside = 0.5 * rng.normal(size=q)
+    lower, upper = inside - rng.uniform(0.1, 1.0, q), inside + rng.uniform(0.1, 1.0, q)
+    lower[rng.random(q) < 0.3], upper[rng.random(q) < 0.3] = -np.inf, np.inf
+    return CondensedQP(
+        H=root @ root.T + 0.5 * np.eye(q),
+        c=3.0 * rng.normal(size=q),
+        S_N=S_N,
+        output_error=-S_N @ inside,
+        B_C=B_C,
+        g=B_C @ inside + (rng.uniform(0.0, 1.0, p) if feasible else -rng.uniform(1.0, 3.0, p)),
+        path_stage=np.arange(p),
+        path_index=np.zeros(p, dtype=np.int64),
+        T=T,
+        radius=np.abs(T @ inside) + rng.uniform(0.0, 1.0, t),
+        lower=lower,
+        upper=upper,
+    )
+
+
+def weights(qp, terminal=20.0, path=10.0):
+    return Penalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
+
+
+def assert_same(found, reference):
+    # The accuracy that the module documents.
+    size = 1.0 + np.abs(reference.dU).max()
+    assert np.abs(found.dU - reference.dU).max() <= 1e-6 * size
+    parts = ('terminal', 'path', 'trust', 'bounds')
+    scale = 1.0 + max(np.abs(getattr(reference, part)).max(initial=0.0) for part in parts)
+    for part in parts:
+        wrong = np.abs(getattr(found, part) - getattr(reference, part)).max(initial=0.0)
+        assert wrong <= 1e-4 * scale, part
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_hard_programs_have_daqps_solution(seed):
+    qp = program(seed)
+    found, reference = hildreth.solve(qp, None), solve_qp(qp, 'daqp')
+    assert found.status is reference.status is QPStatus.SOLVED
+    assert_same(found, reference)
+    assert kkt_residual(qp, found, None) < 1e-7
+    assert 0 < found.iterations < hildreth.SWEEP_LIMIT
+
+
+@pytest.mark.parametrize('seed', range(40))
+def test_relaxed_programs_have_daqps_solution(seed):
+    # Half of the programs have no feasible point.
+    qp = program(seed, feasible=seed % 2 == 0)
+    found, reference = (solve_qp(qp, name, weights(qp)) for name in ('hildreth', 'daqp'))
+    assert found.status is reference.status is QPStatus.SOLVED
+    assert_same(found, reference)
+    assert found.path.max() <= 10.0
+    assert np.abs(found.terminal).max() <= 20.0
+
+
+def test_some_of_the_relaxed_programs_give():
+    given = [program(seed, feasible=False) for seed in range(1, 40, 2)]
+    violations = [
+        (qp.B_C @ hildreth.solve(qp, weights(qp)).dU - qp.g).max(initial=0.0) for qp in given
+    ]
+    assert max(violations) > 0.1
+    hard = [hildreth.solve(qp, None).status for qp in given]
+    assert QPStatus.INFEASIBLE in hard
+    assert hard == [solve_qp(qp, 'daqp').status for qp in given]
+
+
+def contradictions():
+    """One program for every pair of kinds of rows that can contradict each other."""
+    qp = replace(program(0), lower=np.full(12, -1.0), upper=np.full(12, 1.0))
+    far, along = np.zeros((1, 12)), np.zeros((2, 12))
+    far[0, 0], along[:, 0] = 1.0, (1.0, -1.0)
+    rows = {'path_stage': np.arange(2), 'path_index': np.zeros(2, dtype=np.int64)}
+    yield 'two path rows', replace(qp, B_C=along, g=np.array([-0.1, -0.1]), **rows)
+    yield 'bound and terminal', replace(qp, S_N=far, output_error=np.array([-2.0]))
+    yield (
+        'trust and terminal',
+        replace(qp, S_N=far, output_error=np.array([-0.5]), T=far, radius=np.array([0.1])),
+    )
+    yield 'two terminal', replace(qp, S_N=np.vstack([far, far]), output_error=np.array([0.1, -0.1]))
+    yield 'nothing moves it', replace(qp, S_N=0.0 * far, output_error=np.ones(1))
+    yield 'crossed bounds', replace(qp, lower=qp.upper, upper=qp.lower)
+
+
+@pytest.mark.parametrize(
+    ('name', 'qp'), [pytest.param(*case, id=case[0]) for case in contradictions()]
+)
+def test_contradictions_are_infeasible_and_may_be_relaxed(name, qp):
+    found = hildreth.solve(qp, None)
+    assert found.status is QPStatus.INFEASIBLE
+    assert not found.dU.any()
+    relaxed = solve_qp(qp, 'hildreth', weights(qp))
+    if name == 'crossed bounds':
+        # Bounds and trust region are hard in both.
+        assert relaxed.status is QPStatus.INFEASIBLE
+        return
+    assert relaxed.status is QPStatus.SOLVED
+    reference = solve_qp(qp, 'clarabel', weights(qp))
+    np.testing.assert_allclose(relaxed.dU, reference.dU, atol=1e-5)
+
+
+def test_hard_rows_that_contradict_each_other_beside_relaxed_ones():
+    qp = replace(program(1), lower=np.full(12, -1.0), upper=np.full(12, 1.0))
+    T = np.zeros((2, 12))
+    T[0, 0], T[1, :2] = 1.0, 1.0
+    lower = qp.lower.copy()
+    lower[0] = 0.5
+    impossible = replace(qp, T=T, radius=np.array([0.1, 3.0]), lower=lower)
+    assert hildreth.solve(impossible, None).status is QPStatus.INFEASIBLE
+    assert hildreth.solve(impossible, weights(qp)).status is QPStatus.INFEASIBLE
+
+
+def test_the_limit_is_a_failure(monkeypatch):
+    qp = program(3)
+    needed = hildreth.solve(qp, None).iterations
+    monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', needed)
+    assert hildreth.solve(qp, None).status is QPStatus.SOLVED
+    monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', needed - 1)
+    assert hildreth.solve(qp, None).status is QPStatus.FAILED
+    # A proof that would be believed only at greater distances is none, either.
+    monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', 500)
+    monkeypatch.setattr(hildreth, 'FARTHEST', np.inf)
+    (_, contradicting), *_ = contradictions()
+    assert hildreth.solve(contradicting, None).status is QPStatus.FAILED
+
+
+def test_indefinite_or_not_finite_is_a_failure():
+    qp = program(4)
+    assert hildreth.solve(replace(qp, H=-qp.H), None).status is QPStatus.FAILED
+    for part in ('H', 'c', 'S_N', 'output_error', 'B_C', 'g', 'T', 'radius', 'lower', 'upper'):
+        spoilt = getattr(qp, part).copy()
+        spoilt.flat[0] = np.nan
+        assert hildreth.solve(replace(qp, **{part: spoilt}), None).status is QPStatus.FAILED, part
+
+
+def test_a_penalty_of_nothing_gives_a_row_up():
+    qp = program(5, feasible=False)
+    found = solve_qp(qp, 'hildreth', weights(qp, 0.0, 0.0))
+    without = replace(qp, S_N=qp.S_N[:0], output_error=np.empty(0), B_C=qp.B_C[:0], g=np.empty(0))
+    assert found.status is QPStatus.SOLVED
+    np.testing.assert_allclose(found.dU, solve_qp(without, 'daqp').dU, atol=1e-7)
+
+
+def test_without_any_row_it_is_the_unconstrained_minimum():
+    qp = program(6, m=0, p=0, t=0)
+    free = replace(qp, lower=np.full(12, -np.inf), upper=np.full(12, np.inf))
+    found = hildreth.solve(free, None)
+    np.testing.assert_allclose(found.dU, -np.linalg.solve(qp.H, qp.c), atol=1e-12)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_condensed_programs_with_cross_terms(seed):
+    rng = np.random.default_rng(seed)
+    problem = LinearQuadratic(rng, horizon=8)
+    U = rng.normal(size=(9, 2))
+    lin = problem.linearise(problem.predict(U), U)
+    qp = condense(lin, -np.ones((9, 2)), np.ones((9, 2)), np.full(3, 5.0))
+    penalties = weights(qp, 100.0, 100.0)
+    found, reference = (solve_qp(qp, name, penalties) for name in ('hildreth', 'daqp'))
+    assert found.status is QPStatus.SOLVED
+    assert_same(found, reference)
+
+
+def test_the_whole_iteration_runs_on_it():
+    problem = VanDerPol(horizon=30, floor=-0.6, mixed=2.0, limit=1.5)
+    runs = [
+        solve(problem, np.zeros((31, 1)), Options(np.full(2, 20.0), np.full(2, 20.0), qp=qp), 60)
+        for qp in ('hildreth', 'daqp')
+    ]
+    assert runs[0].status is runs[1].status is Status.CONVERGED
+    assert runs[0].iterate.evaluation.g.max() == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_allclose(runs[0].iterate.U, runs[1].iterate.U, atol=1e-5)
+
+
+# The compiled kernels once more as plain Python, where coverage sees their branches.
+def test_kernels_say_the_same_uncompiled(monkeypatch):
+    cases = [(program(7, q=4, m=1, p=3, t=1), None), *((qp, None) for _, qp in contradictions())]
+    relaxed = program(7, q=4, m=1, p=3, t=1, feasible=False)
+    still = replace(relaxed, S_N=0.0 * relaxed.S_N, output_error=np.ones(1))
+    met = replace(still, output_error=np.zeros(1))
+    cases += [(qp, weights(qp)) for qp in (relaxed, still, met)]
+    cases.append((replace(still, output_error=-np.ones(1)), weights(still)))
+    compiled = [hildreth.solve(*case) for case in cases]
+    for name in ('_ascend', '_proves_infeasible', '_forward', '_backward'):
+        monkeypatch.setattr(hildreth, name, getattr(hildreth, name).py_func)
+    for case, before in zip(cases, compiled, strict=True):
+        after = hildreth.solve(*case)
+        assert after.status is before.status
+        np.testing.assert_allclose(after.dU, before.dU, atol=1e-9)
+    monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', 2)
+    assert hildreth.solve(*cases[0]).status is QPStatus.FAILED

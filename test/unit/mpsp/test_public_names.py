@@ -1,0 +1,52 @@
+"""What a user imports from the method, and what must be installed for it."""
+
+import subprocess
+import sys
+
+import pytest
+
+import cmpsp_ros.mpsp as method
+from cmpsp_ros.mpsp import qp
+
+# One step of the method with numpy, numba and daqp alone; None makes an import fail.
+ALONE = """
+import sys
+for name in ('casadi', 'scipy', 'qpsolvers', 'clarabel', 'rclpy', 'matplotlib', 'yaml'):
+    sys.modules[name] = None
+import numpy as np
+import cmpsp_ros.mpsp
+from cmpsp_ros.mpsp import available, check_derivatives, condense, from_functions
+from cmpsp_ros.mpsp import solve_closed_form, solve_qp
+assert available() == ('daqp', 'hildreth')
+problem = from_functions(
+    horizon=3, x0=[1.0], controls=1, F=lambda k, x, u: x + u, L=lambda k, x, u: u @ u,
+    h=lambda x, u: x, target=[0.0],
+)
+U = np.zeros((4, 1))
+assert check_derivatives(problem, U).is_right
+lin = problem.linearise(problem.predict(U), U)
+qp = condense(lin, problem.control_lower, problem.control_upper)
+dU = [solve_closed_form(qp).dU, *(solve_qp(qp, name).dU for name in available())]
+np.testing.assert_allclose(dU, [[-1.0 / 3.0] * 3 + [0.0]] * 3, atol=1e-7)
+"""
+
+
+def test_every_name_is_there():
+    for name in method.__all__:
+        assert name == 'Hessian' or getattr(method, name).__name__ == name
+    assert method.Hessian is not None
+    assert sorted(method._HOME) == sorted(method.__all__)
+
+
+def test_other_names_are_not():
+    with pytest.raises(AttributeError, match="has no attribute 'newton'"):
+        _ = method.newton
+
+
+def test_numpy_numba_and_daqp_are_enough():
+    subprocess.run([sys.executable, '-c', ALONE], check=True)
+
+
+def test_without_qpsolvers_the_native_back_ends_are_left(monkeypatch):
+    monkeypatch.setattr(qp, 'find_spec', lambda name: None)
+    assert qp.available() == ('daqp', 'hildreth')

@@ -1,0 +1,111 @@
+"""Road, obstacles and goal as markers."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from rclpy.time import Time
+from visualization_msgs.msg import Marker
+
+from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.nodes.markers import marker_array
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+STAMP = Time(nanoseconds=3_000_000_005).to_msg()
+
+
+def settings(preset='case3', **changes):
+    return guidance_settings(TABLE.resolve({**load_parameter_file(preset), **changes}))
+
+
+@pytest.fixture
+def markers():
+    return marker_array(settings(), STAMP).markers
+
+
+def of(markers, namespace):
+    return [each for each in markers if each.ns == namespace]
+
+
+def test_old_markers_are_removed_first_and_every_new_one_has_an_identity(markers):
+    assert markers[0].action == Marker.DELETEALL
+    assert all(each.action == Marker.ADD for each in markers[1:])
+    keys = [(each.ns, each.id) for each in markers]
+    assert len(set(keys)) == len(keys)
+
+
+@pytest.mark.parametrize('frame_id', ['odom', 'map'])
+def test_all_are_in_the_frame_of_the_settings(frame_id):
+    made = marker_array(settings(frame_id=frame_id), STAMP).markers
+    assert {each.header.frame_id for each in made} == {frame_id}
+    assert all(each.header.stamp == STAMP for each in made[1:])
+    assert all(each.pose.orientation.w == 1.0 for each in made[1:])
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {},
+        {'obstacles.a.center': [8, -6], 'obstacles.a.radius': 1, 'goal.position': [10, 0]},
+        {'road.center': [0, 0], 'road.inner_radius': 9, 'road.outer_radius': 11},
+    ],
+)
+def test_every_number_is_a_plain_float(changes):
+    for each in marker_array(settings(**changes), STAMP).markers:
+        place, turn, size, color = each.pose.position, each.pose.orientation, each.scale, each.color
+        numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+        numbers += [size.x, size.y, size.z, color.r, color.g, color.b, color.a]
+        numbers += [number for point in each.points for number in (point.x, point.y, point.z)]
+        assert {type(number) for number in numbers} == {float}
+        assert all(math.isfinite(number) for number in numbers)
+
+
+def test_everything_is_seen(markers):
+    for each in markers[1:]:
+        assert each.color.a > 0.0
+        scale = (each.scale.x, each.scale.y, each.scale.z)
+        assert max(scale) > 0.0
+
+
+def test_rings_have_the_radii_of_what_they_show(markers):
+    def radii(namespace, center):
+        for ring in of(markers, namespace):
+            assert ring.type == Marker.LINE_STRIP
+            assert ring.points[0].x == pytest.approx(ring.points[-1].x)
+            distances = [math.dist((each.x, each.y), center) for each in ring.points]
+            assert max(distances) == pytest.approx(min(distances))
+            yield distances[0]
+
+    assert list(radii('road', (0.0, 0.0))) == pytest.approx([9.0, 11.0])
+    assert list(radii('centre_line', (0.0, 0.0))) == pytest.approx([10.0])
+    kept = at_samples(settings()).radii
+    rings = of(markers, 'margins')
+    for ring, radius, center in zip(rings, kept, [(8.0, -6.0), (10.0, -2.0)], strict=True):
+        point = ring.points[17]
+        assert math.dist((point.x, point.y), center) == pytest.approx(radius)
+    assert all(kept > [0.7, 0.5])
+
+
+def test_discs_and_names_stand_where_the_obstacles_are(markers):
+    discs, names = of(markers, 'obstacles'), of(markers, 'obstacle_names')
+    assert [each.text for each in names] == ['a', 'b']
+    assert [each.scale.x for each in discs] == [1.4, 1.0]
+    for marker, center in zip([*discs, *names], [(8.0, -6.0), (10.0, -2.0)] * 2, strict=True):
+        assert (marker.pose.position.x, marker.pose.position.y) == center
+
+
+def test_the_goal_has_its_tolerance_and_can_be_seen():
+    (goal,) = of(marker_array(settings(), STAMP).markers, 'goal')
+    assert (goal.pose.position.x, goal.pose.position.y) == (10.0, 0.0)
+    assert goal.scale.x == 0.2
+    wide = settings(**{'goal.tolerance': 0.5})
+    (goal,) = of(marker_array(wide, STAMP).markers, 'goal')
+    assert goal.scale.x == 1.0
+
+
+def test_no_obstacles_no_limit():
+    made = marker_array(settings('case1'), STAMP).markers
+    assert {each.ns for each in made[1:]} == {'road', 'centre_line', 'goal'}

@@ -1,0 +1,152 @@
+"""The `cmpsp` command: arguments in, exit code and words out."""
+
+from __future__ import annotations
+
+import re
+import signal
+
+import pytest
+from typer.testing import CliRunner
+
+import cmpsp_ros.demo.run as demo_run
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.cli import app
+from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo.summary import Summary
+
+PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
+
+
+def summary(**changes):
+    values = {
+        'preset': 'case3',
+        'reached': True,
+        'miss': 1e-9,
+        'clearance': 0.01,
+        'max_wheel_speed': 51.0,
+        'step_times': {'p50': 1.0, 'p99': 2.0, 'max': 3.0},
+        'deadline_misses': 0,
+        'rungs': {'nominal': 50, 'elastic': 0, 'shifted': 0, 'stop': 0},
+        'control_steps': 50,
+    }
+    return Summary(**{**values, **changes})
+
+
+@pytest.fixture
+def invoke():
+    """Run the command: `invoke('demo', 'case3')`."""
+    before = signal.getsignal(signal.SIGTERM)
+    yield lambda *args: CliRunner().invoke(app, [str(each) for each in args], env=PLAIN)
+    signal.signal(signal.SIGTERM, before)
+
+
+@pytest.fixture
+def outcome(monkeypatch):
+    """Have a run come to this: a summary or an exception; what was asked for is kept in a list."""
+    asked = []
+
+    def set_outcome(result):
+        def run(scenario, folder, progress):
+            asked.append((scenario, folder))
+            progress(1.0)
+            if isinstance(result, BaseException):
+                raise result
+            return result
+
+        monkeypatch.setattr(demo_run, 'run', run)
+        return asked
+
+    return set_outcome
+
+
+def words(text):
+    return ' '.join(re.sub(r'\x1b\[[0-9;]*m', '', text).split())
+
+
+def test_help_names_every_command_and_option(invoke):
+    result = invoke('--help')
+    assert result.exit_code == 0
+    assert 'demo' in result.output
+    result = invoke('demo', '--help')
+    assert result.exit_code == 0
+    for option in ('--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
+        assert option in words(result.output)
+    assert 'Exit code 0 only if' in words(result.output)
+
+
+def test_without_arguments_it_says_how_to_use_it(invoke):
+    result = invoke()
+    assert 'Usage' in result.output
+    assert 'demo' in result.output
+
+
+@pytest.mark.parametrize('args', [('drive',), ('demo', '--fast'), ('demo', 'case3', 'case2')])
+def test_a_wrong_command_line_is_exit_code_2(invoke, args):
+    assert invoke(*args).exit_code == 2
+
+
+def test_a_good_run_is_exit_code_0_with_its_figures(invoke, outcome, tmp_path):
+    asked = outcome(summary())
+    folder = tmp_path / 'run'
+    result = invoke(
+        'demo', 'case2', '--lockstep', '--set', 'final_time=11', '--set', 'odom_rate=100.0',
+        '--output', folder,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    ((scenario, where),) = asked
+    assert where == folder
+    assert scenario.name == 'case2'
+    assert scenario.lockstep
+    assert (scenario.settings.final_time, scenario.values['odom_rate']) == (11.0, 100.0)
+    for said in ('case3: 50 steps', '1e-09 m', '+0.0100 m', '50 nominal', '1.00 / 2.00 / 3.00 ms'):
+        assert said in words(result.stdout)
+
+
+@pytest.mark.parametrize(
+    ('result', 'said'),
+    [
+        (summary(reached=False, miss=0.5), 'the goal was missed by 0.5 m'),
+        (summary(clearance=-0.1), 'the path cut road edge or obstacle by 0.1 m'),
+        (DemoError('sim_node ended with exit code -9:\n[last] words'), '[last] words'),
+        (BagError('bag: cut off'), 'bag: cut off'),
+    ],
+)
+def test_a_bad_run_is_exit_code_1_and_says_why(invoke, outcome, tmp_path, result, said):
+    outcome(result)
+    done = invoke('demo', '--output', tmp_path / 'run')
+    assert done.exit_code == 1
+    assert said in words(done.stderr)
+    assert said not in words(done.stdout)
+
+
+def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
+    outcome(KeyboardInterrupt())
+    done = invoke('demo', '--output', tmp_path / 'run')
+    assert done.exit_code == 130
+    assert 'interrupted; all nodes were stopped' in words(done.stderr)
+
+
+def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
+    def run(scenario, folder, progress):
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(demo_run, 'run', run)
+    assert invoke('demo', '--output', tmp_path / 'run').exit_code == 130
+
+
+def test_a_wrong_parameter_is_told_and_no_folder_made(invoke, outcome, tmp_path):
+    asked = outcome(summary())
+    done = invoke('demo', 'case3', '--set', 'final_tim=1.0', '--output', tmp_path / 'run')
+    assert done.exit_code == 1
+    assert 'final_tim: found an unknown parameter' in words(done.stderr)
+    assert 'did you mean final_time?' in words(done.stderr)
+    assert asked == []
+    assert not (tmp_path / 'run').exists()
+
+
+def test_an_existing_folder_needs_force(invoke, outcome, tmp_path):
+    asked = outcome(summary())
+    assert invoke('demo', '--output', tmp_path).exit_code == 1
+    assert asked == []
+    assert invoke('demo', '--output', tmp_path, '--force').exit_code == 0
+    assert len(asked) == 1

@@ -33,6 +33,7 @@ EXTRAS_REQUIRE = {
         'ros-jazzy-lifecycle-msgs',
         'ros-jazzy-rosgraph-msgs',
     ],
+    'casadi': ['casadi>=3.6'],
     'test': [
         'pytest>=8.0',
         'pytest-cov',

@@ -146,13 +146,19 @@ def _decisions(bag: Bag, topic: str) -> Iterator[Decided]:
     for _, message in bag.messages(topic):
         values = {each.key: each.value for each in message.values}
         step_ms = values.get('step_ms')
-        yield Decided(
-            int(values['stamp']),
-            values['rung'],
-            message.message,
-            values['finished'] == 'true',
-            None if step_ms is None else float(step_ms),
-        )
+        try:
+            yield Decided(
+                int(values['stamp']),
+                values['rung'],
+                message.message,
+                values['finished'] == 'true',
+                None if step_ms is None else float(step_ms),
+            )
+        except (KeyError, ValueError) as error:
+            raise BagError(
+                f'{bag.path}: found a message of {topic} without or with a wrong {error},'
+                ' wanted a decision of this package'
+            ) from error
 
 
 def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
@@ -184,7 +190,7 @@ def _driven(bag: Bag, topic: str) -> Driven:
 
 def _pose(message: Any) -> list[float]:
     position, q = message.pose.pose.position, message.pose.pose.orientation
-    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
     return [position.x, position.y, heading]
 
 

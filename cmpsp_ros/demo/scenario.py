@@ -9,7 +9,7 @@ from pathlib import Path
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
+from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
 
 
@@ -61,4 +61,5 @@ def load_scenario(preset: str, assignments: Sequence[str], *, lockstep: bool) ->
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     check_start(values)
+    check_pace(values)
     return Scenario(Path(preset).stem, values, settings)

@@ -29,7 +29,8 @@ class Summary:
         clearance: Least clearance of the path driven, between samples too, from road edges and
             obstacles, the robot's own radius taken off [m].
         max_wheel_speed: Largest wheel speed driven [rad/s].
-        step_times: Median, 99th percentile and maximum from odometry to command [ms].
+        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where they were not
+            measured.
         deadline_misses: Control steps that took longer than the control period.
         rungs: Control steps on each rung of the ladder.
         control_steps: Number of control steps.
@@ -40,7 +41,7 @@ class Summary:
     miss: float
     clearance: float
     max_wheel_speed: float
-    step_times: dict[str, float]
+    step_times: dict[str, float | None]
     deadline_misses: int
     rungs: dict[str, int]
     control_steps: int
@@ -100,7 +101,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
     steps = [each for each in run.decisions if each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
-    p50, p99, longest = np.percentile(times or [math.nan], [50, 99, 100]).tolist()
+    p50, p99, longest = np.percentile(times, [50, 99, 100]).tolist() if times else (None,) * 3
     counts = Counter(each.rung for each in steps)
     return Summary(
         preset=preset,

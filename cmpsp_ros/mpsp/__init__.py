@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
     from cmpsp_ros.mpsp.condensing import CondensedQP, condense, sensitivities
     from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+    from cmpsp_ros.mpsp.convergence import Convergence, Record
     from cmpsp_ros.mpsp.curvature import convexify
     from cmpsp_ros.mpsp.derivative_check import DerivativeReport, check_derivatives
     from cmpsp_ros.mpsp.errors import ProblemError
@@ -25,12 +26,13 @@ if TYPE_CHECKING:
         OptimalControlProblem,
     )
     from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, available, solve_qp
-    from cmpsp_ros.mpsp.status import Solution, Status
+    from cmpsp_ros.mpsp.status import Solution, Status, Violation
 
 __all__ = [
     'CMPSP',
     'CondensedQP',
     'ControlRateProblem',
+    'Convergence',
     'DerivativeReport',
     'Dimensions',
     'Evaluation',
@@ -43,9 +45,11 @@ __all__ = [
     'ProblemError',
     'QPSolution',
     'QPStatus',
+    'Record',
     'Solution',
     'Status',
     'Step',
+    'Violation',
     'available',
     'check_derivatives',
     'condense',
@@ -64,6 +68,7 @@ _HOMES = {
     'closed_form': ('has_closed_form', 'solve_closed_form'),
     'condensing': ('CondensedQP', 'condense', 'sensitivities'),
     'control_rate': ('ControlRateProblem',),
+    'convergence': ('Convergence', 'Record'),
     'curvature': ('convexify',),
     'derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
@@ -71,7 +76,7 @@ _HOMES = {
     'iteration': ('CMPSP', 'Iterate', 'Options', 'Step', 'solve'),
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
     'qp': ('Penalties', 'QPSolution', 'QPStatus', 'available', 'solve_qp'),
-    'status': ('Solution', 'Status'),
+    'status': ('Solution', 'Status', 'Violation'),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

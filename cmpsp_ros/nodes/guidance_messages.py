@@ -48,7 +48,10 @@ def pose_of(message: Odometry, frame_id: str) -> Array:
             f'Odometry is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
         )
     position, q = message.pose.pose.position, message.pose.pose.orientation
-    heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+    # Exact for a quaternion of any length.
+    heading = math.atan2(
+        2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z
+    )
     pose = np.array([position.x, position.y, heading])
     if not np.isfinite(pose).all():
         raise OdometryError(f'Odometry has a pose that is not finite: {pose.tolist()}.')

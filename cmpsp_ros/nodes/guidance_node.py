@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 _WATCH_PERIOD = 0.05
 
-UNCONFIGURED, INACTIVE, ACTIVE = 'unconfigured', 'inactive', 'active'
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 
 
@@ -71,9 +71,8 @@ class GuidanceNode(LifecycleNode):
 
     def stop(self) -> None:
         """Leave the active state, with a zero twist, before the process ends."""
-        if self._state == ACTIVE:
-            self.trigger_deactivate()
-        self.trigger_shutdown()
+        if self._state != FINALIZED:
+            self.trigger_shutdown()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Validate the whole set of parameters, load compiled code, open the topics."""
@@ -121,7 +120,10 @@ class GuidanceNode(LifecycleNode):
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the robot if it is still guided."""
-        return self.on_deactivate(state) if self._state == ACTIVE else SUCCESS
+        if self._state == ACTIVE:
+            self._halt('The guidance node is shutting down.')
+        self._state = FINALIZED
+        return super().on_shutdown(state)
 
     def _begin(self) -> None:
         self._times = StepTimes()
@@ -160,10 +162,17 @@ class GuidanceNode(LifecycleNode):
         self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
 
     def _check_age(self, stamp: int) -> None:
-        age, timeout = (self._now() - stamp) / 1e9, self._settings.odom_timeout
+        now, timeout = self._now(), self._settings.odom_timeout
+        age = (now - stamp) / 1e9
         if age > timeout:
             raise OdometryError(
                 f'Odometry is {age:.3f} s old (odom_timeout {timeout} s); is use_sim_time right?'
+            )
+        # Simulated time is 0 until the first /clock comes.
+        if now > 0 and -age > timeout:
+            raise OdometryError(
+                f'Odometry is {-age:.3f} s ahead of the clock (odom_timeout {timeout} s);'
+                ' is use_sim_time right?'
             )
 
     def _watch(self) -> None:
@@ -227,7 +236,7 @@ class GuidanceNode(LifecycleNode):
 
     def _report(self) -> Report:
         decision, state = self._decision, self._state
-        listeners = 0 if state == UNCONFIGURED else self._outputs.command_subscribers
+        listeners = self._outputs.command_subscribers if state in {INACTIVE, ACTIVE} else 0
         values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
         if decision is not None:
             values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}

@@ -29,8 +29,8 @@ from cmpsp_ros.nodes.topics import (
     TRUTH,
 )
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.settings import check_start, plant_settings
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
 from cmpsp_ros.parameters.table import is_of_ros
 from cmpsp_ros.robot.plant import Plant, TwistError
 
@@ -66,7 +66,7 @@ class SimNode(Node):
         self.values: Values = declare(self, TABLE, 'sim')
         settings = plant_settings(self.values)
         check_start(self.values)
-        _check_times(self.values)
+        check_pace(self.values)
         has_clock = self.values['publish_clock']
         self.odometry = SIM_ODOM.publish_on(self)
         self._truth = TRUTH.publish_on(self)
@@ -272,21 +272,6 @@ class _Lockstep:
                 f'lockstep: no cmd_vel for {waited:.1f} s in answer to odometry of '
                 f'{self._sim.plant.stamp_ns / _NS} s; still waiting'
             )
-
-
-def _check_times(values: Values) -> None:
-    problems = []
-    rate, factor = values['odom_rate'], values['real_time_factor']
-    if rate < 1e-3:
-        problems.append(Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz'))
-    elif values['lockstep'] and round(values['control_period'] * _NS) % round(_NS / rate):
-        found = f'{values["control_period"]} s and {rate} Hz'
-        wanted = 'a whole number of odometry periods in a control period, for lockstep'
-        problems.append(Problem('control_period, odom_rate', found, wanted))
-    if not 1e-3 <= factor <= 1e3:
-        problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
-    if problems:
-        raise ParameterError(*problems)
 
 
 def _transform(odometry: Odometry) -> TransformStamped:

@@ -159,7 +159,8 @@ def _parameters() -> Iterator[Parameter]:
         'Whether simulated time is published on `/clock`, for nodes with `use_sim_time`.',
         **_FIXED)
     yield sim('lockstep', _BOOL, False, '',
-        'Whether simulated time waits for the answer to every control step.', **_FIXED)
+        'Whether simulated time waits for the answer to every control step; for use with '
+        '`publish_clock`, and `use_sim_time` in the other nodes.', **_FIXED)
     yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
         'Wall time to wait for an answer in lockstep before an error is reported.',
         range=_POSITIVE)

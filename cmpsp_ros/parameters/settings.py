@@ -94,6 +94,37 @@ def check_start(values: Values) -> None:
     _raise_if_any(list(_place_problems(values, 'initial_pose', (x, y))))
 
 
+def check_pace(values: Values) -> None:
+    """Refuses a simulation whose times do not fit together.
+
+    Args:
+        values: A set resolved by the table.
+
+    Raises:
+        ParameterError: If odometry or simulated time are too slow or too fast to be kept, or
+            lockstep cannot work.
+    """
+    problems = []
+    rate, factor = values['odom_rate'], values['real_time_factor']
+    if rate < 1e-3:
+        problems.append(Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz'))
+    elif values['lockstep'] and _whole(values['control_period']) % _whole(1.0 / rate):
+        found = f'{values["control_period"]} s and {rate} Hz'
+        wanted = 'a whole number of odometry periods in a control period, for lockstep'
+        problems.append(Problem('control_period, odom_rate', found, wanted))
+    if values['lockstep'] and values['odom_timeout'] <= values['control_period']:
+        # Its odometry comes in bursts of one control period.
+        wanted = f'more than control_period = {values["control_period"]} s, for lockstep'
+        problems.append(Problem('odom_timeout', f'{values["odom_timeout"]} s', wanted))
+    if not 1e-3 <= factor <= 1e3:
+        problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
+    _raise_if_any(problems)
+
+
+def _whole(seconds: float) -> int:
+    return round(seconds * 1_000_000_000)
+
+
 def _robot(values: Values) -> DifferentialDrive:
     return DifferentialDrive(
         wheel_radius=values['robot.wheel_radius'],

@@ -278,7 +278,8 @@ def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
 
 
 def test_unknown_back_end_names_those_that_are_there():
-    with pytest.raises(ProblemError, match=r"qp: found 'newton', wanted one of daqp, hildreth, clarabel"):
+    wanted = r"qp: found 'newton', wanted one of daqp, hildreth, clarabel"
+    with pytest.raises(ProblemError, match=wanted):
         backend('newton')
 
 

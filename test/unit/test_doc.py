@@ -1,0 +1,133 @@
+"""The pages in ``doc/`` run, print what they say they print, and link to what is there."""
+
+import io
+import re
+import traceback
+from contextlib import redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / 'doc').glob('*.md'))
+LINKING = [*PAGES, ROOT / 'README.md']
+
+_FENCE = re.compile(r'^```(\w*)\n(.*?)^```$', re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r'\]\(([^)\s]+)\)')
+
+
+@dataclass
+class Block:
+    """A fenced block: its language, its text and the page's line on which the text begins."""
+
+    language: str
+    text: str
+    line: int
+
+
+@dataclass
+class Run:
+    """Everything the Python blocks of a page share."""
+
+    page: str
+    namespace: dict = field(default_factory=lambda: {'__name__': 'page'})
+
+    def execute(self, block):
+        """What a block prints; fails with the page's name and the line where it breaks."""
+        # Blank lines before it give the block the line numbers of its page.
+        source = '\n' * (block.line - 1) + block.text
+        printed = io.StringIO()
+        try:
+            with redirect_stdout(printed):
+                exec(compile(source, self.page, 'exec'), self.namespace)
+        except Exception as error:
+            frames = traceback.extract_tb(error.__traceback__)
+            lines = [frame.lineno for frame in frames if frame.filename == self.page]
+            if isinstance(error, SyntaxError):
+                lines.append(error.lineno)
+            pytest.fail(f'{self.page}, line {lines[-1]}: {error!r}')
+        return printed.getvalue()
+
+
+def blocks_of(text):
+    return [
+        Block(match[1], match[2], text.count('\n', 0, match.start(2)) + 1)
+        for match in _FENCE.finditer(text)
+    ]
+
+
+def check(page, text):
+    run, printed = Run(page), ''
+    for block in blocks_of(text):
+        if block.language == 'python':
+            printed += run.execute(block)
+        elif block.language == 'text':
+            where = f'{page}, line {block.line}'
+            assert printed == block.text, f'{where}: printed\n{printed}instead of\n{block.text}'
+            printed = ''
+    assert not printed, f'{page}: printed at its end, with no text block\n{printed}'
+
+
+def links_of(text):
+    targets = (match[1] for match in _LINK.finditer(_FENCE.sub('', text)))
+    return [target for target in targets if not re.match(r'[a-z]+:|#', target)]
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_page_prints_what_it_says(page):
+    check(page.relative_to(ROOT).as_posix(), page.read_text(encoding='utf-8'))
+
+
+@pytest.mark.parametrize('page', LINKING, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_point_at_files(page):
+    links = links_of(page.read_text(encoding='utf-8'))
+    missing = [link for link in links if not (page.parent / link.split('#')[0]).exists()]
+    assert not missing, f'{page.relative_to(ROOT)}: no file for {missing}'
+
+
+def test_every_page_is_in_the_index():
+    index = ROOT / 'doc' / 'README.md'
+    linked = links_of(index.read_text(encoding='utf-8'))
+    assert {page.name for page in PAGES} - {index.name} == {
+        link for link in linked if link.endswith('.md') and '/' not in link
+    }
+
+
+PAGE = """Text.
+
+```python
+first = 1
+print(first)
+```
+
+```text
+1
+```
+
+```python
+def fail():
+    return first / 0
+
+fail()
+```
+"""
+
+
+def test_failing_code_names_page_and_line():
+    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 14: ZeroDivisionError'):
+        check('page.md', PAGE)
+    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 12: SyntaxError'):
+        check('page.md', PAGE.replace('def fail()', 'def fail('))
+
+
+def test_other_output_names_page_and_line():
+    with pytest.raises(AssertionError, match=r'page\.md, line 9: printed\n1\ninstead of\n2'):
+        check('page.md', PAGE.replace('\n1\n', '\n2\n'))
+    with pytest.raises(AssertionError, match='printed at its end'):
+        check('page.md', PAGE.replace('fail()\n```\n', 'print(2)\n```\n'))
+
+
+def test_missing_links_are_found():
+    text = '[a](a.md#b) ![c](c.png) [d](https://d.example) [e](#e)\n```text\n[f](f)\n```\n'
+    assert links_of(text) == ['a.md#b', 'c.png']

@@ -106,7 +106,7 @@ def paper(
             task = bar.add_task('paper', total=len(only or ARTEFACTS))
 
             def progress(what: str) -> None:
-                bar.update(task, advance=1, description=what)
+                bar.update(task, advance=what in ARTEFACTS, description=what)
 
             report = run(output, only or (), progress, judge=judge)
     except (PaperError, ParameterError) as error:

@@ -29,8 +29,8 @@ class Summary:
         clearance: Least clearance of the path driven, between samples too, from road edges and
             obstacles, the robot's own radius taken off [m].
         max_wheel_speed: Largest wheel speed driven [rad/s].
-        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where they were not
-            measured.
+        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where
+            they were not measured.
         deadline_misses: Control steps that took longer than the control period.
         rungs: Control steps on each rung of the ladder.
         control_steps: Number of control steps.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +72,6 @@ class GuidanceLaw:
         self._start: int | None = None
         self._due = 0
         self._latest = 0
-        self._notice = ''
         self._step = 0
         self._failures = 0
         self._plan: Plan | None = None
@@ -94,17 +93,11 @@ class GuidanceLaw:
             pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
 
         Returns:
-            The decision, or None between two control steps. Odometry that is older than the last
-            decision by more than `odom_timeout` begins the run again: time has jumped back.
+            The decision, or None between two control steps and for odometry older than the last.
         """
         if self._start is None:
             self._start = stamp
         now = stamp - self._start
-        if now < self._latest - to_nanoseconds(self._settings.odom_timeout):
-            # Not a late message: time itself began again, and with it whatever keeps it.
-            self.reset()
-            self._notice = 'Time has jumped back: the run begins again. '
-            self._start, now = stamp, 0
         if now < self._due:
             return None
         self._latest = now
@@ -114,9 +107,6 @@ class GuidanceLaw:
         horizon = remaining(now, self._period, self._final)
         self._due = horizon.next_instant
         decision = self._decide(stamp, pose, horizon)
-        if self._notice:
-            decision = replace(decision, reason=self._notice + decision.reason)
-            self._notice = ''
         self._step += 1
         return decision
 

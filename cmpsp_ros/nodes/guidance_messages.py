@@ -48,6 +48,9 @@ def pose_of(message: Odometry, frame_id: str) -> Array:
             f'Odometry is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
         )
     position, q = message.pose.pose.position, message.pose.pose.orientation
+    length = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
+    if abs(length - 1.0) > 0.01:
+        raise OdometryError(f'Odometry has an orientation of length {length:.3g}, wanted 1.')
     # Exact for a quaternion of any length.
     heading = math.atan2(
         2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z
@@ -55,9 +58,6 @@ def pose_of(message: Odometry, frame_id: str) -> Array:
     pose = np.array([position.x, position.y, heading])
     if not np.isfinite(pose).all():
         raise OdometryError(f'Odometry has a pose that is not finite: {pose.tolist()}.')
-    length = math.sqrt(q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w)
-    if abs(length - 1.0) > 0.01:
-        raise OdometryError(f'Odometry has an orientation of length {length:.3g}, wanted 1.')
     return pose
 
 

@@ -128,6 +128,7 @@ class GuidanceNode(LifecycleNode):
     def _begin(self) -> None:
         self._times = StepTimes()
         self._heard_at: int | None = None
+        self._stamp: int | None = None
         self._halted_at: int | None = None
         self._decision: Decision | None = None
 
@@ -149,6 +150,7 @@ class GuidanceNode(LifecycleNode):
             self._halt_for(str(error))
             return
         self._heard_at = self._now()
+        self._notice_time(stamp)
         try:
             decision = self._law.update(stamp, pose)
         except Exception as error:  # the robot must stop for any
@@ -160,6 +162,14 @@ class GuidanceNode(LifecycleNode):
         step_ms = (time.perf_counter_ns() - began) / 1e6
         self._times.add(step_ms, self._settings.control_period)
         self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
+
+    def _notice_time(self, stamp: int) -> None:
+        """Begin the run again when time has: odometry fits the clock, but not what came before."""
+        back = ((self._stamp or stamp) - stamp) / 1e9
+        if back > self._settings.odom_timeout:
+            self.get_logger().warning(f'time has jumped back by {back:.3f} s: the run begins again')
+            self._law.reset()
+        self._stamp = stamp
 
     def _check_age(self, stamp: int) -> None:
         now, timeout = self._now(), self._settings.odom_timeout

@@ -245,7 +245,7 @@ def test_an_interrupted_run_leaves_a_readable_bag_and_a_robot_that_stands(
     assert twists[0][0] > 0.5
     assert twists[-1] == (0.0, 0.0)
     run = read_run(folder / 'bag')
-    assert run.decisions[-1].reason == 'The guidance node was deactivated.'
+    assert run.decisions[-1].reason == 'The guidance node is shutting down.'
     assert run.driven.twists[-1].tolist() == [0.0, 0.0]
     assert not (folder / 'summary.json').exists()
 

@@ -117,12 +117,12 @@ fail()
 def test_failing_code_names_page_and_line():
     with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 14: ZeroDivisionError'):
         check('page.md', PAGE)
-    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 12: SyntaxError'):
+    with pytest.raises(pytest.fail.Exception, match=r'page\.md, line 13: SyntaxError'):
         check('page.md', PAGE.replace('def fail()', 'def fail('))
 
 
 def test_other_output_names_page_and_line():
-    with pytest.raises(AssertionError, match=r'page\.md, line 9: printed\n1\ninstead of\n2'):
+    with pytest.raises(AssertionError, match=r'page\.md, line 9: printed\n +1\n +instead of\n +2'):
         check('page.md', PAGE.replace('\n1\n', '\n2\n'))
     with pytest.raises(AssertionError, match='printed at its end'):
         check('page.md', PAGE.replace('fail()\n```\n', 'print(2)\n```\n'))

@@ -13,7 +13,8 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.iteration import CMPSP, SLACK_TOLERANCE, Iterate, Options
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate
+from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from cmpsp_ros.mpsp.derivative_check import DerivativeReport, check_derivatives
     from cmpsp_ros.mpsp.errors import ProblemError
     from cmpsp_ros.mpsp.functions import from_functions
-    from cmpsp_ros.mpsp.iteration import CMPSP, Iterate, Options, Step, solve
+    from cmpsp_ros.mpsp.iterate import Iterate, Step
+    from cmpsp_ros.mpsp.iteration import CMPSP, Options, solve
     from cmpsp_ros.mpsp.problem import (
         Dimensions,
         Evaluation,
@@ -73,7 +74,8 @@ _HOMES = {
     'derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
     'functions': ('from_functions',),
-    'iteration': ('CMPSP', 'Iterate', 'Options', 'Step', 'solve'),
+    'iterate': ('Iterate', 'Step'),
+    'iteration': ('CMPSP', 'Options', 'solve'),
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
     'qp': ('Penalties', 'QPSolution', 'QPStatus', 'available', 'solve_qp'),
     'status': ('Solution', 'Status', 'Violation'),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -14,16 +14,11 @@ from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.convergence import Record, record
 from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.iterate import Iterate, Size, Step
 from cmpsp_ros.mpsp.merit import Merit, Trial, search, second_order_correction
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, backend, solve_qp
 from cmpsp_ros.mpsp.status import Solution, Status, violations
-
-SLACK_TOLERANCE = 1e-6
-"""Violation of a linearised constraint up to which it counts as met."""
-
-# A relaxed subproblem that leaves this much of the violation has nothing left to gain.
-_NOTHING_GAINED = 0.99
 
 
 @dataclass(frozen=True)
@@ -59,96 +54,6 @@ class Options:
     control_tolerance: float = 1e-6
     violation_tolerance: float = 1e-6
     growth_limit: float = 1e10
-
-
-@dataclass(frozen=True)
-class Step:
-    """What one iteration did.
-
-    Attributes:
-        qp_status: How the subproblem ended.
-        elastic: Whether it had to be relaxed.
-        slack_terminal: Violation of the linearised terminal constraint that was left, ``(m,)``.
-        slack_path: Violation of the linearised path constraints that was left, ``(N + 1, l)``.
-        length: Step length taken; 0 where no step was.
-        terminal_multipliers: ``lambda``, shape ``(m,)``.
-        path_multipliers: ``rho``, shape ``(N + 1, l)``.
-        bound_multipliers: Of the control bounds, positive at the upper one, ``(N + 1, r)``.
-        active_rows: Number of path rows, trust rows and bounds that are active.
-        qp_iterations: Iterations of the QP back end.
-        full_change: Relative change of the controls that the full step asks for, as compared with
-            ``eps_U`` in Sec. 4; the change made, where the length is 1.
-        shift: Added to the Hessian's diagonal because curvature was lost, else 0.
-        corrected: Whether the line search went along a second-order correction.
-        is_finite: Whether the subproblem's data were finite.
-    """
-
-    qp_status: QPStatus
-    elastic: bool
-    slack_terminal: Array
-    slack_path: Array
-    length: float
-    terminal_multipliers: Array
-    path_multipliers: Array
-    bound_multipliers: Array
-    active_rows: int
-    qp_iterations: int
-    full_change: float = 0.0
-    shift: float = 0.0
-    corrected: bool = False
-    is_finite: bool = True
-
-    @property
-    def slack(self) -> float:
-        """Largest violation that the relaxation left in the linearised constraints."""
-        parts = np.abs(self.slack_terminal).max(initial=0.0), self.slack_path.max(initial=0.0)
-        return float(max(parts))
-
-    @property
-    def needed_slack(self) -> bool:
-        """Whether the relaxation left a violation."""
-        return self.elastic and self.slack > SLACK_TOLERANCE
-
-    def gains_nothing_on(self, evaluation: Evaluation) -> bool:
-        """Whether the relaxed subproblem leaves the violation it started from as it was."""
-        left = np.abs(self.slack_terminal).sum() + self.slack_path.sum()
-        now = np.abs(evaluation.output_error).sum() + np.maximum(evaluation.g, 0.0).sum()
-        return self.needed_slack and bool(left >= _NOTHING_GAINED * now)
-
-
-class Size(NamedTuple):
-    """Magnitudes that grow without bound where a run diverges, each plus 1."""
-
-    cost: float
-    control: float
-
-
-@dataclass(frozen=True)
-class Iterate:
-    """State of the iteration.
-
-    Attributes:
-        index: Iterations done, ``i``.
-        U: Controls, shape ``(N + 1, r)``.
-        X: Predicted states, shape ``(N + 1, n)``.
-        evaluation: Value along them.
-        guess_size: Cost and controls of the guess.
-        previous_U: Controls before the last step; None at the start.
-        step: The last step; None at the start.
-    """
-
-    index: int
-    U: Array
-    X: Array
-    evaluation: Evaluation
-    guess_size: Size
-    previous_U: Array | None = field(default=None)
-    step: Step | None = field(default=None)
-
-    @property
-    def is_finite(self) -> bool:
-        """Whether prediction and cost are finite numbers."""
-        return bool(np.isfinite(self.X).all() and np.isfinite(self.evaluation.cost))
 
 
 class _Answer(NamedTuple):
@@ -388,10 +293,14 @@ def solve(
         How the run ended, with a record of every iterate.
 
     Raises:
-        ProblemError: The guess or an option does not fit the problem.
+        ProblemError: The guess or an option does not fit the problem, or the problem's bounds,
+            target or derivatives do not fit its dimensions.
     """
+    problem.check()
     iteration = CMPSP(problem, options)
     iterate = iteration.init(U)
+    if iterate.is_finite:
+        problem.linearise(iterate.X, iterate.U, options.hessian).check_shapes(problem.size)
     history = []
     while True:
         status = iteration.terminate(iterate)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
@@ -37,41 +38,44 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
     Arguments and result as in `initial_guess`.
     """
     robot, road = settings.robot, settings.road
-    center = np.asarray(road.center)
-    goal = np.asarray(settings.goal)
-    goal_bearing = math.atan2(goal[1] - center[1], goal[0] - center[0])
+    center_x, center_y = road.center
+    goal_x, goal_y = settings.goal
+    goal_bearing = math.atan2(goal_y - center_y, goal_x - center_x)
     controls = np.empty((len(durations) + 1, 2))
-    time_left = np.append(np.cumsum(durations[::-1])[::-1], 0.0)
-    for k, duration in enumerate(durations):
-        out = pose[:2] - center
-        bearing = math.atan2(out[1], out[0])
+    time_left = np.cumsum(durations[::-1])[::-1].tolist()
+    for k, left in enumerate(time_left):
+        x, y, heading = pose.tolist()
+        bearing = math.atan2(y - center_y, x - center_x)
         angle_left = math.remainder(goal_bearing - bearing, math.tau)
-        speed = min(road.center_radius * abs(angle_left) / time_left[k], robot.max_speed)
+        way_left = road.center_radius * abs(angle_left)
+        speed = min(way_left / left, robot.max_speed)
         ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
-        if abs(angle_left) * road.center_radius <= ahead:
-            target = goal
-            speed = min(math.dist(goal, pose[:2]) / time_left[k], robot.max_speed)
+        if way_left <= ahead:
+            target_x, target_y = goal_x, goal_y
+            speed = min(math.hypot(goal_x - x, goal_y - y) / left, robot.max_speed)
         else:
             turned = bearing + math.copysign(ahead / road.center_radius, angle_left)
-            target = center + road.center_radius * np.array([math.cos(turned), math.sin(turned)])
-        controls[k] = _toward(settings, pose, target, speed, duration)
+            target_x = center_x + road.center_radius * math.cos(turned)
+            target_y = center_y + road.center_radius * math.sin(turned)
+        turn_rate = _pursue(target_x - x, target_y - y, heading, speed)
+        trusted = (settings.solver.heading_trust_region or math.pi / 2.0) / float(durations[k])
+        controls[k] = _within_limits(robot, speed, min(max(turn_rate, -trusted), trusted))
         pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
     controls[-1] = controls[-2]
     return controls
 
 
-def _toward(
-    settings: GuidanceSettings, pose: Array, target: Array, speed: float, duration: float
-) -> Array:
-    """Wheel speeds of the arc from the pose through the target, turning no faster than trusted."""
-    robot = settings.robot
-    offset = target - pose[:2]
-    distance = max(math.hypot(*offset), _SHORTEST_LOOKAHEAD)
-    angle = math.remainder(math.atan2(offset[1], offset[0]) - pose[2], math.tau)
+def _pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
+    """Turn rate [rad/s] of the arc from the pose through a target at an offset [m]."""
+    distance = max(math.hypot(offset_x, offset_y), _SHORTEST_LOOKAHEAD)
+    angle = math.remainder(math.atan2(offset_y, offset_x) - heading, math.tau)
     bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
-    turn_rate = 2.0 * speed * bend / distance
-    trusted = (settings.solver.heading_trust_region or math.pi / 2.0) / duration
-    turn_rate = min(max(turn_rate, -trusted), trusted)
-    wheels = robot.wheel_speeds(np.array([speed, turn_rate]))
-    slowed: Array = wheels * min(1.0, robot.max_wheel_speed / max(np.abs(wheels).max(), 1e-12))
-    return slowed
+    return 2.0 * speed * bend / distance
+
+
+def _within_limits(robot: DifferentialDrive, speed: float, turn_rate: float) -> tuple[float, float]:
+    """Wheel speeds [rad/s] of a twist, both slowed alike where one would exceed its limit."""
+    rim = turn_rate * robot.half_track
+    right, left = (speed + rim) / robot.wheel_radius, (speed - rim) / robot.wheel_radius
+    slowed = min(1.0, robot.max_wheel_speed / max(abs(right), abs(left), 1e-12))
+    return right * slowed, left * slowed

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
+from cmpsp_ros.mpsp import condensing
 from cmpsp_ros.mpsp.condensing import condense, sensitivities
 from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
@@ -200,3 +201,13 @@ def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, g
     assert solution.status is QPStatus.SOLVED
     expected = uncondensed(lin, lower, upper, radius)
     np.testing.assert_allclose(solution.dU, expected.ravel(), atol=1e-6)
+
+
+def test_kernels_are_what_their_source_says(monkeypatch):
+    radius = np.ones(3)
+    _, compiled = random_program(5, SHAPES[2], radius)
+    for name in ('_sensitivities', '_hessian', '_gradient', '_rows'):
+        monkeypatch.setattr(condensing, name, getattr(condensing, name).py_func)
+    _, plain = random_program(5, SHAPES[2], radius)
+    for name in ('H', 'c', 'S_N', 'B_C', 'T'):
+        np.testing.assert_allclose(getattr(plain, name), getattr(compiled, name), atol=1e-12)

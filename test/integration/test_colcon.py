@@ -175,7 +175,8 @@ def test_installed_nodes_complete_a_run(
     guidance = spawn(
         [programs / 'guidance_node', *common, '-p', 'use_sim_time:=true'], PYTHONPATH=paths
     )
-    opened = Path(f'/proc/{guidance.pid}/cmdline').read_text().split('\0')
-    assert str(programs / 'guidance_node') in opened
+    # The ROS wheels start Python once more, and for a moment the process has no command line.
+    command = Path(f'/proc/{guidance.pid}/cmdline')
+    ros.spin_until(lambda: str(programs / 'guidance_node') in command.read_text().split('\0'))
     ros.spin_until(lambda: decided and decided[-1]['finished'] == 'true', 60.0)
     assert float(decided[-1]['miss']) < 1e-6

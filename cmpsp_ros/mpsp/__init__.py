@@ -26,8 +26,9 @@ if TYPE_CHECKING:
         Linearisation,
         OptimalControlProblem,
     )
-    from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, available, solve_qp
+    from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, available, solve_qp
     from cmpsp_ros.mpsp.status import Solution, Status, Violation
+    from cmpsp_ros.mpsp.subproblem import Subproblem
 
 __all__ = [
     'CMPSP',
@@ -47,9 +48,11 @@ __all__ = [
     'QPSolution',
     'QPStatus',
     'Record',
+    'Row',
     'Solution',
     'Status',
     'Step',
+    'Subproblem',
     'Violation',
     'available',
     'check_derivatives',
@@ -77,8 +80,9 @@ _HOMES = {
     'iterate': ('Iterate', 'Step'),
     'iteration': ('CMPSP', 'Options', 'solve'),
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
-    'qp': ('Penalties', 'QPSolution', 'QPStatus', 'available', 'solve_qp'),
+    'qp': ('Penalties', 'QPSolution', 'QPStatus', 'Row', 'available', 'solve_qp'),
     'status': ('Solution', 'Status', 'Violation'),
+    'subproblem': ('Subproblem',),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

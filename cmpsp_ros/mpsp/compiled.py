@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
-from typing import ParamSpec, TypeVar, cast
+from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+from numba.extending import overload
+
+from cmpsp_ros.mpsp.kernel_cache import enable_cache, note_implementation
+
+NO_RUNTIME = {'_nrt': False}
+"""Options of numba for functions that allocate nothing."""
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
@@ -17,4 +24,59 @@ def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     No fast-math: a replay must give the same bits as the run, whatever the vector length of the
     loop that was compiled.
     """
-    return cast('Callable[_P, _R]', numba.njit(cache=True)(function))
+    return _compile(function)
+
+
+def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Like `compiled`, for functions that make no array: that one would is an error.
+
+    Numba then counts no references either, which small functions on named tuples of arrays spend
+    most of their time on.
+    """
+    return _compile(function, **NO_RUNTIME)
+
+
+def implements(
+    stub: Callable[..., Any], data_class: type[tuple[Any, ...]]
+) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Make a function what ``stub`` does in compiled code for one class of data.
+
+    A compiled loop that calls ``stub(data, ...)`` is compiled anew for every class of ``data``,
+    with the implementation for that class inside: no call by pointer is left.
+
+    Args:
+        stub: Plain function that stands for all implementations; it is never run.
+        data_class: Named tuple, the class of the first argument.
+
+    Returns:
+        Decorator; what it returns is compiled and can be called from Python as well.
+
+    Raises:
+        TypeError: From the decorator, if the parameters are not named as those of the stub.
+    """
+
+    def decorate(function: Callable[_P, _R]) -> Callable[_P, _R]:
+        wanted, found = (list(inspect.signature(each).parameters) for each in (stub, function))
+        if found != wanted:
+            raise TypeError(
+                f'{function.__qualname__} has the parameters ({", ".join(found)}), wanted'
+                f' ({", ".join(wanted)}) as {stub.__qualname__}'
+            )
+
+        def choose(data: Any, *_rest: Any) -> Callable[_P, _R] | None:
+            is_it = (
+                isinstance(data, numba.types.BaseNamedTuple) and data.instance_class is data_class
+            )
+            return function if is_it else None
+
+        overload(stub, jit_options=NO_RUNTIME, strict=False)(choose)
+        note_implementation(data_class, function)
+        return allocation_free(function)
+
+    return decorate
+
+
+def _compile(function: Callable[_P, _R], **options: bool) -> Callable[_P, _R]:
+    dispatcher = numba.njit(**options)(function)
+    enable_cache(dispatcher, function)
+    return cast('Callable[_P, _R]', dispatcher)

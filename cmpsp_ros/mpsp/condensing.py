@@ -93,8 +93,6 @@ def condense(
 
     H = np.empty((q, q))
     _hessian(H, blocks, lin.A, lin.B, lin.L_XX, lin.L_UX, lin.L_UU)
-    c = np.empty(q)
-    _gradient(c, lin.A, lin.B, lin.L_X, lin.L_U)
 
     S_N = np.empty((len(lin.output_error), q))
     last = np.full(len(S_N), steps)
@@ -104,7 +102,7 @@ def condense(
     B_C = np.empty((len(stage), q))
     _rows(B_C, blocks, stage, lin.g_X[stage, index], lin.g_U[stage, index])
 
-    tight = [] if trust_radius is None else list(np.flatnonzero(np.isfinite(trust_radius)))
+    tight = [] if trust_radius is None else list(np.flatnonzero(trust_radius != np.inf))
     trust_stage = np.tile(np.arange(1, steps + 1), len(tight))
     T = np.empty((len(trust_stage), q))
     unit = np.repeat(np.eye(n)[tight].reshape(-1, n), steps, axis=0)
@@ -113,7 +111,7 @@ def condense(
 
     return CondensedQP(
         H=H,
-        c=c,
+        c=gradient(lin.A, lin.B, lin.L_X, lin.L_U).reshape(q),
         S_N=S_N,
         output_error=lin.output_error,
         B_C=B_C,
@@ -125,6 +123,23 @@ def condense(
         lower=lower.reshape(q),
         upper=upper.reshape(q),
     )
+
+
+def gradient(A: Array, B: Array, by_state: Array, by_control: Array) -> Array:
+    """Derivative by the controls alone of a sum over the stages, by one backward sweep.
+
+    Args:
+        A: ``dF_k/dX_k``, shape ``(N, n, n)``.
+        B: ``dF_k/dU_k``, shape ``(N, n, r)``.
+        by_state: Derivative of each stage's term by its state, shape ``(N + 1, n)``.
+        by_control: Derivative of each stage's term by its control, shape ``(N + 1, r)``.
+
+    Returns:
+        Shape ``(N + 1, r)``.
+    """
+    c: Array = np.empty(by_control.shape)
+    _gradient(c.reshape(-1), A, B, by_state, by_control)
+    return c
 
 
 @compiled

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.iterate import Iterate
@@ -75,12 +75,12 @@ class Record:
         return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
 
 
-def record(at: Iterate, qp: CondensedQP | None) -> Record:
+def record(at: Iterate, subproblem: Subproblem | None) -> Record:
     """Measure an iterate.
 
     Args:
         at: The iterate.
-        qp: The subproblem there, which has the gradients; None where it is not finite.
+        subproblem: The subproblem there, which has the gradients; None where it is not finite.
     """
     step, evaluation = at.step, at.evaluation
     terminal = np.zeros_like(evaluation.output_error)
@@ -97,7 +97,7 @@ def record(at: Iterate, qp: CondensedQP | None) -> Record:
         0.0 if step is None else step.length,
         float(np.linalg.norm(evaluation.output_error)),
         float(evaluation.g.max(initial=0.0)),
-        _residual(qp, terminal, path, bounds),
+        _residual(subproblem, terminal, path, bounds),
         terminal,
         path,
         bounds,
@@ -105,17 +105,17 @@ def record(at: Iterate, qp: CondensedQP | None) -> Record:
     )
 
 
-def _residual(qp: CondensedQP | None, terminal: Array, path: Array, bounds: Array) -> float:
-    if qp is None or not (np.isfinite(qp.c).all() and np.isfinite(qp.S_N).all()):
+def _residual(subproblem: Subproblem | None, terminal: Array, path: Array, bounds: Array) -> float:
+    if subproblem is None:
         return math.nan
     # A point that is its own subproblem's solution, with dU = 0, meets the problem's conditions.
     here = replace(
-        QPSolution.unsolved(qp, QPStatus.SOLVED),
+        QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
         terminal=terminal,
-        path=path[qp.path_stage, qp.path_index],
-        bounds=bounds.ravel(),
+        path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
+        bounds=bounds,
     )
-    return kkt_residual(qp, here, None)
+    return kkt_residual(subproblem, here, None)
 
 
 class HasControls(Protocol):

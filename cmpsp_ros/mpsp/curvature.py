@@ -7,13 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.mpsp.closed_form import has_closed_form
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.definiteness import (
-    is_positive_definite,
+    CURVATURE_MARGIN,
     is_positive_definite_along,
     nearest_positive_semidefinite,
 )
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.spectrum import (
+    extreme_eigenvalues,
+    is_positive_definite_with,
+    largest_diagonal,
+)
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 CURVATURE_LEFT = 1e-3
 """Least eigenvalue of a shifted Hessian, relative to the largest in magnitude before.
@@ -24,32 +29,39 @@ region and line search can deal with.
 """
 
 
-def convexify(qp: CondensedQP) -> tuple[CondensedQP, float]:
+def convexify(subproblem: Subproblem) -> Subproblem:
     """Shift the Hessian of a program that has no unique minimum, and only of such a program.
 
-    A Cholesky factorisation tells. Where it fails, ``shift I`` is added, with the least shift
-    that leaves every eigenvalue at `CURVATURE_LEFT` of the largest or above. A program with a
-    closed form needs curvature along the terminal constraint alone and keeps its Hessian if it has
-    that much.
+    A Riccati sweep tells. Where it fails, ``shift I`` is added, with the least shift that leaves
+    every eigenvalue at `CURVATURE_LEFT` of the largest or above. A program with a closed form needs
+    curvature along the terminal constraint alone and keeps its Hessian if it has that much.
 
     The shift is a proximal term, like ``R`` of (95): it vanishes at a fixed point, so it bends the
     path to a solution but not the solution.
 
     Args:
-        qp: Program with any symmetric Hessian; one that is not finite is left to the back end,
-            which refuses it.
+        subproblem: Program with any symmetric Hessian; one that is not finite is left to the back
+            end, which refuses it.
 
     Returns:
-        The program to solve, the same object where nothing was needed, and the shift, 0 there.
+        The program to solve with its `Subproblem.shift`; the same object where none was needed.
     """
-    if is_positive_definite(qp.H) or not np.isfinite(qp.H).all():
-        return qp, 0.0
-    if has_closed_form(qp) and is_positive_definite_along(qp.H, qp.S_N):
-        return qp, 0.0
-    values = np.linalg.eigvalsh(qp.H)
-    size = np.abs(values).max() or 1.0
-    shift = float(CURVATURE_LEFT * size - values[0])
-    return replace(qp, H=qp.H + shift * np.eye(len(qp.H))), shift
+    stages = subproblem.stages
+    margin = CURVATURE_MARGIN * largest_diagonal(stages)
+    if is_positive_definite_with(stages, -margin):
+        return subproblem
+    least, largest = extreme_eigenvalues(stages)
+    size = max(abs(least), abs(largest)) or 1.0
+    shift = CURVATURE_LEFT * size - least
+    if not np.isfinite(shift) or _has_curvature_enough(subproblem):
+        return subproblem
+    return replace(subproblem, shift=subproblem.shift + shift)
+
+
+def _has_curvature_enough(subproblem: Subproblem) -> bool:
+    if not has_closed_form(subproblem):
+        return False
+    return is_positive_definite_along(subproblem.condensed.H, subproblem.condensed.S_N)
 
 
 def project_stages(L_XX: Array, L_UX: Array, L_UU: Array) -> tuple[Array, Array, Array]:

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
-from cmpsp_ros.mpsp.condensing import CondensedQP, condense
+from cmpsp_ros.mpsp.answer import Answer, answer
 from cmpsp_ros.mpsp.convergence import Record, record
-from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.iterate import Iterate, Size, Step
 from cmpsp_ros.mpsp.merit import Merit, Trial, search, second_order_correction
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Hessian, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, backend, solve_qp
+from cmpsp_ros.mpsp.qp import Penalties, QPStatus, backend
 from cmpsp_ros.mpsp.status import Solution, Status, violations
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
 @dataclass(frozen=True)
@@ -56,17 +54,8 @@ class Options:
     growth_limit: float = 1e10
 
 
-class _Answer(NamedTuple):
-    """Solution of a subproblem, and what had to be done to get it."""
-
-    qp: CondensedQP
-    solution: QPSolution
-    elastic: bool
-    shift: float
-
-
 class CMPSP:
-    """The iteration for one problem: predict, linearise, condense, solve, update (43)."""
+    """The iteration for one problem: predict, linearise, solve, update (43)."""
 
     def __init__(self, problem: OptimalControlProblem, options: Options) -> None:
         """Take the problem and the options.
@@ -86,7 +75,12 @@ class CMPSP:
         self._problem = problem
         self._options = options
         stages = size.horizon + 1
-        self._merit = Merit(options.penalty_terminal, np.tile(options.penalty_path, (stages, 1)))
+        self._penalties = Penalties(
+            options.penalty_terminal, np.tile(options.penalty_path, (stages, 1))
+        )
+        self._merit = Merit(self._penalties.terminal, self._penalties.path)
+        free = np.full(size.state, np.inf)
+        self._trust_radius = free if options.trust_radius is None else options.trust_radius
 
     def init(self, U: Array) -> Iterate:
         """Predict along a guessed control history, brought within its bounds.
@@ -103,25 +97,31 @@ class CMPSP:
         evaluation = self._problem.evaluate(X, U)
         return Iterate(0, U, X, evaluation, _size(U, evaluation))
 
-    def subproblem(self, at: Iterate) -> CondensedQP:
+    def subproblem(self, at: Iterate) -> Subproblem:
         """The quadratic program (45) (54) (57) at an iterate."""
-        options, problem = self._options, self._problem
-        linearisation = problem.linearise(at.X, at.U, options.hessian)
+        problem = self._problem
+        linearisation = problem.linearise(at.X, at.U, self._options.hessian)
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
-        return condense(linearisation, lower, upper, options.trust_radius)
+        return Subproblem(linearisation, lower, upper, self._trust_radius)
 
-    def step(self, at: Iterate, qp: CondensedQP | None = None) -> Iterate:
+    def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
         """One iteration; an iterate that cannot be improved keeps its controls.
 
         Args:
             at: The iterate.
-            qp: Its `subproblem`, where it is at hand already.
+            subproblem: Its `subproblem`, where it is at hand already.
         """
-        answer = self._solve(self.subproblem(at) if qp is None else qp)
+        options = self._options
+        found = answer(
+            self.subproblem(at) if subproblem is None else subproblem,
+            options.qp,
+            options.hessian,
+            self._penalties if options.elastic else None,
+        )
         trial = Trial(0.0, at.U, at.X, at.evaluation)
-        if answer.solution.status is QPStatus.SOLVED:
-            trial = self._advance(trial, answer, 0.0 if at.step is None else at.step.length)
-        step = _summary(answer, trial, at.U, self._merit.path.shape)
+        if found.solution.status is QPStatus.SOLVED:
+            trial = self._advance(trial, found, 0.0 if at.step is None else at.step.length)
+        step = _summary(found, trial, at.U)
         return Iterate(at.index + 1, trial.U, trial.X, trial.evaluation, at.guess_size, at.U, step)
 
     def terminate(self, at: Iterate) -> Status | None:
@@ -184,32 +184,15 @@ class CMPSP:
             and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
         )
 
-    def _solve(self, qp: CondensedQP) -> _Answer:
-        """Solve a subproblem, relaxed where its constraints contradict each other."""
-        options, shift = self._options, 0.0
-        if options.hessian == 'exact':
-            qp, shift = convexify(qp)
-        answer = _with_curvature(qp, shift, self._solve_hard)
-        if answer.solution.status is QPStatus.SOLVED or not options.elastic:
-            return answer
-        penalties = Penalties(options.penalty_terminal, options.penalty_path[qp.path_index])
-        relaxed = partial(solve_qp, name=options.qp, penalties=penalties)
-        return _with_curvature(answer.qp, answer.shift, relaxed)._replace(elastic=True)
-
-    def _solve_hard(self, qp: CondensedQP) -> QPSolution:
-        # Most programs have path rows, which is told sooner than that they have no bounds.
-        if not len(qp.g) and has_closed_form(qp):
-            return solve_closed_form(qp)
-        return solve_qp(qp, self._options.qp)
-
-    def _advance(self, start: Trial, answer: _Answer, last_length: float) -> Trial:
-        qp, solution = answer.qp, answer.solution
-        dU = solution.dU.reshape(start.U.shape)
+    def _advance(self, start: Trial, found: Answer, last_length: float) -> Trial:
+        subproblem, solution, elastic = found
+        dU = solution.dU
         if self._options.line_search:
-            merit = self._merit.above_multipliers(qp, solution)
-            promised = merit.predicted_decrease(qp, solution.dU)
+            merit = self._merit.above_multipliers(solution)
+            promised = merit.predicted_decrease(subproblem, dU)
+            mend = partial(second_order_correction, subproblem, solution)
             # A relaxed step leaves rows violated that no correction could mend.
-            correction = None if answer.elastic else partial(second_order_correction, qp, solution)
+            correction = None if elastic else mend
             # What can no longer be checked relies on the length that could: a Hessian too flat
             # for full steps would otherwise swing about the solution at the level of rounding.
             longest = 1.0
@@ -225,36 +208,16 @@ def _size(U: Array, evaluation: Evaluation) -> Size:
     return Size(1.0 + abs(evaluation.cost), 1.0 + float(np.abs(U).max()))
 
 
-def _with_curvature(
-    qp: CondensedQP, shift: float, solver: Callable[[CondensedQP], QPSolution]
-) -> _Answer:
-    """Solve a program, once more with its Hessian shifted where curvature is what it lacks.
-
-    Asking for curvature first would cost a factorisation in every iteration, and Hessians that
-    are not exact seldom lack it: they are positive semi-definite by construction.
-    """
-    solution = solver(qp)
-    if solution.status is QPStatus.FAILED and not shift:
-        qp, shift = convexify(qp)
-        solution = solver(qp) if shift else solution
-    return _Answer(qp, solution, False, shift)
-
-
-def _summary(answer: _Answer, trial: Trial, U: Array, shape: tuple[int, ...]) -> Step:
-    qp, solution, elastic, shift = answer
-    rows = qp.path_stage, qp.path_index
-    slack, multipliers = np.zeros(shape), np.zeros(shape)
-    miss = np.zeros_like(qp.output_error)
-    finite = True
-    if solution.status is not QPStatus.SOLVED:
-        data = (qp.H, qp.c, qp.S_N, qp.output_error, qp.B_C, qp.g)
-        finite = all(bool(np.isfinite(part).all()) for part in data)
+def _summary(found: Answer, trial: Trial, U: Array) -> Step:
+    subproblem, solution, elastic = found
+    slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
+    finite = solution.status is QPStatus.SOLVED or subproblem.is_finite
     if elastic and finite:
-        slack[rows] = np.maximum(qp.B_C @ solution.dU - qp.g, 0.0)
-        miss = qp.S_N @ solution.dU + qp.output_error
-    multipliers[rows] = solution.path
+        dX = subproblem.propagate(solution.dU)
+        slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)
+        miss = subproblem.terminal(solution.dU, dX)
     active = (solution.path, solution.trust, solution.bounds)
-    change, norm = _sum_of_norms(solution.dU.reshape(U.shape)), _sum_of_norms(U)
+    change, norm = _sum_of_norms(solution.dU), _sum_of_norms(U)
     return Step(
         solution.status,
         elastic,
@@ -262,12 +225,12 @@ def _summary(answer: _Answer, trial: Trial, U: Array, shape: tuple[int, ...]) ->
         slack,
         trial.length,
         solution.terminal,
-        multipliers,
-        solution.bounds.reshape(U.shape),
+        solution.path,
+        solution.bounds,
         sum(int(np.count_nonzero(part)) for part in active),
         solution.iterations,
         change / (norm or 1.0),
-        shift,
+        subproblem.shift,
         trial.corrected,
         finite,
     )
@@ -305,10 +268,10 @@ def solve(
     while True:
         status = iteration.terminate(iterate)
         # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
-        qp = iteration.subproblem(iterate) if iterate.is_finite else None
-        history.append(record(iterate, qp))
+        subproblem = iteration.subproblem(iterate) if iterate.is_finite else None
+        history.append(record(iterate, subproblem))
         if status is None and iterate.index >= max_iterations:
             status = Status.ITERATION_LIMIT
         if status is not None:
             return iteration.conclude(iterate, status, history)
-        iterate = iteration.step(iterate, qp)
+        iterate = iteration.step(iterate, subproblem)

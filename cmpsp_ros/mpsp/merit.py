@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array, Evaluation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.solution import QPSolution
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 _SUFFICIENT_DECREASE = 1e-4
 _STEP_LENGTHS = (1.0, 0.5, 0.25, 0.125, 0.0625)
@@ -36,15 +36,13 @@ class Merit:
     terminal: Array
     path: Array
 
-    def above_multipliers(self, qp: CondensedQP, solution: QPSolution) -> Merit:
+    def above_multipliers(self, solution: QPSolution) -> Merit:
         """The same merit, raised where a multiplier is larger than its weight.
 
         Only then is the solution of the subproblem a direction of descent.
         """
         terminal = np.maximum(self.terminal, _ABOVE_MULTIPLIER * np.abs(solution.terminal))
-        path = self.path.copy()
-        rows = qp.path_stage, qp.path_index
-        path[rows] = np.maximum(path[rows], _ABOVE_MULTIPLIER * solution.path)
+        path = np.maximum(self.path, _ABOVE_MULTIPLIER * solution.path)
         return Merit(terminal, path)
 
     def value(self, evaluation: Evaluation) -> float:
@@ -62,16 +60,22 @@ class Merit:
 
     def violation(self, evaluation: Evaluation) -> float:
         """Weighted violation of the constraints, the part of the merit that is not cost."""
-        miss = self.terminal @ np.abs(evaluation.output_error)
-        return float(miss + (self.path * np.maximum(evaluation.g, 0.0)).sum())
+        return self._weighted(evaluation.output_error, evaluation.g)
 
-    def predicted_decrease(self, qp: CondensedQP, dU: Array) -> float:
-        """Decrease of the merit that its linearisation promises for the full step."""
-        weights = self.path[qp.path_stage, qp.path_index]
-        now = self.terminal @ np.abs(qp.output_error) + weights @ np.maximum(-qp.g, 0.0)
-        miss = np.abs(qp.S_N @ dU + qp.output_error)
-        then = qp.c @ dU + self.terminal @ miss + weights @ np.maximum(qp.B_C @ dU - qp.g, 0.0)
-        return float(now - then)
+    def predicted_decrease(self, subproblem: Subproblem, dU: Array) -> float:
+        """Decrease of the merit that its linearisation promises for the full step.
+
+        Args:
+            subproblem: The linearisation.
+            dU: The step, shape ``(N + 1, r)``.
+        """
+        lin, dX = subproblem.linearisation, subproblem.propagate(dU)
+        now = self._weighted(lin.output_error, lin.g)
+        then = self._weighted(subproblem.terminal(dU, dX), subproblem.path(dU, dX))
+        return now - then - subproblem.slope(dU, dX)
+
+    def _weighted(self, miss: Array, g: Array) -> float:
+        return float(self.terminal @ np.abs(miss) + (self.path * np.maximum(g, 0.0)).sum())
 
 
 @dataclass(frozen=True)
@@ -97,7 +101,9 @@ Correction = Callable[[Evaluation], Array]
 """From the value after the full step to the control deviations that mend its violation."""
 
 
-def second_order_correction(qp: CondensedQP, solution: QPSolution, evaluation: Evaluation) -> Array:
+def second_order_correction(
+    subproblem: Subproblem, solution: QPSolution, evaluation: Evaluation
+) -> Array:
     """Least deviations that undo what the constraints' curvature costs a full step.
 
     Near a solution with active curved constraints the full step violates them by the square of
@@ -105,23 +111,25 @@ def second_order_correction(qp: CondensedQP, solution: QPSolution, evaluation: E
     effect. Going back to the constraints along their gradients at the start of the step mends it.
 
     Args:
-        qp: The subproblem.
+        subproblem: The subproblem.
         solution: Its solution, which tells the active rows and bounds.
         evaluation: Value after the full step.
 
     Returns:
-        Deviations on top of the step, shape ``(q,)``; 0 where a bound is active.
+        Deviations on top of the step, shape ``(N + 1, r)``; 0 where a bound is active.
     """
-    g = evaluation.g[qp.path_stage, qp.path_index]
-    active = (solution.path > 0.0) | (g > 0.0)
+    qp = subproblem.condensed
+    rows_at = qp.path_stage, qp.path_index
+    g = evaluation.g[rows_at]
+    active = (solution.path[rows_at] > 0.0) | (g > 0.0)
     rows = np.concatenate([qp.S_N, qp.B_C[active]])
     excess = np.concatenate([evaluation.output_error, g[active]])
     # Measured by the Hessian's diagonal, so that controls of unlike units share the work.
     curvature = np.diagonal(qp.H)
     scale = 1.0 / np.sqrt(np.where(curvature > 0.0, curvature, 1.0))
-    scale[solution.bounds != 0.0] = 0.0
+    scale[solution.bounds.ravel() != 0.0] = 0.0
     shortest: Array = np.linalg.lstsq(rows * scale, -excess, rcond=None)[0]
-    return scale * shortest
+    return (scale * shortest).reshape(solution.dU.shape)
 
 
 def search(
@@ -189,7 +197,7 @@ def _bend(
     violation = merit.violation(full.evaluation)
     if not (np.isfinite(violation) and violation > merit.violation(start.evaluation)):
         return None
-    bend = correction(full.evaluation).reshape(dU.shape)
+    bend = correction(full.evaluation)
     # A correction as long as the step itself is none: the constraints bend too much for it.
     return bend if np.linalg.norm(bend) < np.linalg.norm(dU) else None
 

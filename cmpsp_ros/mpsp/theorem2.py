@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP, condense
+from cmpsp_ros.mpsp.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.problem import Array, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.status import Solution, Status
 
@@ -153,11 +153,15 @@ def lagrangian_gradient(problem: OptimalControlProblem, U: Array, solution: Solu
     Returns:
         Shape ``(q,)``, without the multipliers of the control bounds: these are constant.
     """
-    free = np.full_like(U, np.inf)
-    qp = condense(problem.linearise(problem.predict(U), U), -free, free)
-    rho = solution.path_multipliers[qp.path_stage, qp.path_index]
-    gradient: Array = qp.c + qp.S_N.T @ solution.terminal_multipliers + qp.B_C.T @ rho
-    return gradient
+    lin = problem.linearise(problem.predict(U), U)
+    applies = lin.g != -np.inf
+    stage, rho = np.nonzero(applies)[0], solution.path_multipliers[applies]
+    by_state, by_control = lin.L_X.copy(), lin.L_U.copy()
+    by_state[-1] += solution.terminal_multipliers @ lin.h_X
+    by_control[-1] += solution.terminal_multipliers @ lin.h_U
+    np.add.at(by_state, stage, rho[:, None] * lin.g_X[applies])
+    np.add.at(by_control, stage, rho[:, None] * lin.g_U[applies])
+    return gradient(lin.A, lin.B, by_state, by_control).ravel()
 
 
 def lagrangian_hessian(problem: OptimalControlProblem, solution: Solution) -> Array:

@@ -6,21 +6,40 @@ from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.qp import daqp_backend, hildreth
+from cmpsp_ros.mpsp.qp import daqp_backend, hildreth, riccati_backend
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Backend,
     Penalties,
     QPSolution,
     QPStatus,
+    Row,
     kkt_residual,
 )
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
-__all__ = ['Backend', 'Penalties', 'QPSolution', 'QPStatus', 'available', 'backend', 'solve_qp']
+__all__ = [
+    'RICCATI_ACTIVE_SET',
+    'Backend',
+    'Penalties',
+    'QPSolution',
+    'QPStatus',
+    'Row',
+    'available',
+    'backend',
+    'kkt_residual',
+    'solve_qp',
+]
 
-_NATIVE: dict[str, Backend] = {'daqp': daqp_backend.solve, 'hildreth': hildreth.solve}
+RICCATI_ACTIVE_SET = 'riccati_active_set'
+"""The default back end."""
+
+_NATIVE: dict[str, Backend] = {
+    RICCATI_ACTIVE_SET: riccati_backend.solve,
+    'daqp': daqp_backend.solve,
+    'hildreth': hildreth.solve,
+}
 
 
 def available() -> tuple[str, ...]:
@@ -49,20 +68,20 @@ def backend(name: str) -> Backend:
     return QpsolversBackend(name)
 
 
-def solve_qp(qp: CondensedQP, name: str, penalties: Penalties | None = None) -> QPSolution:
-    """Solve a condensed program and check the answer against the optimality conditions.
+def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:
+    """Solve a subproblem and check the answer against the optimality conditions.
 
     Args:
-        qp: The program.
+        subproblem: The program.
         name: Back end.
         penalties: Weights of the exact L1 relaxation of (54) and (57); None keeps them hard.
 
     Returns:
         The solution; its status is `QPStatus.FAILED` where a back end claims one that is not.
     """
-    solution = backend(name)(qp, penalties)
+    solution = backend(name)(subproblem, penalties)
     if solution.status is QPStatus.SOLVED:
-        residual = kkt_residual(qp, solution, penalties)
+        residual = kkt_residual(subproblem, solution, penalties)
         if not residual <= TOLERANCE:
             return replace(solution, status=QPStatus.FAILED)
     return solution

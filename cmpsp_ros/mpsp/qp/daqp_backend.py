@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import daqp
 import numpy as np
 
 from cmpsp_ros.mpsp.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Penalties,
@@ -15,6 +14,7 @@ from cmpsp_ros.mpsp.qp.solution import (
     QPStatus,
     kkt_residual,
 )
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 _EQUALITY = 5
 _SOFT = 8
@@ -25,21 +25,24 @@ _UNBOUNDED = 1e30
 _RECIPROCAL_QUADRATIC_WEIGHTS = (1e7, 1e5)
 
 
-def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
-    """Solve a condensed program with daqp; relaxed rows are its native soft constraints."""
-    if penalties is None:
-        return _solve(qp, None, 0.0)
-    solution = QPSolution.unsolved(qp, QPStatus.FAILED)
+def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
+    """Condense and solve with daqp; relaxed rows are its native soft constraints."""
+    qp = subproblem.condensed
+    weights = gather(qp, penalties)
+    if weights is None:
+        return scatter(subproblem, _solve(qp, None, 0.0))
+    solution = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
     for rho in _RECIPROCAL_QUADRATIC_WEIGHTS:
-        solution = _charge_for_fixed_rows(qp, _solve(qp, penalties, rho), penalties)
+        dense = _charge_for_fixed_rows(qp, _solve(qp, weights, rho), weights)
+        solution = scatter(subproblem, dense)
         if solution.status is not QPStatus.SOLVED:
             continue
-        if kkt_residual(qp, solution, penalties) <= TOLERANCE:
+        if kkt_residual(subproblem, solution, penalties) <= TOLERANCE:
             break
     return solution
 
 
-def _solve(qp: CondensedQP, penalties: Penalties | None, rho: float) -> QPSolution:
+def _solve(qp: CondensedQP, penalties: DensePenalties | None, rho: float) -> DenseSolution:
     m, p, t, q = len(qp.output_error), len(qp.g), len(qp.radius), len(qp.c)
     rows = np.concatenate([qp.S_N, qp.B_C, qp.T])
     upper = np.concatenate([qp.upper, -qp.output_error, qp.g, qp.radius])
@@ -58,27 +61,27 @@ def _solve(qp: CondensedQP, penalties: Penalties | None, rho: float) -> QPSoluti
         sense,
     )
     if flag < 0:
-        return QPSolution.unsolved(qp, _failure(flag))
+        return DenseSolution.unsolved(qp, _failure(flag))
     if penalties is not None:
         weights = np.concatenate([np.zeros(q), penalties.terminal, penalties.path, np.zeros(t)])
         reciprocal = np.full(len(weights), rho)
         model.soft_weights(rho_l=reciprocal, rho_u=reciprocal, w_l=weights, w_u=weights)
     dU, _, flag, info = model.solve()
     if flag <= 0:
-        return QPSolution.unsolved(qp, _failure(flag))
+        return DenseSolution.unsolved(qp, _failure(flag))
     bounds, terminal, path, trust = np.split(info['lam'], [q, q + m, q + m + p])
-    return QPSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, info['iterations'])
+    return DenseSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, info['iterations'])
 
 
 def _charge_for_fixed_rows(
-    qp: CondensedQP, solution: QPSolution, penalties: Penalties
-) -> QPSolution:
+    qp: CondensedQP, solution: DenseSolution, penalties: DensePenalties
+) -> DenseSolution:
     """Give a violated row that no control moves its full penalty; daqp leaves such rows out."""
     fixed = ~qp.B_C.any(axis=1)
     if solution.status is not QPStatus.SOLVED or not fixed.any():
         return solution
     charge = np.where(qp.g < 0.0, penalties.path, 0.0)
-    return replace(solution, path=np.where(fixed, charge, solution.path))
+    return solution._replace(path=np.where(fixed, charge, solution.path))
 
 
 def _failure(flag: int) -> QPStatus:

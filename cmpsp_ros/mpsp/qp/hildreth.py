@@ -18,7 +18,9 @@ import numpy as np
 from cmpsp_ros.mpsp.compiled import compiled
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 SWEEP_LIMIT = 20_000
 """Sweeps through all rows, at most."""
@@ -35,8 +37,8 @@ FARTHEST = 1e6
 _CONVERGED, _LIMIT, _INFEASIBLE = 0, 1, 2
 
 
-def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
-    """Solve a condensed program; relaxed rows have multipliers clipped at their penalty.
+def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
+    """Condense and solve; relaxed rows have multipliers clipped at their penalty.
 
     That clipping is the exact L1 relaxation: its dual differs from that of the hard program by
     ``|multiplier| <= penalty`` and nothing else.
@@ -45,6 +47,11 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
     the contradiction (Farkas): `QPStatus.INFEASIBLE` is returned when it does. `QPStatus.FAILED`
     is an indefinite Hessian, data that are not finite, or the iteration limit.
     """
+    qp = subproblem.condensed
+    return scatter(subproblem, _solve(qp, gather(qp, penalties)))
+
+
+def _solve(qp: CondensedQP, penalties: DensePenalties | None) -> DenseSolution:
     q, m, p, t = len(qp.c), len(qp.output_error), len(qp.g), len(qp.radius)
     rows: Array = np.concatenate([qp.S_N, qp.B_C, qp.T, np.eye(q, dtype=np.float64)])
     lower = np.concatenate([-qp.output_error, np.full(p, -np.inf), -qp.radius, qp.lower])
@@ -53,13 +60,13 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
     if penalties is not None:
         cap[:m], cap[m : m + p] = penalties.terminal, penalties.path
     if not _is_number(qp, rows, lower, upper):
-        return QPSolution.unsolved(qp, QPStatus.FAILED)
+        return DenseSolution.unsolved(qp, QPStatus.FAILED)
     if (lower > upper).any():
-        return QPSolution.unsolved(qp, QPStatus.INFEASIBLE)
+        return DenseSolution.unsolved(qp, QPStatus.INFEASIBLE)
     try:
         L = np.asarray(np.linalg.cholesky(qp.H), dtype=np.float64)
     except np.linalg.LinAlgError:
-        return QPSolution.unsolved(qp, QPStatus.FAILED)
+        return DenseSolution.unsolved(qp, QPStatus.FAILED)
 
     # Rows without any bound are never active.
     kept = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
@@ -75,14 +82,14 @@ def solve(qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
     )  # fmt: skip
     if end != _CONVERGED:
         failure = QPStatus.INFEASIBLE if end == _INFEASIBLE else QPStatus.FAILED
-        return QPSolution.unsolved(qp, failure)
+        return DenseSolution.unsolved(qp, failure)
     # Afresh from the multipliers: `z` has gathered the rounding of every move.
     dU: Array = start[0] - shares @ V
     _backward(L, dU)
     multipliers = np.zeros(len(rows))
     multipliers[kept] = shares
     terminal, path, trust, bounds = np.split(multipliers, [m, m + p, m + p + t])
-    return QPSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, sweeps)
+    return DenseSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, sweeps)
 
 
 def _is_number(qp: CondensedQP, rows: Array, lower: Array, upper: Array) -> bool:

@@ -7,32 +7,37 @@ from dataclasses import replace
 
 import numpy as np
 import qpsolvers
+from numpy.typing import ArrayLike
 from scipy import sparse
 
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 # Solvers that factor the Hessian want it positive definite, slack variables included.
 _SLACK_CURVATURE = 1e-6
 
 
 class QpsolversBackend:
-    """Solves condensed programs with one solver of the qpsolvers package."""
+    """Condenses, and solves with one solver of the qpsolvers package."""
 
     def __init__(self, solver: str) -> None:
         """Take the name of an installed solver."""
         self._solver = solver
 
-    def __call__(self, qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
+    def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
         """Solve, with slack variables for the relaxed rows where penalties are given."""
-        if penalties is None:
-            return self._solve(qp)
+        qp = subproblem.condensed
+        weights = gather(qp, penalties)
+        if weights is None:
+            return scatter(subproblem, self._solve(qp))
         q = len(qp.c)
-        relaxed = self._solve(_with_slacks(qp, penalties))
-        return replace(relaxed, dU=relaxed.dU[:q], bounds=relaxed.bounds[:q])
+        relaxed = self._solve(_with_slacks(qp, weights))
+        return scatter(subproblem, relaxed._replace(dU=relaxed.dU[:q], bounds=relaxed.bounds[:q]))
 
-    def _solve(self, qp: CondensedQP) -> QPSolution:
+    def _solve(self, qp: CondensedQP) -> DenseSolution:
         problem = qpsolvers.Problem(
             qp.H,
             qp.c,
@@ -54,12 +59,14 @@ class QpsolversBackend:
         if not answer.found or answer.x is None:
             says = str(answer.extras.get('status', '')).lower()
             infeasible = 'infeasible' in says and 'dual' not in says
-            return QPSolution.unsolved(qp, QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED)
+            return DenseSolution.unsolved(
+                qp, QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
+            )
         p, t = len(qp.g), len(qp.radius)
         path, above, below = np.split(_or_zeros(answer.z, p + 2 * t), [p, p + t])
-        return QPSolution(
+        return DenseSolution(
             QPStatus.SOLVED,
-            answer.x,
+            np.array(answer.x, dtype=float),
             _or_zeros(answer.y, len(qp.S_N)),
             path,
             above - below,
@@ -67,7 +74,7 @@ class QpsolversBackend:
         )
 
 
-def _with_slacks(qp: CondensedQP, penalties: Penalties) -> CondensedQP:
+def _with_slacks(qp: CondensedQP, penalties: DensePenalties) -> CondensedQP:
     """The L1 relaxation written out, with slacks ``(miss above, miss below, path)``."""
     m, p, q = len(qp.output_error), len(qp.g), len(qp.c)
     slacks = 2 * m + p
@@ -86,7 +93,6 @@ def _with_slacks(qp: CondensedQP, penalties: Penalties) -> CondensedQP:
     )
 
 
-def _or_zeros(multipliers: Array | None, length: int) -> Array:
-    if multipliers is None or len(multipliers) != length:
-        return np.zeros(length)
-    return multipliers
+def _or_zeros(multipliers: ArrayLike | None, length: int) -> Array:
+    found = np.zeros(0) if multipliers is None else np.array(multipliers, dtype=float)
+    return found if found.shape == (length,) else np.zeros(length)

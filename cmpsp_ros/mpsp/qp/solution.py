@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.riccati import residual
+from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 TOLERANCE = 1e-5
 """Relative violation of the optimality conditions up to which an answer is a solution."""
@@ -23,13 +25,29 @@ class QPStatus(Enum):
     FAILED = 'The QP back end gave up or returned a point that is not a solution.'
 
 
+class Row(NamedTuple):
+    """One constraint of a subproblem.
+
+    Attributes:
+        kind: Which constraints it is one of.
+        stage: Stage ``k``; ``N`` for a terminal output.
+        index: Component of the output, number of the path constraint, or component of the control
+            (bound) or of the state (trust region).
+    """
+
+    kind: Literal['terminal', 'path', 'bound', 'trust']
+    stage: int
+    index: int  # type: ignore[assignment]
+
+
 @dataclass(frozen=True)
 class Penalties:
     """Weights of the exact L1 relaxation: cost of violating each row by one unit.
 
     Attributes:
         terminal: One for each terminal output, shape ``(m,)``.
-        path: One for each path row of the program, shape ``(p,)``.
+        path: One for each path constraint, of no effect where it does not apply, shape
+            ``(N + 1, l)``.
     """
 
     terminal: Array
@@ -38,16 +56,21 @@ class Penalties:
 
 @dataclass(frozen=True)
 class QPSolution:
-    """Solution of a condensed quadratic program.
+    """Solution of a subproblem.
 
     Attributes:
         status: How it ended; where not solved, the arrays hold zeros.
-        dU: Control deviations, shape ``(q,)``.
-        terminal: Multipliers ``lambda`` of (54), shape ``(m,)``, of either sign.
-        path: Multipliers ``rho`` of (57), shape ``(p,)``, not negative.
-        trust: Multipliers of the trust region, shape ``(t,)``, signed as ``T dU``.
-        bounds: Multipliers of the control bounds, shape ``(q,)``, positive at the upper one.
+        dU: Control deviations, shape ``(N + 1, r)``.
+        terminal: Multipliers ``lambda`` of (54), of either sign, shape ``(m,)``.
+        path: Multipliers ``rho`` of (57), not negative, 0 where a constraint does not apply,
+            shape ``(N + 1, l)``.
+        trust: Multipliers of the trust region, positive at ``+trust_radius``, shape
+            ``(N + 1, n)``.
+        bounds: Multipliers of the control bounds, positive at the upper one, shape
+            ``(N + 1, r)``.
         iterations: Iterations of the back end, 0 where it does not tell.
+        conflict: Constraints that contradict each other, where there are any and the back end can
+            tell which.
     """
 
     status: QPStatus
@@ -57,63 +80,58 @@ class QPSolution:
     trust: Array
     bounds: Array
     iterations: int = 0
+    conflict: tuple[Row, ...] = ()
 
     @classmethod
-    def unsolved(cls, qp: CondensedQP, status: QPStatus) -> QPSolution:
+    def unsolved(
+        cls, size: Dimensions, status: QPStatus, conflict: tuple[Row, ...] = ()
+    ) -> QPSolution:
         """The answer of a back end that has none."""
+        stages = size.horizon + 1
         return cls(
             status,
-            np.zeros_like(qp.c),
-            np.zeros_like(qp.output_error),
-            np.zeros_like(qp.g),
-            np.zeros_like(qp.radius),
-            np.zeros_like(qp.c),
+            np.zeros((stages, size.control)),
+            np.zeros(size.output),
+            np.zeros((stages, size.path)),
+            np.zeros((stages, size.state)),
+            np.zeros((stages, size.control)),
+            conflict=conflict,
         )
 
 
 class Backend(Protocol):
-    """Solves a condensed quadratic program, hard or relaxed."""
+    """Solves a subproblem, hard or relaxed."""
 
-    def __call__(self, qp: CondensedQP, penalties: Penalties | None) -> QPSolution:
+    def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
         """Solve with hard rows, or with (54) and (57) relaxed where penalties are given."""
 
 
-def kkt_residual(qp: CondensedQP, solution: QPSolution, penalties: Penalties | None) -> float:
+def kkt_residual(
+    subproblem: Subproblem, solution: QPSolution, penalties: Penalties | None
+) -> float:
     """Largest violation of the optimality conditions, relative to the size of the data.
 
     Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
-    complementarity, in which a relaxed row may be violated only at its full penalty.
+    complementarity, in which a relaxed row may be violated only at its full penalty. Not a number
+    where the data or the solution are not.
     """
-    dU = solution.dU
-    gradient = qp.H @ dU + qp.c
-    pulls = (
-        qp.S_N.T @ solution.terminal,
-        qp.B_C.T @ solution.path,
-        qp.T.T @ solution.trust,
-        solution.bounds,
+    multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
+    return residual.kkt_residual(
+        subproblem.stages,
+        largest_multipliers(subproblem.size, penalties),
+        solution.dU,
+        subproblem.propagate(solution.dU),
+        multipliers,
+        np.empty((8, subproblem.size.state)),
     )
-    scale = 1.0 + max(np.abs(part).max(initial=0.0) for part in (gradient, *pulls))
-    worst = np.abs(gradient + sum(pulls)).max() / scale
 
-    terminal = qp.S_N @ dU + qp.output_error
-    path = qp.B_C @ dU - qp.g
-    trust = np.abs(qp.T @ dU) - qp.radius
-    reach = np.maximum(qp.lower - dU, dU - qp.upper)
-    size = 1.0 + np.abs(dU).max()
-    hard = [trust, reach]
-    signs = [-solution.path]
+
+def largest_multipliers(size: Dimensions, penalties: Penalties | None) -> Penalty:
+    """Penalties for compiled code, ``inf`` for hard rows."""
     if penalties is None:
-        hard += [np.abs(terminal), path]
-        gaps = [solution.path * path]
-    else:
-        signs += [solution.path - penalties.path, np.abs(solution.terminal) - penalties.terminal]
-        excess, miss = np.maximum(path, 0.0), np.abs(terminal)
-        gaps = [
-            solution.path * np.minimum(path, 0.0),
-            excess * (penalties.path - solution.path),
-            miss * penalties.terminal - terminal * solution.terminal,
-        ]
-    gaps += [solution.trust * trust, solution.bounds * np.where(solution.bounds, reach, 0.0)]
-    worst = max(worst, *(part.max(initial=0.0) / size for part in hard))
-    worst = max(worst, *(part.max(initial=0.0) / scale for part in signs))
-    return float(max(worst, *(np.abs(part).max(initial=0.0) / (scale * size) for part in gaps)))
+        hard = np.full((size.horizon + 1, size.path), np.inf)
+        return Penalty(np.full(size.output, np.inf), hard)
+    return Penalty(
+        np.ascontiguousarray(penalties.terminal, dtype=float),
+        np.ascontiguousarray(penalties.path, dtype=float),
+    )

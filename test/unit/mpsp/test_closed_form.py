@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol
+from programs import in_rows, staged
 
 from cmpsp_ros.mpsp import (
     Options,
     QPStatus,
     Status,
-    condense,
+    Subproblem,
     from_functions,
     has_closed_form,
     solve,
@@ -25,15 +26,20 @@ def program(seed=0, **sizes):
     problem = LinearQuadratic(rng, **{'path': 0} | sizes)
     U = rng.normal(size=(problem.size.horizon + 1, problem.size.control))
     lin = problem.linearise(problem.predict(U), U)
-    return condense(lin, problem.control_lower - U, problem.control_upper - U)
+    free = np.full(problem.size.state, np.inf)
+    return Subproblem(lin, problem.control_lower - U, problem.control_upper - U, free)
+
+
+def solve_dense(qp):
+    return in_rows(qp, solve_closed_form(staged(qp)))
 
 
 @pytest.mark.parametrize('seed', range(5))
 @pytest.mark.parametrize('output', [0, 1, 3])
 def test_it_is_what_a_qp_solver_finds(seed, output):
-    qp = program(seed, output=output)
-    assert has_closed_form(qp)
-    found, reference = solve_closed_form(qp), solve_qp(qp, 'daqp')
+    subproblem = program(seed, output=output)
+    assert has_closed_form(subproblem)
+    found, reference = solve_closed_form(subproblem), solve_qp(subproblem, 'daqp')
     assert found.status is QPStatus.SOLVED
     np.testing.assert_allclose(found.dU, reference.dU, atol=1e-8)
     np.testing.assert_allclose(found.terminal, reference.terminal, atol=1e-6)
@@ -42,22 +48,26 @@ def test_it_is_what_a_qp_solver_finds(seed, output):
 
 
 def test_it_satisfies_equation_35():
-    qp = program(1)
-    found = solve_closed_form(qp)
-    np.testing.assert_allclose(qp.H @ found.dU + qp.S_N.T @ found.terminal, -qp.c, atol=1e-10)
-    np.testing.assert_allclose(qp.S_N @ found.dU, -qp.output_error, atol=1e-10)
+    subproblem = program(1)
+    found, qp = solve_closed_form(subproblem), subproblem.condensed
+    dU = found.dU.ravel()
+    np.testing.assert_allclose(qp.H @ dU + qp.S_N.T @ found.terminal, -qp.c, atol=1e-10)
+    np.testing.assert_allclose(qp.S_N @ dU, -qp.output_error, atol=1e-10)
 
 
 def test_any_inequality_rules_it_out():
-    qp = program(2)
-    q = len(qp.c)
-    for bound in (qp.lower, qp.upper):
-        bounded = bound.copy()
-        bounded[3] = 0.0
-        name = 'lower' if bound is qp.lower else 'upper'
-        assert not has_closed_form(replace(qp, **{name: bounded}))
-    assert not has_closed_form(replace(qp, B_C=np.zeros((1, q)), g=np.ones(1)))
-    assert not has_closed_form(replace(qp, T=np.zeros((1, q)), radius=np.ones(1)))
+    subproblem = program(2)
+    assert has_closed_form(subproblem)
+    for name in ('lower', 'upper'):
+        bounded = getattr(subproblem, name).copy()
+        bounded[3, 1] = 0.0
+        assert not has_closed_form(replace(subproblem, **{name: bounded}))
+    radius = np.array([np.inf, 1.0, np.inf])
+    assert not has_closed_form(replace(subproblem, trust_radius=radius))
+    assert not has_closed_form(program(2, path=1))
+    never = program(2, path=1)
+    g = np.full_like(never.linearisation.g, -np.inf)
+    assert has_closed_form(replace(never, linearisation=replace(never.linearisation, g=g)))
 
 
 def test_with_a_control_cost_alone_it_is_the_classic_mpsp():
@@ -83,17 +93,22 @@ def test_with_a_control_cost_alone_it_is_the_classic_mpsp():
     U = 0.4 * rng.normal(size=(16, 1))
     X = plain.predict(U)
     free = np.full((16, 1), np.inf)
-    qp = condense(problem.linearise(X, U, 'exact'), -free, free)
-    S, R_inverse, dY = qp.S_N, np.diag(1.0 / weights[:, 0]), qp.output_error
+
+    def around(X, U):
+        return Subproblem(problem.linearise(X, U, 'exact'), -free, free, np.full(2, np.inf))
+
+    subproblem = around(X, U)
+    S, dY = subproblem.condensed.S_N, subproblem.condensed.output_error
+    R_inverse = np.diag(1.0 / weights[:, 0])
     middle = np.linalg.inv(S @ R_inverse @ S.T)
     classic = -R_inverse @ S.T @ middle @ (dY - S @ U[:, 0]) - U[:, 0]
-    np.testing.assert_allclose(solve_closed_form(qp).dU, classic, atol=1e-7)
+    np.testing.assert_allclose(solve_closed_form(subproblem).dU[:, 0], classic, atol=1e-7)
 
     # Around no control at all, the formula in its best-known form.
-    qp = condense(problem.linearise(plain.predict(0.0 * U), 0.0 * U, 'exact'), -free, free)
-    S, dY = qp.S_N, qp.output_error
+    subproblem = around(plain.predict(0.0 * U), 0.0 * U)
+    S, dY = subproblem.condensed.S_N, subproblem.condensed.output_error
     classic = -R_inverse @ S.T @ np.linalg.inv(S @ R_inverse @ S.T) @ dY
-    np.testing.assert_allclose(solve_closed_form(qp).dU, classic, atol=1e-7)
+    np.testing.assert_allclose(solve_closed_form(subproblem).dU[:, 0], classic, atol=1e-7)
 
     found = solve(problem, U, Options(np.full(2, 10.0), np.empty(0), hessian='exact'), 50)
     assert found.status is Status.CONVERGED
@@ -102,7 +117,7 @@ def test_with_a_control_cost_alone_it_is_the_classic_mpsp():
 
 def indefinite(along):
     """Negative curvature along the terminal row's gradient, or across it."""
-    qp = program(4, output=1)
+    qp = program(4, output=1).condensed
     q = len(qp.c)
     H = np.eye(q)
     H[0, 0] = -1.0
@@ -113,43 +128,43 @@ def indefinite(along):
 
 def test_curvature_is_wanted_along_the_terminal_constraint_alone():
     qp = indefinite(along=True)
-    found = solve_closed_form(qp)
+    found = solve_dense(qp)
     assert found.status is QPStatus.SOLVED
     assert found.dU[0] == pytest.approx(-qp.output_error[0])
     np.testing.assert_allclose(found.dU[1:], -qp.c[1:])
-    assert solve_closed_form(indefinite(along=False)).status is QPStatus.FAILED
+    assert solve_dense(indefinite(along=False)).status is QPStatus.FAILED
 
 
 def test_terminal_rows_may_depend_on_each_other():
-    qp = program(5, output=2)
+    qp = program(5, output=2).condensed
     S_N, twice = np.vstack([qp.S_N, qp.S_N[:1]]), np.append(qp.output_error, qp.output_error[0])
     found, plain = (
-        solve_closed_form(replace(qp, S_N=S_N, output_error=twice)),
-        solve_closed_form(qp),
+        solve_dense(replace(qp, S_N=S_N, output_error=twice)),
+        solve_dense(qp),
     )
     assert found.status is QPStatus.SOLVED
     np.testing.assert_allclose(found.dU, plain.dU, atol=1e-8)
     assert found.terminal[0] == pytest.approx(found.terminal[2])
     twice[2] += 1.0
-    unmet = solve_closed_form(replace(qp, S_N=S_N, output_error=twice))
+    unmet = solve_dense(replace(qp, S_N=S_N, output_error=twice))
     assert unmet.status is QPStatus.INFEASIBLE
     assert not unmet.dU.any()
 
 
 def test_a_row_that_nothing_moves_is_met_or_infeasible():
-    qp = program(6, output=1)
+    qp = program(6, output=1).condensed
     without = replace(qp, S_N=np.zeros_like(qp.S_N))
-    assert solve_closed_form(without).status is QPStatus.INFEASIBLE
+    assert solve_dense(without).status is QPStatus.INFEASIBLE
     met = replace(without, output_error=np.zeros(1))
-    assert solve_closed_form(met).status is QPStatus.SOLVED
+    assert solve_dense(met).status is QPStatus.SOLVED
 
 
 @pytest.mark.parametrize('part', ['H', 'c', 'S_N', 'output_error'])
 def test_not_a_number_is_no_solution(part):
-    qp = program(7)
+    qp = program(7).condensed
     spoilt = getattr(qp, part).copy()
     spoilt.flat[0] = np.nan
-    assert solve_closed_form(replace(qp, **{part: spoilt})).status is QPStatus.FAILED
+    assert solve_dense(replace(qp, **{part: spoilt})).status is QPStatus.FAILED
 
 
 def test_a_step_of_the_papers_size_takes_less_than_a_millisecond():
@@ -161,7 +176,9 @@ def test_a_step_of_the_papers_size_takes_less_than_a_millisecond():
     times = []
     for _ in range(50):
         begun = time.perf_counter()
-        solution = solve_closed_form(condense(lin, problem.control_lower, problem.control_upper))
+        solution = solve_closed_form(
+            Subproblem(lin, problem.control_lower, problem.control_upper, np.full(3, np.inf))
+        )
         times.append(time.perf_counter() - begun)
         assert solution.status is QPStatus.SOLVED
     # The best of many: what the others took, the machine took for something else.

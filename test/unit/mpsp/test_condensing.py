@@ -11,6 +11,7 @@ from cmpsp_ros.mpsp import condensing
 from cmpsp_ros.mpsp.condensing import condense, sensitivities
 from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.subproblem import Subproblem
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
@@ -167,13 +168,14 @@ def uncondensed(lin, lower, upper, radius=None):
 def test_condensing_does_not_change_the_solution(shape, seed):
     lin, qp = random_program(seed, shape)
     lower, upper = qp.lower.reshape(-1, shape[2]), qp.upper.reshape(-1, shape[2])
-    solution = solve_qp(qp, 'daqp')
+    free = np.full(shape[1], np.inf)
+    solution = solve_qp(Subproblem(lin, lower, upper, free), 'daqp')
     if solution.status is not QPStatus.SOLVED:
         with pytest.raises(RuntimeError, match=r'Infeasible|Restoration'):
             uncondensed(lin, lower, upper)
         return
     expected = uncondensed(lin, lower, upper)
-    np.testing.assert_allclose(solution.dU, expected.ravel(), atol=1e-6)
+    np.testing.assert_allclose(solution.dU, expected, atol=1e-6)
 
 
 @pytest.mark.parametrize('hessian', ['gauss_newton', 'exact'])
@@ -197,10 +199,10 @@ def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, g
         iterate = iteration.step(iterate)
     lin = problem.linearise(iterate.X, iterate.U, hessian)
     lower, upper = problem.control_lower - iterate.U, problem.control_upper - iterate.U
-    solution = solve_qp(condense(lin, lower, upper, radius), 'daqp')
+    solution = solve_qp(Subproblem(lin, lower, upper, radius), 'daqp')
     assert solution.status is QPStatus.SOLVED
     expected = uncondensed(lin, lower, upper, radius)
-    np.testing.assert_allclose(solution.dU, expected.ravel(), atol=1e-6)
+    np.testing.assert_allclose(solution.dU, expected, atol=1e-6)
 
 
 def test_kernels_are_what_their_source_says(monkeypatch):

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic
+from programs import staged
 
-from cmpsp_ros.mpsp import QPStatus, condense, convexify, solve_qp
+from cmpsp_ros.mpsp import QPStatus, Subproblem, convexify, solve_qp
 from cmpsp_ros.mpsp.curvature import CURVATURE_LEFT, project_stages
 from cmpsp_ros.mpsp.definiteness import (
     is_positive_definite,
@@ -20,46 +21,63 @@ def program(seed=0, bound=1.0):
     problem = LinearQuadratic(rng)
     U = rng.normal(size=(6, 2))
     lin = problem.linearise(problem.predict(U), U)
-    return condense(lin, np.full((6, 2), -bound), np.full((6, 2), bound))
+    limit = np.full((6, 2), bound)
+    return Subproblem(lin, -limit, limit, np.full(3, np.inf))
+
+
+def bent(subproblem, lowest):
+    """The program with its least eigenvalue moved, by as much for all of them."""
+    least = np.linalg.eigvalsh(subproblem.condensed.H)[0]
+    lin = subproblem.linearisation
+    L_UU = lin.L_UU + (lowest - least) * np.eye(2)
+    return replace(subproblem, linearisation=replace(lin, L_UU=L_UU))
 
 
 def test_a_convex_program_is_left_as_it_is():
-    qp = program()
-    same, shift = convexify(qp)
-    assert same is qp
-    assert shift == 0.0
+    subproblem = program()
+    assert convexify(subproblem) is subproblem
+    assert subproblem.shift == 0.0
 
 
 @pytest.mark.parametrize('lowest', [-5.0, -1e-3, 0.0])
 def test_the_shift_is_the_least_one(lowest):
-    qp = program()
-    values, vectors = np.linalg.eigh(qp.H)
-    values[0] = lowest
-    qp = replace(qp, H=vectors @ np.diag(values) @ vectors.T)
-    convex, shift = convexify(qp)
-    assert shift == pytest.approx(CURVATURE_LEFT * values[-1] - lowest, rel=1e-9)
-    np.testing.assert_allclose(convex.H, qp.H + shift * np.eye(12))
-    shifted = np.linalg.eigvalsh(convex.H)
-    assert shifted[0] == pytest.approx(CURVATURE_LEFT * values[-1], rel=1e-6)
-    assert is_positive_definite(convex.H)
+    subproblem = bent(program(), lowest)
+    values = np.linalg.eigvalsh(subproblem.condensed.H)
+    size = np.abs(values).max()
+    convex = convexify(subproblem)
+    assert convex.shift == pytest.approx(CURVATURE_LEFT * size - lowest, rel=1e-9)
+    before, after = subproblem.condensed, convex.condensed
+    np.testing.assert_allclose(after.H, before.H + convex.shift * np.eye(12), atol=1e-12)
+    shifted = np.linalg.eigvalsh(after.H)
+    assert shifted[0] == pytest.approx(CURVATURE_LEFT * size, rel=1e-6)
+    assert is_positive_definite(after.H)
     for name in ('c', 'S_N', 'B_C', 'g', 'lower', 'upper'):
-        assert getattr(convex, name) is getattr(qp, name)
+        np.testing.assert_array_equal(getattr(after, name), getattr(before, name))
     assert solve_qp(convex, 'daqp').status is not QPStatus.FAILED
 
 
 def test_the_shift_does_not_move_a_fixed_point():
-    qp = replace(program(1), c=np.zeros(12), output_error=np.zeros(2))
-    qp = replace(qp, g=np.abs(qp.g), H=qp.H - 1.0001 * np.linalg.eigvalsh(qp.H)[0] * np.eye(12))
-    convex, shift = convexify(qp)
-    assert shift > 0.0
+    subproblem = bent(program(1), -1e-4)
+    lin = subproblem.linearisation
+    fixed = replace(
+        lin,
+        L_X=np.zeros_like(lin.L_X),
+        L_U=np.zeros_like(lin.L_U),
+        output_error=np.zeros(2),
+        g=-np.abs(lin.g),
+    )
+    convex = convexify(replace(subproblem, linearisation=fixed))
+    assert convex.shift > 0.0
     np.testing.assert_allclose(solve_qp(convex, 'daqp').dU, 0.0, atol=1e-12)
 
 
 def test_a_cost_without_any_curvature_gets_some():
-    qp = program()
-    convex, shift = convexify(replace(qp, H=np.zeros((12, 12))))
-    assert shift == CURVATURE_LEFT
-    np.testing.assert_array_equal(convex.H, CURVATURE_LEFT * np.eye(12))
+    qp = replace(program().condensed, H=np.zeros((12, 12)))
+    subproblem = staged(qp)
+    flat = replace(subproblem.linearisation, L_UU=np.zeros((2, 12, 12)))
+    convex = convexify(replace(subproblem, linearisation=flat))
+    assert convex.shift == CURVATURE_LEFT
+    np.testing.assert_array_equal(convex.condensed.H, CURVATURE_LEFT * np.eye(24))
 
 
 def test_with_a_closed_form_curvature_along_the_terminal_constraint_is_enough():
@@ -67,23 +85,27 @@ def test_with_a_closed_form_curvature_along_the_terminal_constraint_is_enough():
     H[0, 0], S_N[0, 0] = -1.0, 2.0
     free = np.full(12, np.inf)
     qp = replace(
-        program(), H=H, S_N=S_N, output_error=np.ones(1), B_C=np.empty((0, 12)), g=np.empty(0),
-        lower=-free, upper=free,
+        program().condensed, H=H, S_N=S_N, output_error=np.ones(1), B_C=np.empty((0, 12)),
+        g=np.empty(0), lower=-free, upper=free,
     )  # fmt: skip
-    assert convexify(qp) == (qp, 0.0)
-    assert convexify(replace(qp, upper=np.ones(12)))[1] > 1.0
+    subproblem = staged(qp)
+    assert convexify(subproblem) is subproblem
+    assert convexify(staged(replace(qp, upper=np.ones(12)))).shift > 1.0
     across = np.zeros((1, 12))
     across[0, 1] = 1.0
-    assert convexify(replace(qp, S_N=across))[1] > 1.0
+    assert convexify(staged(replace(qp, S_N=across))).shift > 1.0
 
 
 def test_what_is_not_finite_is_left_to_the_back_end():
-    qp = program()
-    H = qp.H.copy()
-    H[0, 0] = np.nan
-    spoilt = replace(qp, H=H)
-    assert convexify(spoilt) == (spoilt, 0.0)
+    subproblem = program()
+    L_UU = subproblem.linearisation.L_UU.copy()
+    L_UU[0, 0, 0] = np.nan
+    spoilt = replace(subproblem, linearisation=replace(subproblem.linearisation, L_UU=L_UU))
+    assert convexify(spoilt) is spoilt
     assert solve_qp(spoilt, 'daqp').status is QPStatus.FAILED
+    huge = replace(spoilt.linearisation, L_UU=np.full_like(L_UU, 1e308))
+    overflowing = replace(subproblem, linearisation=huge)
+    assert convexify(overflowing) is overflowing
 
 
 def test_definiteness():

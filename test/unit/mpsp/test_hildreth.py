@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol
+from programs import residual_of, solve_rows, uniform
 
-from cmpsp_ros.mpsp import Options, Penalties, QPStatus, Status, condense, solve, solve_qp
+from cmpsp_ros.mpsp import Options, Penalties, QPStatus, Status, Subproblem, solve, solve_qp
 from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.qp import hildreth
-from cmpsp_ros.mpsp.qp.solution import kkt_residual
 
 
 def program(seed, q=12, m=2, p=10, t=4, feasible=True):
@@ -37,7 +37,7 @@ def program(seed, q=12, m=2, p=10, t=4, feasible=True):
 
 
 def weights(qp, terminal=20.0, path=10.0):
-    return Penalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
+    return uniform(qp, terminal, path)
 
 
 def assert_same(found, reference):
@@ -54,10 +54,10 @@ def assert_same(found, reference):
 @pytest.mark.parametrize('seed', range(40))
 def test_hard_programs_have_daqps_solution(seed):
     qp = program(seed)
-    found, reference = hildreth.solve(qp, None), solve_qp(qp, 'daqp')
+    found, reference = solve_rows(qp, hildreth.solve), solve_rows(qp, 'daqp')
     assert found.status is reference.status is QPStatus.SOLVED
     assert_same(found, reference)
-    assert kkt_residual(qp, found, None) < 1e-7
+    assert residual_of(qp, found) < 1e-7
     assert 0 < found.iterations < hildreth.SWEEP_LIMIT
 
 
@@ -65,7 +65,7 @@ def test_hard_programs_have_daqps_solution(seed):
 def test_relaxed_programs_have_daqps_solution(seed):
     # Half of the programs have no feasible point.
     qp = program(seed, feasible=seed % 2 == 0)
-    found, reference = (solve_qp(qp, name, weights(qp)) for name in ('hildreth', 'daqp'))
+    found, reference = (solve_rows(qp, name, weights(qp)) for name in ('hildreth', 'daqp'))
     assert found.status is reference.status is QPStatus.SOLVED
     assert_same(found, reference)
     assert found.path.max() <= 10.0
@@ -75,12 +75,13 @@ def test_relaxed_programs_have_daqps_solution(seed):
 def test_some_of_the_relaxed_programs_give():
     given = [program(seed, feasible=False) for seed in range(1, 40, 2)]
     violations = [
-        (qp.B_C @ hildreth.solve(qp, weights(qp)).dU - qp.g).max(initial=0.0) for qp in given
+        (qp.B_C @ solve_rows(qp, hildreth.solve, weights(qp)).dU - qp.g).max(initial=0.0)
+        for qp in given
     ]
     assert max(violations) > 0.1
-    hard = [hildreth.solve(qp, None).status for qp in given]
+    hard = [solve_rows(qp, hildreth.solve).status for qp in given]
     assert QPStatus.INFEASIBLE in hard
-    assert hard == [solve_qp(qp, 'daqp').status for qp in given]
+    assert hard == [solve_rows(qp, 'daqp').status for qp in given]
 
 
 def contradictions():
@@ -104,16 +105,16 @@ def contradictions():
     ('name', 'qp'), [pytest.param(*case, id=case[0]) for case in contradictions()]
 )
 def test_contradictions_are_infeasible_and_may_be_relaxed(name, qp):
-    found = hildreth.solve(qp, None)
+    found = solve_rows(qp, hildreth.solve)
     assert found.status is QPStatus.INFEASIBLE
     assert not found.dU.any()
-    relaxed = solve_qp(qp, 'hildreth', weights(qp))
+    relaxed = solve_rows(qp, 'hildreth', weights(qp))
     if name == 'crossed bounds':
         # Bounds and trust region are hard in both.
         assert relaxed.status is QPStatus.INFEASIBLE
         return
     assert relaxed.status is QPStatus.SOLVED
-    reference = solve_qp(qp, 'clarabel', weights(qp))
+    reference = solve_rows(qp, 'clarabel', weights(qp))
     np.testing.assert_allclose(relaxed.dU, reference.dU, atol=1e-5)
 
 
@@ -124,45 +125,47 @@ def test_hard_rows_that_contradict_each_other_beside_relaxed_ones():
     lower = qp.lower.copy()
     lower[0] = 0.5
     impossible = replace(qp, T=T, radius=np.array([0.1, 3.0]), lower=lower)
-    assert hildreth.solve(impossible, None).status is QPStatus.INFEASIBLE
-    assert hildreth.solve(impossible, weights(qp)).status is QPStatus.INFEASIBLE
+    assert solve_rows(impossible, hildreth.solve).status is QPStatus.INFEASIBLE
+    assert solve_rows(impossible, hildreth.solve, weights(qp)).status is QPStatus.INFEASIBLE
 
 
 def test_the_limit_is_a_failure(monkeypatch):
     qp = program(3)
-    needed = hildreth.solve(qp, None).iterations
+    needed = solve_rows(qp, hildreth.solve).iterations
     monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', needed)
-    assert hildreth.solve(qp, None).status is QPStatus.SOLVED
+    assert solve_rows(qp, hildreth.solve).status is QPStatus.SOLVED
     monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', needed - 1)
-    assert hildreth.solve(qp, None).status is QPStatus.FAILED
+    assert solve_rows(qp, hildreth.solve).status is QPStatus.FAILED
     # A proof that would be believed only at greater distances is none, either.
     monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', 500)
     monkeypatch.setattr(hildreth, 'FARTHEST', np.inf)
     (_, contradicting), *_ = contradictions()
-    assert hildreth.solve(contradicting, None).status is QPStatus.FAILED
+    assert solve_rows(contradicting, hildreth.solve).status is QPStatus.FAILED
 
 
 def test_indefinite_or_not_finite_is_a_failure():
     qp = program(4)
-    assert hildreth.solve(replace(qp, H=-qp.H), None).status is QPStatus.FAILED
+    assert solve_rows(replace(qp, H=-qp.H), hildreth.solve).status is QPStatus.FAILED
     for part in ('H', 'c', 'S_N', 'output_error', 'B_C', 'g', 'T', 'radius', 'lower', 'upper'):
         spoilt = getattr(qp, part).copy()
         spoilt.flat[0] = np.nan
-        assert hildreth.solve(replace(qp, **{part: spoilt}), None).status is QPStatus.FAILED, part
+        assert (
+            solve_rows(replace(qp, **{part: spoilt}), hildreth.solve).status is QPStatus.FAILED
+        ), part
 
 
 def test_a_penalty_of_nothing_gives_a_row_up():
     qp = program(5, feasible=False)
-    found = solve_qp(qp, 'hildreth', weights(qp, 0.0, 0.0))
+    found = solve_rows(qp, 'hildreth', weights(qp, 0.0, 0.0))
     without = replace(qp, S_N=qp.S_N[:0], output_error=np.empty(0), B_C=qp.B_C[:0], g=np.empty(0))
     assert found.status is QPStatus.SOLVED
-    np.testing.assert_allclose(found.dU, solve_qp(without, 'daqp').dU, atol=1e-7)
+    np.testing.assert_allclose(found.dU, solve_rows(without, 'daqp').dU, atol=1e-7)
 
 
 def test_without_any_row_it_is_the_unconstrained_minimum():
     qp = program(6, m=0, p=0, t=0)
     free = replace(qp, lower=np.full(12, -np.inf), upper=np.full(12, np.inf))
-    found = hildreth.solve(free, None)
+    found = solve_rows(free, hildreth.solve)
     np.testing.assert_allclose(found.dU, -np.linalg.solve(qp.H, qp.c), atol=1e-12)
 
 
@@ -172,9 +175,9 @@ def test_condensed_programs_with_cross_terms(seed):
     problem = LinearQuadratic(rng, horizon=8)
     U = rng.normal(size=(9, 2))
     lin = problem.linearise(problem.predict(U), U)
-    qp = condense(lin, -np.ones((9, 2)), np.ones((9, 2)), np.full(3, 5.0))
-    penalties = weights(qp, 100.0, 100.0)
-    found, reference = (solve_qp(qp, name, penalties) for name in ('hildreth', 'daqp'))
+    subproblem = Subproblem(lin, -np.ones((9, 2)), np.ones((9, 2)), np.full(3, 5.0))
+    penalties = Penalties(np.full(2, 100.0), np.full((9, 2), 100.0))
+    found, reference = (solve_qp(subproblem, name, penalties) for name in ('hildreth', 'daqp'))
     assert found.status is QPStatus.SOLVED
     assert_same(found, reference)
 
@@ -198,12 +201,12 @@ def test_kernels_say_the_same_uncompiled(monkeypatch):
     met = replace(still, output_error=np.zeros(1))
     cases += [(qp, weights(qp)) for qp in (relaxed, still, met)]
     cases.append((replace(still, output_error=-np.ones(1)), weights(still)))
-    compiled = [hildreth.solve(*case) for case in cases]
+    compiled = [solve_rows(case[0], hildreth.solve, case[1]) for case in cases]
     for name in ('_ascend', '_proves_infeasible', '_forward', '_backward'):
         monkeypatch.setattr(hildreth, name, getattr(hildreth, name).py_func)
     for case, before in zip(cases, compiled, strict=True):
-        after = hildreth.solve(*case)
+        after = solve_rows(case[0], hildreth.solve, case[1])
         assert after.status is before.status
         np.testing.assert_allclose(after.dU, before.dU, atol=1e-9)
     monkeypatch.setattr(hildreth, 'SWEEP_LIMIT', 2)
-    assert hildreth.solve(*cases[0]).status is QPStatus.FAILED
+    assert solve_rows(cases[0][0], hildreth.solve).status is QPStatus.FAILED

@@ -223,17 +223,15 @@ def test_infeasible(seed):
 def test_contradicting_subproblems_are_solved_relaxed(goal, floor):
     problem = VanDerPol(horizon=40, goal=goal, floor=floor, mixed=1.6, limit=1.5)
     options = options_for(problem)
+    weights = Penalties(options.penalty_terminal, np.tile(options.penalty_path, (41, 1)))
     iteration = CMPSP(problem, options)
     iterate = iteration.init(zeros(problem))
     needed = 0
     for _ in range(6):
-        lin = problem.linearise(iterate.X, iterate.U)
-        lower, upper = problem.control_lower - iterate.U, problem.control_upper - iterate.U
-        qp = condense(lin, lower, upper)
-        if solve_qp(qp, 'daqp').status is not QPStatus.SOLVED:
+        subproblem = iteration.subproblem(iterate)
+        if solve_qp(subproblem, 'daqp').status is not QPStatus.SOLVED:
             needed += 1
-            weights = Penalties(options.penalty_terminal, options.penalty_path[qp.path_index])
-            found, judge = (solve_qp(qp, name, weights) for name in ('daqp', 'clarabel'))
+            found, judge = (solve_qp(subproblem, name, weights) for name in ('daqp', 'clarabel'))
             assert found.status is judge.status is QPStatus.SOLVED
             np.testing.assert_allclose(found.dU, judge.dU, atol=1e-4)
         iterate = iteration.step(iterate)
@@ -364,9 +362,9 @@ def test_a_subproblem_at_hand_is_not_made_again():
     problem = VanDerPol(goal=(0.4, -0.2))
     iteration = CMPSP(problem, options_for(problem))
     start = iteration.init(zeros(problem))
-    qp = iteration.subproblem(start)
+    subproblem = iteration.subproblem(start)
     problem.linearise = None
-    assert iteration.step(start, qp).step.length == 1.0
+    assert iteration.step(start, subproblem).step.length == 1.0
 
 
 def test_qp_failed_where_it_may_not_be_relaxed():
@@ -460,7 +458,7 @@ def test_back_ends_lead_to_the_same_solution(name):
         ({'penalty_terminal': np.ones(3)}, r'penalty_terminal: found shape \(3,\), wanted \(2,\)'),
         ({'penalty_path': np.ones(1)}, r'penalty_path: found shape \(1,\), wanted \(2,\)'),
         ({'trust_radius': np.ones(1)}, r'trust_radius: found shape \(1,\), wanted \(2,\)'),
-        ({'qp': 'newton'}, "qp: found 'newton', wanted one of daqp, hildreth"),
+        ({'qp': 'newton'}, "qp: found 'newton', wanted one of riccati_active_set, daqp, hildreth"),
     ],
 )
 def test_options_that_do_not_fit_are_named(changes, message):

@@ -6,18 +6,28 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol
 
-from cmpsp_ros.mpsp.condensing import condense
 from cmpsp_ros.mpsp.merit import Merit, Trial, search
 from cmpsp_ros.mpsp.problem import Evaluation
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
 def prepared(problem, U):
     X = problem.predict(U)
     lin = problem.linearise(X, U, 'exact')
     lower, upper = problem.control_lower - U, problem.control_upper - U
-    qp = condense(lin, np.maximum(lower, -5.0), np.minimum(upper, 5.0))
-    return Trial(0.0, U, X, problem.evaluate(X, U)), qp
+    free = np.full(problem.size.state, np.inf)
+    subproblem = Subproblem(lin, np.maximum(lower, -5.0), np.minimum(upper, 5.0), free)
+    return Trial(0.0, U, X, problem.evaluate(X, U)), subproblem
+
+
+def wide(subproblem):
+    shape = subproblem.lower.shape
+    return replace(subproblem, lower=np.full(shape, -50.0), upper=np.full(shape, 50.0))
+
+
+def slope(subproblem):
+    return subproblem.condensed.c.reshape(subproblem.lower.shape)
 
 
 def merit_of(problem, terminal=7.0, path=11.0):
@@ -46,86 +56,85 @@ def test_value_of_what_is_not_finite_is_infinite(bad):
 def test_predicted_decrease_is_the_slope_of_the_merit(seed):
     rng = np.random.default_rng(seed)
     problem = VanDerPol(horizon=10, floor=0.2, mixed=0.8)
-    start, qp = prepared(problem, rng.normal(size=(11, 1)))
+    start, subproblem = prepared(problem, rng.normal(size=(11, 1)))
     assert (start.evaluation.g > 0.0).any()
     merit = merit_of(problem)
-    direction = rng.normal(size=11)
+    direction = rng.normal(size=(11, 1))
     before = merit.value(start.evaluation)
     for length in (1e-4, 1e-5, 1e-6):
-        U = start.U + length * direction.reshape(-1, 1)
+        U = start.U + length * direction
         X = problem.predict(U)
         actual = before - merit.value(problem.evaluate(X, U))
-        promised = merit.predicted_decrease(qp, length * direction)
+        promised = merit.predicted_decrease(subproblem, length * direction)
         assert actual == pytest.approx(promised, abs=2e3 * length**2 + 1e-11)
 
 
 def test_predicted_decrease_is_exact_in_the_constraints_of_a_linear_problem():
     rng = np.random.default_rng(1)
     problem = LinearQuadratic(rng)
-    start, qp = prepared(problem, rng.normal(size=(6, 2)))
+    start, subproblem = prepared(problem, rng.normal(size=(6, 2)))
     merit = merit_of(problem)
-    dU = rng.normal(size=12)
-    U = start.U + dU.reshape(6, 2)
+    dU = rng.normal(size=(6, 2))
+    U = start.U + dU
     after = merit.value(problem.evaluate(problem.predict(U), U))
-    quadratic = 0.5 * dU @ qp.H @ dU
-    promised = merit.predicted_decrease(qp, dU) - quadratic
+    quadratic = 0.5 * dU.ravel() @ subproblem.condensed.H @ dU.ravel()
+    promised = merit.predicted_decrease(subproblem, dU) - quadratic
     assert merit.value(start.evaluation) - after == pytest.approx(promised, rel=1e-9)
 
 
 def test_no_step_promises_nothing():
     problem = VanDerPol(horizon=5, floor=0.2)
-    start, qp = prepared(problem, np.ones((6, 1)))
-    assert merit_of(problem).predicted_decrease(qp, np.zeros(6)) == 0.0
+    start, subproblem = prepared(problem, np.ones((6, 1)))
+    assert merit_of(problem).predicted_decrease(subproblem, np.zeros((6, 1))) == 0.0
     assert start.length == 0.0
 
 
 def test_above_multipliers_raises_only_what_is_too_low():
     problem = LinearQuadratic(np.random.default_rng(3))
     U = np.zeros((6, 2))
-    _, qp = prepared(problem, U)
-    qp = replace(qp, lower=np.full(12, -50.0), upper=np.full(12, 50.0))
-    solution = solve_qp(qp, 'daqp')
+    _, subproblem = prepared(problem, U)
+    subproblem = wide(subproblem)
+    solution = solve_qp(subproblem, 'daqp')
     assert solution.status is QPStatus.SOLVED
     assert solution.path.any()
     high = merit_of(problem, 1e6, 1e6)
-    same = high.above_multipliers(qp, solution)
+    same = high.above_multipliers(solution)
     np.testing.assert_array_equal(same.terminal, high.terminal)
     np.testing.assert_array_equal(same.path, high.path)
 
     low = merit_of(problem, 1e-3, 1e-3)
-    raised = low.above_multipliers(qp, solution)
+    raised = low.above_multipliers(solution)
     assert (raised.terminal > np.abs(solution.terminal)).all()
-    by_row = raised.path[qp.path_stage, qp.path_index]
-    assert (by_row[solution.path > 1e-3] > solution.path[solution.path > 1e-3]).all()
-    assert (by_row >= 1e-3).all()
-    untouched = np.ones_like(raised.path, dtype=bool)
-    untouched[qp.path_stage, qp.path_index] = False
-    np.testing.assert_array_equal(raised.path[untouched], 1e-3)
+    pulls = solution.path > 1e-3
+    assert (raised.path[pulls] > solution.path[pulls]).all()
+    assert (raised.path >= 1e-3).all()
+    np.testing.assert_array_equal(raised.path[~(solution.path > 0.0)], 1e-3)
     np.testing.assert_array_equal(low.path, 1e-3)
     # What it is for: the solution of the subproblem is then a direction of descent.
-    assert raised.predicted_decrease(qp, solution.dU) > 0.0
+    assert raised.predicted_decrease(subproblem, solution.dU) > 0.0
 
 
 def test_search_takes_the_full_step_where_it_is_good():
     problem = LinearQuadratic(np.random.default_rng(4))
-    start, qp = prepared(problem, np.zeros((6, 2)))
-    solution = solve_qp(replace(qp, lower=np.full(12, -50.0), upper=np.full(12, 50.0)), 'daqp')
+    start, subproblem = prepared(problem, np.zeros((6, 2)))
+    solution = solve_qp(wide(subproblem), 'daqp')
     assert solution.status is QPStatus.SOLVED
-    merit = merit_of(problem).above_multipliers(qp, solution)
-    promised = merit.predicted_decrease(qp, solution.dU)
-    trial = search(problem, start, solution.dU.reshape(6, 2), merit, promised)
+    merit = merit_of(problem).above_multipliers(solution)
+    promised = merit.predicted_decrease(subproblem, solution.dU)
+    trial = search(problem, start, solution.dU, merit, promised)
     assert trial.length == 1.0
-    np.testing.assert_array_equal(trial.U, start.U + solution.dU.reshape(6, 2))
+    np.testing.assert_array_equal(trial.U, start.U + solution.dU)
     np.testing.assert_array_equal(trial.X, problem.predict(trial.U))
     assert merit.value(trial.evaluation) < merit.value(start.evaluation)
 
 
 def test_search_does_not_move_where_nothing_is_lower():
     problem = VanDerPol(horizon=8)
-    start, qp = prepared(problem, np.zeros((9, 1)))
+    start, subproblem = prepared(problem, np.zeros((9, 1)))
     merit = merit_of(problem, terminal=0.0)
-    uphill = qp.c.reshape(-1, 1)
-    trial = search(problem, start, uphill, merit, merit.predicted_decrease(qp, qp.c))
+    uphill = slope(subproblem)
+    promised = merit.predicted_decrease(subproblem, uphill)
+    trial = search(problem, start, uphill, merit, promised)
     assert trial.length == 0.0
     assert trial.U is start.U
     assert trial.evaluation is start.evaluation
@@ -133,14 +142,14 @@ def test_search_does_not_move_where_nothing_is_lower():
 
 def test_search_shortens_a_step_that_is_too_long():
     problem = VanDerPol(horizon=8)
-    start, qp = prepared(problem, np.ones((9, 1)))
+    start, subproblem = prepared(problem, np.ones((9, 1)))
     merit = merit_of(problem, terminal=0.0)
     before = merit.value(start.evaluation)
-    downhill = -qp.c.reshape(-1, 1)
+    downhill = -slope(subproblem)
     lengths = set()
     for factor in (0.05, 0.5, 1.0, 2.0):
         dU = factor * downhill
-        promised = merit.predicted_decrease(qp, dU.ravel())
+        promised = merit.predicted_decrease(subproblem, dU)
         trial = search(problem, start, dU, merit, promised)
         lengths.add(trial.length)
         if trial.length:
@@ -152,9 +161,9 @@ def test_search_shortens_a_step_that_is_too_long():
 
 def test_search_falls_back_on_the_best_that_is_lower():
     problem = VanDerPol(horizon=8)
-    start, qp = prepared(problem, np.ones((9, 1)))
+    start, subproblem = prepared(problem, np.ones((9, 1)))
     merit = merit_of(problem, terminal=0.0)
-    downhill = -0.05 * qp.c.reshape(-1, 1)
+    downhill = -0.05 * slope(subproblem)
     trial = search(problem, start, downhill, merit, promised=1e12)
     values = []
     for length in (1.0, 0.5, 0.25, 0.125, 0.0625):
@@ -165,10 +174,10 @@ def test_search_falls_back_on_the_best_that_is_lower():
 
 def test_search_stays_within_the_bounds():
     problem = VanDerPol(horizon=8, limit=0.5)
-    start, qp = prepared(problem, np.full((9, 1), 0.5))
+    start, subproblem = prepared(problem, np.full((9, 1), 0.5))
     merit = merit_of(problem, terminal=0.0)
     # Rounding alone can carry a step past its bound.
-    trial = search(problem, start, -3.0 * qp.c.reshape(-1, 1), merit, 0.0)
+    trial = search(problem, start, -3.0 * slope(subproblem), merit, 0.0)
     assert trial.length > 0.0
     assert np.abs(trial.U).max() <= 0.5
 

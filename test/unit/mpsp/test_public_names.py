@@ -15,9 +15,9 @@ for name in ('casadi', 'scipy', 'qpsolvers', 'clarabel', 'rclpy', 'matplotlib', 
     sys.modules[name] = None
 import numpy as np
 import cmpsp_ros.mpsp
-from cmpsp_ros.mpsp import available, check_derivatives, condense, from_functions
+from cmpsp_ros.mpsp import Subproblem, available, check_derivatives, from_functions
 from cmpsp_ros.mpsp import solve_closed_form, solve_qp
-assert available() == ('daqp', 'hildreth')
+assert available() == ('riccati_active_set', 'daqp', 'hildreth')
 problem = from_functions(
     horizon=3, x0=[1.0], controls=1, F=lambda k, x, u: x + u, L=lambda k, x, u: u @ u,
     h=lambda x, u: x, target=[0.0],
@@ -25,9 +25,10 @@ problem = from_functions(
 U = np.zeros((4, 1))
 assert check_derivatives(problem, U).is_right
 lin = problem.linearise(problem.predict(U), U)
-qp = condense(lin, problem.control_lower, problem.control_upper)
-dU = [solve_closed_form(qp).dU, *(solve_qp(qp, name).dU for name in available())]
-np.testing.assert_allclose(dU, [[-1.0 / 3.0] * 3 + [0.0]] * 3, atol=1e-7)
+subproblem = Subproblem(lin, problem.control_lower, problem.control_upper, np.array([np.inf]))
+found = [solve_closed_form(subproblem), *(solve_qp(subproblem, name) for name in available())]
+for each in found:
+    np.testing.assert_allclose(each.dU[:, 0], [-1.0 / 3.0] * 3 + [0.0], atol=1e-7)
 """
 
 
@@ -49,4 +50,4 @@ def test_numpy_numba_and_daqp_are_enough():
 
 def test_without_qpsolvers_the_native_back_ends_are_left(monkeypatch):
     monkeypatch.setattr(qp, 'find_spec', lambda name: None)
-    assert qp.available() == ('daqp', 'hildreth')
+    assert qp.available() == ('riccati_active_set', 'daqp', 'hildreth')

@@ -5,6 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from problems import LinearQuadratic
+from programs import (
+    residual_of,
+    solve_rows,
+    staged,
+    staged_penalties,
+    uniform,
+)
 
 from cmpsp_ros.mpsp import qp as room
 from cmpsp_ros.mpsp.condensing import CondensedQP
@@ -15,9 +23,11 @@ from cmpsp_ros.mpsp.qp import (
     QPStatus,
     available,
     backend,
-    kkt_residual,
     solve_qp,
 )
+from cmpsp_ros.mpsp.qp.dense import DensePenalties
+from cmpsp_ros.mpsp.qp.solution import kkt_residual
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 BACKENDS = available()
 
@@ -55,7 +65,7 @@ def contradicting(seed=0):
 
 
 def penalties(qp, terminal=50.0, path=80.0):
-    return Penalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
+    return uniform(qp, terminal, path)
 
 
 def relaxed_cost(qp, dU, weights):
@@ -74,9 +84,9 @@ def test_daqp_and_clarabel_are_here():
 @pytest.mark.parametrize('seed', range(8))
 def test_hard_programs_have_one_solution(name, seed):
     qp = program(seed)
-    reference, solution = solve_qp(qp, 'daqp'), solve_qp(qp, name)
+    reference, solution = solve_rows(qp, 'daqp'), solve_rows(qp, name)
     assert reference.status is solution.status is QPStatus.SOLVED
-    assert kkt_residual(qp, solution, None) < 1e-5
+    assert residual_of(qp, solution) < 1e-5
     np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
     np.testing.assert_allclose(solution.terminal, reference.terminal, atol=1e-3)
     np.testing.assert_allclose(solution.path, reference.path, atol=1e-3)
@@ -90,7 +100,7 @@ def test_relaxed_programs_have_one_solution(name, seed):
     # No room in half of the rows, so that some of them have to give.
     qp = replace(program(seed), g=np.linspace(-2.0, 1.0, 6))
     weights = penalties(qp, 2.0, 3.0)
-    reference, solution = solve_qp(qp, 'daqp', weights), solve_qp(qp, name, weights)
+    reference, solution = solve_rows(qp, 'daqp', weights), solve_rows(qp, name, weights)
     assert reference.status is solution.status is QPStatus.SOLVED
     assert solution.dU.shape == solution.bounds.shape == (8,)
     np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
@@ -102,11 +112,11 @@ def test_relaxed_programs_have_one_solution(name, seed):
 @pytest.mark.parametrize('seed', range(5))
 def test_infeasible_programs_are_infeasible_and_can_be_relaxed(name, seed):
     qp = contradicting(seed)
-    solution = solve_qp(qp, name)
+    solution = solve_rows(qp, name)
     assert solution.status is QPStatus.INFEASIBLE
     assert not solution.dU.any()
     weights = penalties(qp)
-    relaxed, reference = solve_qp(qp, name, weights), solve_qp(qp, 'clarabel', weights)
+    relaxed, reference = solve_rows(qp, name, weights), solve_rows(qp, 'clarabel', weights)
     assert relaxed.status is reference.status is QPStatus.SOLVED
     best = relaxed_cost(qp, reference.dU, weights)
     assert relaxed_cost(qp, relaxed.dU, weights) == pytest.approx(best, abs=1e-5)
@@ -120,7 +130,7 @@ def test_relaxed_solution_is_the_least_by_random_search(name):
     rng = np.random.default_rng(5)
     qp = contradicting(3)
     weights = penalties(qp)
-    dU = solve_qp(qp, name, weights).dU
+    dU = solve_rows(qp, name, weights).dU
     least = relaxed_cost(qp, dU, weights)
     for size in (1e-3, 1e-2, 0.1):
         for _ in range(200):
@@ -133,11 +143,11 @@ def test_relaxed_solution_is_the_least_by_random_search(name):
 @pytest.mark.parametrize('seed', range(5))
 def test_relaxation_is_exact_above_the_multipliers(name, seed):
     qp = program(seed)
-    hard = solve_qp(qp, name)
-    above = Penalties(1.01 * np.abs(hard.terminal) + 0.1, 1.01 * hard.path + 0.1)
-    np.testing.assert_allclose(solve_qp(qp, name, above).dU, hard.dU, atol=1e-5)
+    hard = solve_rows(qp, name)
+    above = DensePenalties(1.01 * np.abs(hard.terminal) + 0.1, 1.01 * hard.path + 0.1)
+    np.testing.assert_allclose(solve_rows(qp, name, above).dU, hard.dU, atol=1e-5)
     below = Penalties(0.5 * np.abs(hard.terminal), 1.01 * hard.path + 0.1)
-    relaxed = solve_qp(qp, name, below)
+    relaxed = solve_rows(qp, name, below)
     assert np.abs(qp.S_N @ relaxed.dU + qp.output_error).max() > 1e-3
 
 
@@ -145,7 +155,7 @@ def test_relaxation_is_exact_above_the_multipliers(name, seed):
 @pytest.mark.parametrize('copies', [2, 5])
 def test_repeated_rows_change_nothing(name, copies):
     qp = program(2)
-    reference = solve_qp(qp, 'daqp')
+    reference = solve_rows(qp, 'daqp')
     assert reference.path.any()
     repeated = replace(
         qp,
@@ -156,7 +166,7 @@ def test_repeated_rows_change_nothing(name, copies):
         T=np.tile(qp.T, (copies, 1)),
         radius=np.tile(qp.radius, copies),
     )
-    solution = solve_qp(repeated, name)
+    solution = solve_rows(repeated, name)
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU, reference.dU, atol=1e-5)
     together = solution.path.reshape(copies, -1).sum(axis=0)
@@ -169,11 +179,11 @@ def test_rows_without_effect_are_met_or_infeasible(name):
     B_C, g = qp.B_C.copy(), qp.g.copy()
     B_C[0] = 0.0
     met = replace(qp, B_C=B_C, g=g)
-    assert solve_qp(met, name).status is QPStatus.SOLVED
+    assert solve_rows(met, name).status is QPStatus.SOLVED
     g[0] = -1.0
     unmet = replace(met, g=g)
-    assert solve_qp(unmet, name).status is QPStatus.INFEASIBLE
-    relaxed = solve_qp(unmet, name, penalties(qp))
+    assert solve_rows(unmet, name).status is QPStatus.INFEASIBLE
+    relaxed = solve_rows(unmet, name, penalties(qp))
     assert relaxed.status is QPStatus.SOLVED
     assert relaxed.path[0] == pytest.approx(80.0, abs=1e-3)
 
@@ -184,10 +194,10 @@ def test_rows_without_effect_are_met_or_infeasible(name):
 def test_any_kind_of_row_may_be_absent(name, sizes, bound):
     m, p, t = sizes
     qp = program(4, m=m, p=p, t=t, bound=bound)
-    solution = solve_qp(qp, name)
+    solution = solve_rows(qp, name)
     assert solution.status is QPStatus.SOLVED
-    np.testing.assert_allclose(solution.dU, solve_qp(qp, 'daqp').dU, atol=1e-5)
-    relaxed = solve_qp(qp, name, penalties(qp, 1e3, 1e3))
+    np.testing.assert_allclose(solution.dU, solve_rows(qp, 'daqp').dU, atol=1e-5)
+    relaxed = solve_rows(qp, name, penalties(qp, 1e3, 1e3))
     np.testing.assert_allclose(relaxed.dU, solution.dU, atol=1e-5)
 
 
@@ -199,55 +209,55 @@ def test_bounds_without_any_room(name):
         lower=np.where(np.arange(8) < 3, 0.0, qp.lower),
         upper=np.where(np.arange(8) < 3, 0.0, qp.upper),
     )
-    solution = solve_qp(fixed, name)
+    solution = solve_rows(fixed, name)
     assert solution.status is QPStatus.SOLVED
     np.testing.assert_allclose(solution.dU[:3], 0.0, atol=1e-6)
     crossed = replace(qp, lower=np.full(8, 1.0), upper=np.full(8, -1.0))
-    assert solve_qp(crossed, name).status is not QPStatus.SOLVED
+    assert solve_rows(crossed, name).status is not QPStatus.SOLVED
 
 
 @pytest.mark.parametrize('name', BACKENDS)
 def test_an_infeasible_program_is_an_answer_not_a_warning(name):
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        assert solve_qp(contradicting(), name).status is QPStatus.INFEASIBLE
+        assert solve_rows(contradicting(), name).status is QPStatus.INFEASIBLE
 
 
 @pytest.mark.parametrize('name', BACKENDS)
 def test_not_a_number_is_no_solution(name):
     qp = program(7)
     spoilt = replace(qp, c=np.full(8, np.nan))
-    assert solve_qp(spoilt, name).status is QPStatus.FAILED
+    assert solve_rows(spoilt, name).status is QPStatus.FAILED
 
 
 def test_residual_rejects_every_perturbed_part():
     qp = program(2)
-    solution = solve_qp(qp, 'daqp')
-    assert kkt_residual(qp, solution, None) < 1e-9
+    solution = solve_rows(qp, 'daqp')
+    assert residual_of(qp, solution) < 1e-9
     for part in ('dU', 'terminal', 'path', 'trust', 'bounds'):
         array = getattr(solution, part)
         for place in range(len(array)):
             for change in (0.3, -0.3):
                 wrong = array.copy()
                 wrong[place] += change
-                bad = replace(solution, **{part: wrong})
-                assert kkt_residual(qp, bad, None) > 1e-4, (part, place, change)
+                bad = solution._replace(**{part: wrong})
+                assert residual_of(qp, bad) > 1e-4, (part, place, change)
 
 
 def test_residual_rejects_perturbed_relaxed_answers():
     qp = contradicting(2)
     weights = penalties(qp)
-    solution = solve_qp(qp, 'daqp', weights)
-    assert kkt_residual(qp, solution, weights) < 1e-6
-    assert kkt_residual(qp, solution, None) > 1e-2
-    assert kkt_residual(qp, solution, penalties(qp, 50.0, 40.0)) > 1e-2
+    solution = solve_rows(qp, 'daqp', weights)
+    assert residual_of(qp, solution, weights) < 1e-6
+    assert residual_of(qp, solution) > 1e-2
+    assert residual_of(qp, solution, penalties(qp, 50.0, 40.0)) > 1e-2
     for part in ('dU', 'terminal', 'path', 'trust', 'bounds'):
         array = getattr(solution, part)
         for place in range(len(array)):
             wrong = array.copy()
             wrong[place] += 0.5
-            bad = replace(solution, **{part: wrong})
-            assert kkt_residual(qp, bad, weights) > 1e-4, (part, place)
+            bad = solution._replace(**{part: wrong})
+            assert residual_of(qp, bad, weights) > 1e-4, (part, place)
 
 
 @pytest.mark.parametrize(
@@ -257,28 +267,27 @@ def test_residual_rejects_wrong_signs(sign_error):
     ((part, factor),) = sign_error.items()
     qp = replace(program(2, bound=0.3), radius=np.full(3, 0.2))
     qp = replace(qp, output_error=0.01 * qp.output_error)
-    solution = solve_qp(qp, 'daqp')
+    solution = solve_rows(qp, 'daqp')
     assert getattr(solution, part).any()
-    wrong = replace(solution, **{part: factor * getattr(solution, part)})
-    assert kkt_residual(qp, wrong, None) > 1e-2
+    wrong = solution._replace(**{part: factor * getattr(solution, part)})
+    assert residual_of(qp, wrong) > 1e-2
 
 
 def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
-    qp = program(1)
+    def claim(value):
+        def fake(subproblem, penalties):
+            unsolved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
+            return replace(unsolved, dU=np.full_like(unsolved.dU, value))
 
-    def liar(qp, penalties):
-        return replace(QPSolution.unsolved(qp, QPStatus.SOLVED), dU=np.full_like(qp.c, 0.1))
+        return fake
 
-    def broken(qp, penalties):
-        return replace(QPSolution.unsolved(qp, QPStatus.SOLVED), dU=np.full_like(qp.c, np.nan))
-
-    for fake in (liar, broken):
-        monkeypatch.setattr(room, 'backend', lambda name, fake=fake: fake)
-        assert solve_qp(qp, 'any').status is QPStatus.FAILED
+    for value in (0.1, np.nan):
+        monkeypatch.setattr(room, 'backend', lambda name, value=value: claim(value))
+        assert solve_qp(staged(program(1)), 'any').status is QPStatus.FAILED
 
 
 def test_unknown_back_end_names_those_that_are_there():
-    wanted = r"qp: found 'newton', wanted one of daqp, hildreth, clarabel"
+    wanted = r"qp: found 'newton', wanted one of riccati_active_set, daqp, hildreth, clarabel"
     with pytest.raises(ProblemError, match=wanted):
         backend('newton')
 
@@ -286,15 +295,114 @@ def test_unknown_back_end_names_those_that_are_there():
 @pytest.mark.parametrize('name', BACKENDS)
 def test_same_program_gives_the_same_bits(name):
     for weights in (None, penalties(program(3))):
-        first, second = (solve_qp(program(3), name, weights) for _ in range(2))
+        first, second = (solve_rows(program(3), name, weights) for _ in range(2))
         np.testing.assert_array_equal(first.dU, second.dU)
         np.testing.assert_array_equal(first.path, second.path)
 
 
 def test_program_is_left_as_it_was():
+    qp, untouched = staged(program(3)), staged(program(3))
+    penalties = staged_penalties(program(3), uniform(program(3), 50.0, 80.0))
     for name in BACKENDS:
-        qp, untouched = program(3), program(3)
         solve_qp(qp, name)
-        solve_qp(qp, name, penalties(qp))
-        for part, array in vars(untouched).items():
-            np.testing.assert_array_equal(getattr(qp, part), array)
+        solve_qp(qp, name, penalties)
+    for name, array in vars(untouched.linearisation).items():
+        np.testing.assert_array_equal(getattr(qp.linearisation, name), array)
+    for name, array in vars(untouched.condensed).items():
+        np.testing.assert_array_equal(getattr(qp.condensed, name), array)
+    for name in ('lower', 'upper', 'trust_radius'):
+        np.testing.assert_array_equal(getattr(qp, name), getattr(untouched, name))
+
+
+def general(seed=0):
+    """A subproblem with everything in it, and penalties under which some of its rows give."""
+    rng = np.random.default_rng(seed)
+    problem = LinearQuadratic(rng)
+    U = rng.normal(size=(6, 2))
+    subproblem = Subproblem(
+        problem.linearise(problem.predict(U), U),
+        np.full((6, 2), -0.8),
+        np.full((6, 2), 0.9),
+        np.array([np.inf, 0.6, 1.4]),
+    )
+    return subproblem, Penalties(np.array([30.0, 2.0]), rng.uniform(1.0, 20.0, size=(6, 2)))
+
+
+@pytest.mark.parametrize('name', BACKENDS)
+@pytest.mark.parametrize('seed', range(3))
+def test_answers_are_in_the_shapes_of_the_stages(name, seed):
+    subproblem, penalties = general(seed)
+    solution = solve_qp(subproblem, name, penalties)
+    assert solution.status is QPStatus.SOLVED
+    assert solution.conflict == ()
+    dX = subproblem.propagate(solution.dU)
+    g = subproblem.path(solution.dU, dX)
+    assert solution.path.shape == g.shape == (6, 2)
+    assert (np.abs(solution.path[g < -1e-4]) < 1e-4).all()
+    assert (solution.path[g == -np.inf] == 0.0).all()
+    np.testing.assert_allclose(solution.path[g > 1e-4], penalties.path[g > 1e-4], atol=1e-3)
+    # Multipliers beyond a solver's own rounding are at the limit that they are signed as.
+    for part, at, least, largest in (
+        (solution.bounds, solution.dU, subproblem.lower, subproblem.upper),
+        (solution.trust, dX, -subproblem.trust_radius, subproblem.trust_radius),
+    ):
+        assert part.shape == at.shape
+        limit = np.where(part > 0.0, largest, least)
+        pulls = np.abs(part) > 1e-3
+        assert pulls.any()
+        np.testing.assert_allclose(at[pulls], limit[pulls], atol=1e-5)
+
+
+def written_out(subproblem, solution, penalties):
+    """Stationarity, feasibility, signs and slackness of the condensed program, by its matrices."""
+    qp = subproblem.condensed
+    rows = qp.path_stage, qp.path_index
+    dU, bounds, rho = solution.dU.ravel(), solution.bounds.ravel(), solution.path[rows]
+    trust = solution.trust[1:, np.isfinite(subproblem.trust_radius)].T.ravel()
+    parts = (
+        qp.H @ dU + qp.c, qp.S_N.T @ solution.terminal, qp.B_C.T @ rho, qp.T.T @ trust, bounds,
+    )  # fmt: skip
+    scale, size = 1.0 + max(np.abs(part).max() for part in parts), 1.0 + np.abs(dU).max()
+    terminal, path = qp.S_N @ dU + qp.output_error, qp.B_C @ dU - qp.g
+    outside = qp.T @ dU * np.sign(trust) - qp.radius
+    reach = np.where(bounds > 0.0, dU - qp.upper, qp.lower - dU)
+    hard = [np.abs(qp.T @ dU) - qp.radius, qp.lower - dU, dU - qp.upper]
+    signs = [-rho]
+    gaps = [trust * outside, bounds * reach]
+    if penalties is None:
+        hard += [np.abs(terminal), path]
+        gaps += [rho * path]
+    else:
+        most = penalties.path[rows]
+        signs += [rho - most, np.abs(solution.terminal) - penalties.terminal]
+        gaps += [rho * np.minimum(path, 0.0), np.maximum(path, 0.0) * (most - rho)]
+        gaps += [np.abs(terminal) * penalties.terminal - terminal * solution.terminal]
+    return max(
+        np.abs(sum(parts)).max() / scale,
+        *(part.max() / size for part in hard),
+        *(part.max() / scale for part in signs),
+        *(np.abs(part).max() / (scale * size) for part in gaps),
+    )
+
+
+@pytest.mark.parametrize('seed', range(5))
+@pytest.mark.parametrize('relaxed', [False, True])
+def test_the_residual_is_that_of_the_condensed_program(seed, relaxed):
+    subproblem, penalties = general(seed)
+    penalties = penalties if relaxed else None
+    solution = solve_qp(subproblem, 'daqp', general(seed)[1])
+    rng = np.random.default_rng(seed)
+    applies = subproblem.linearisation.g != -np.inf
+    held = np.isfinite(subproblem.trust_radius) & (np.arange(6) > 0)[:, None]
+    for spread in (0.0, 1e-3, 1.0):
+        noise = {
+            part: spread * rng.normal(size=getattr(solution, part).shape)
+            for part in ('dU', 'terminal', 'path', 'trust', 'bounds')
+        }
+        noise['path'] *= applies
+        noise['trust'] *= held
+        moved = replace(solution, **{part: getattr(solution, part) + noise[part] for part in noise})
+        wanted = written_out(subproblem, moved, penalties)
+        found = kkt_residual(subproblem, moved, penalties)
+        assert found == pytest.approx(wanted, rel=1e-9, abs=1e-13)
+        assert spread == 0.0 or found > 1e-5

@@ -45,8 +45,8 @@ def test_full_steps_are_kept(state, rate, penalty):
 
 @pytest.mark.parametrize('state', [equality, inequality])
 def test_they_are_refused_without_the_second_order_correction(state, monkeypatch):
-    def none(qp, solution, evaluation):
-        return np.zeros_like(qp.c)
+    def none(subproblem, solution, evaluation):
+        return np.zeros_like(solution.dU)
 
     monkeypatch.setattr(iteration, 'second_order_correction', none)
     problem = from_casadi(**state())

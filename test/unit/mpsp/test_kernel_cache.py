@@ -1,0 +1,179 @@
+"""Where machine code is kept, and that only what belongs to these sources and this user is used."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from cmpsp_ros.mpsp import kernel_cache
+from cmpsp_ros.mpsp.kernel_cache import kernel_folder, kernel_sources, old_folders
+
+KERNEL = """
+from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.kernel_cache import kernel_folder
+
+
+@compiled
+def double(x):
+    return 2 * x
+
+
+print(double(4), sum(double.stats.cache_hits.values()), kernel_folder())
+"""
+
+
+@pytest.fixture
+def environment(tmp_path, monkeypatch):
+    """A home and a temporary folder that are empty; `environment(NAME=value)` sets variables."""
+    for name in ('NUMBA_CACHE_DIR', 'XDG_CACHE_HOME'):
+        monkeypatch.delenv(name, raising=False)
+    for name, folder in (('HOME', 'home'), ('TMPDIR', 'tmp')):
+        (tmp_path / folder).mkdir()
+        monkeypatch.setenv(name, str(tmp_path / folder))
+    monkeypatch.setattr('tempfile.tempdir', None)
+    kernel_folder.cache_clear()
+    yield lambda **values: [monkeypatch.setenv(name, str(each)) for name, each in values.items()]
+    kernel_folder.cache_clear()
+
+
+@pytest.fixture
+def run(tmp_path, environment):
+    """Run a program with one kernel as a process; returns the words it says."""
+    path = tmp_path / 'kernel.py'
+    path.write_text(KERNEL)
+
+    def run_program():
+        done = subprocess.run(
+            [sys.executable, str(path)], capture_output=True, text=True, check=True
+        )
+        assert done.stderr == ''
+        return done.stdout.split()
+
+    return run_program
+
+
+def test_it_is_in_the_user_s_cache(environment, tmp_path):
+    folder = kernel_folder()
+    assert folder.parent == tmp_path / 'home' / '.cache' / 'cmpsp_ros'
+    assert folder.name.startswith('kernels-')
+    assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.mark.parametrize('name', ['XDG_CACHE_HOME', 'NUMBA_CACHE_DIR'])
+def test_it_goes_where_the_user_says(environment, tmp_path, name):
+    environment(**{name: tmp_path / 'elsewhere'})
+    assert kernel_folder().parent == tmp_path / 'elsewhere' / 'cmpsp_ros'
+
+
+def test_numba_is_told_nothing_for_good(run, environment, tmp_path):
+    before = numba.config.CACHE_DIR
+
+    def function(x):
+        return x
+
+    kernel_cache.enable_cache(numba.njit(function), function)
+    assert before == numba.config.CACHE_DIR
+
+
+def test_without_a_place_of_one_s_own_it_is_below_the_temporary_files(environment, tmp_path):
+    (tmp_path / 'file').touch()
+    environment(NUMBA_CACHE_DIR=tmp_path / 'file')
+    assert kernel_folder().parent == tmp_path / 'tmp' / f'cmpsp_ros-{os.getuid()}'
+
+
+def test_a_folder_that_others_may_write_to_is_not_used(environment, tmp_path):
+    open_to_all = tmp_path / 'home' / '.cache' / 'cmpsp_ros'
+    open_to_all.mkdir(parents=True)
+    open_to_all.chmod(0o777)
+    assert kernel_folder().is_relative_to(tmp_path / 'tmp')
+
+
+def test_nor_one_that_leads_elsewhere(environment, tmp_path):
+    (tmp_path / 'other').mkdir(mode=0o700)
+    (tmp_path / 'home' / '.cache').mkdir()
+    (tmp_path / 'home' / '.cache' / 'cmpsp_ros').symlink_to(tmp_path / 'other')
+    assert kernel_folder().is_relative_to(tmp_path / 'tmp')
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason='only root can give a folder away')
+def test_nor_one_of_another_user(environment, tmp_path):
+    folder = kernel_folder()
+    kernel_folder.cache_clear()
+    os.chown(folder, 12345, 12345)
+    assert kernel_folder().is_relative_to(tmp_path / 'tmp')
+
+
+def test_without_any_place_kernels_are_compiled_all_the_same(run, environment, tmp_path):
+    (tmp_path / 'file').touch()
+    environment(NUMBA_CACHE_DIR=tmp_path / 'file')
+    (tmp_path / 'tmp' / f'cmpsp_ros-{os.getuid()}').touch()
+    assert run() == ['8', '0', 'None']
+    assert run() == ['8', '0', 'None']
+
+
+def test_files_cut_short_are_compiled_anew_and_mended(run):
+    folder = Path(run()[2])
+    for suffix in ('nbi', 'nbc'):
+        (file,) = [*folder.glob(f'*/kernel.double-*.{suffix}')]
+        assert run()[:2] == ['8', '1']
+        file.write_bytes(file.read_bytes()[:10])
+        assert run()[:2] == ['8', '0']
+        assert run()[:2] == ['8', '1']
+
+
+def test_a_folder_that_vanishes_in_between_does_no_harm(environment, tmp_path):
+    def function(x):
+        return x + 1
+
+    dispatcher = numba.njit(function)
+    kernel_cache.enable_cache(dispatcher, function)
+    for each in [*kernel_folder().glob('**/*')]:
+        each.rmdir()
+    kernel_folder().rmdir()
+    assert dispatcher(1) == 2
+
+
+def test_every_kernel_s_file_counts_and_what_it_imports():
+    sources = kernel_sources()
+    package = Path(kernel_cache.__file__).parents[1]
+    for path in package.rglob('*.py'):
+        text = path.read_text()
+        if '\n@compiled\n' in text or '\n@implements(' in text:
+            assert path.relative_to(package).as_posix() in sources
+    assert {'mpsp/compiled.py', 'mpsp/kernel_cache.py', 'robot/differential_drive.py'} <= set(
+        sources
+    )
+    assert not any(each.startswith('nodes/') for each in sources)
+
+
+def test_a_changed_source_is_another_folder(environment, tmp_path, monkeypatch):
+    package = tmp_path / 'cmpsp_ros'
+    (package / 'mpsp').mkdir(parents=True)
+    monkeypatch.setattr(kernel_cache, '_PACKAGE', package)
+    mark = 'from cmpsp_ros.mpsp.compiled import compiled\n'
+    files = {
+        'mpsp/kernel.py': f'{mark}from cmpsp_ros.mpsp import constants\n',
+        'mpsp/constants.py': 'from cmpsp_ros.mpsp.units import (\n    METRE,\n)\n',
+        'mpsp/units.py': 'METRE = 1.0\n',
+        'mpsp/other.py': '',
+    }
+    for name, source in files.items():
+        (package / name).write_text(source)
+
+    def folder():
+        kernel_folder.cache_clear()
+        return kernel_folder()
+
+    first = folder()
+    assert folder() == first
+    (package / 'mpsp/other.py').write_text('OTHER = 1\n')
+    assert folder() == first
+    (package / 'mpsp/units.py').write_text('METRE = 2.0\n')
+    second = folder()
+    assert second != first
+    assert old_folders() == [first]

@@ -1,0 +1,191 @@
+"""The subproblem stage by stage against its own condensed program."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from problems import LinearQuadratic, VanDerPol
+
+from cmpsp_ros.mpsp.closed_form import has_closed_form
+from cmpsp_ros.mpsp.condensing import condense
+from cmpsp_ros.mpsp.convergence import record
+from cmpsp_ros.mpsp.curvature import convexify
+from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.merit import Merit
+from cmpsp_ros.mpsp.problem import Linearisation
+from cmpsp_ros.mpsp.qp import (
+    RICCATI_ACTIVE_SET,
+    Penalties,
+    QPSolution,
+    QPStatus,
+    kkt_residual,
+)
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
+
+
+def random_subproblem(shape, shift=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    problem = LinearQuadratic(rng, *shape)
+    U = rng.normal(size=problem.control_lower.shape)
+    bound = rng.uniform(0.5, 3.0, size=U.shape)
+    radius = np.where(np.arange(shape[1]) % 2, np.inf, 0.7)
+    lin = problem.linearise(problem.predict(U), U)
+    return problem, Subproblem(lin, -bound, bound, radius, shift)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_its_functions_are_the_rows_of_the_condensed_program(shape):
+    problem, subproblem = random_subproblem(shape)
+    assert subproblem.size == problem.size
+    qp = subproblem.condensed
+    dU = np.random.default_rng(1).normal(size=subproblem.lower.shape)
+    dX = subproblem.propagate(dU)
+    assert dX.shape == (shape[0] + 1, shape[1])
+    assert not dX[0].any()
+    held = np.isfinite(subproblem.trust_radius)
+    np.testing.assert_allclose(dX[1:, held].T.ravel(), qp.T @ dU.ravel(), atol=1e-11)
+    np.testing.assert_allclose(
+        subproblem.terminal(dU, dX), qp.S_N @ dU.ravel() + qp.output_error, atol=1e-11
+    )
+    g = subproblem.path(dU, dX)
+    np.testing.assert_allclose(
+        g[qp.path_stage, qp.path_index], qp.B_C @ dU.ravel() - qp.g, atol=1e-11
+    )
+    assert np.count_nonzero(g != -np.inf) == len(qp.g)
+    assert subproblem.slope(dU, dX) == pytest.approx(qp.c @ dU.ravel(), abs=1e-11)
+
+
+def test_the_change_of_the_states_is_that_of_the_roll_out():
+    problem = VanDerPol(horizon=10)
+    rng = np.random.default_rng(2)
+    U, direction = rng.normal(size=(11, 1)), rng.normal(size=(11, 1))
+    lin = problem.linearise(problem.predict(U), U)
+    free = np.full((11, 1), np.inf)
+    dX = Subproblem(lin, -free, free, np.full(2, np.inf)).propagate(direction)
+    ahead, behind = (problem.predict(U + side * 1e-6 * direction) for side in (1.0, -1.0))
+    np.testing.assert_allclose(dX, (ahead - behind) / 2e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize('shape', SHAPES)
+def test_the_shift_is_added_to_the_condensed_hessian(shape):
+    _, plain = random_subproblem(shape)
+    shifted = replace(plain, shift=2.5)
+    before, after = plain.condensed, shifted.condensed
+    np.testing.assert_allclose(after.H - before.H, 2.5 * np.eye(len(before.c)), atol=1e-12)
+    np.testing.assert_array_equal(after.c, before.c)
+    np.testing.assert_array_equal(after.B_C, before.B_C)
+    of_stages = shifted.stages.L_UU - plain.stages.L_UU
+    np.testing.assert_allclose(of_stages, np.tile(2.5 * np.eye(shape[2]), (shape[0] + 1, 1, 1)))
+    np.testing.assert_array_equal(plain.linearisation.L_UU, shifted.linearisation.L_UU)
+
+
+def test_condensed_is_what_condensing_gives():
+    _, subproblem = random_subproblem(SHAPES[1])
+    given = subproblem.linearisation, subproblem.lower, subproblem.upper, subproblem.trust_radius
+    for name, array in vars(condense(*given)).items():
+        np.testing.assert_array_equal(getattr(subproblem.condensed, name), array)
+    assert subproblem.condensed is subproblem.condensed
+    assert subproblem.stages is subproblem.stages
+
+
+def test_stages_are_of_one_kind_whatever_they_came_as():
+    _, subproblem = random_subproblem(SHAPES[1])
+    lin = subproblem.linearisation
+    odd = {}
+    for field in fields(Linearisation):
+        array = np.asfortranarray(getattr(lin, field.name))
+        array.flags.writeable = False
+        odd[field.name] = array
+    odd['h_U'] = np.zeros((2, 2), dtype=int)
+    given = Subproblem(
+        Linearisation(**odd),
+        np.broadcast_to(-1.0, (6, 2)),
+        np.broadcast_to(1.0, (6, 2)),
+        subproblem.trust_radius[::-1],
+    )
+    stages = given.stages
+    assert (stages.state, stages.control) == (3, 2)
+    for name, array in stages._asdict().items():
+        if name not in ('state', 'control'):
+            assert array.dtype == np.float64, name
+            assert array.flags.c_contiguous, name
+            assert array.flags.writeable, name
+    for name, array in odd.items():
+        np.testing.assert_array_equal(getattr(stages, name), array)
+    np.testing.assert_array_equal(stages.trust_radius, given.trust_radius)
+    assert given.propagate(np.asfortranarray(np.ones((6, 2)))).shape == (6, 3)
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf])
+def test_derivatives_that_are_not_finite_are_told(bad):
+    _, subproblem = random_subproblem(SHAPES[1])
+    lin = subproblem.linearisation
+    assert subproblem.is_finite
+    for field in fields(Linearisation):
+        spoilt = getattr(lin, field.name).copy()
+        # The last constraint applies at the last stage, and the first at stage 0 does not.
+        spoilt.flat[0 if field.name in ('A', 'B') else -1] = bad
+        changed = replace(lin, g=np.where(np.arange(6)[:, None] == 5, -1.0, lin.g))
+        changed = replace(changed, **{field.name: spoilt})
+        assert not replace(subproblem, linearisation=changed).is_finite, field.name
+    for name in ('g_X', 'g_U'):
+        unused = getattr(lin, name).copy()
+        unused[0] = bad
+        assert replace(subproblem, linearisation=replace(lin, **{name: unused})).is_finite
+
+
+def test_a_constraint_that_does_not_apply_stays_away_whatever_its_derivatives():
+    _, subproblem = random_subproblem(SHAPES[1])
+    lin = subproblem.linearisation
+    g_U = lin.g_U.copy()
+    g_U[0] = np.nan
+    subproblem = replace(subproblem, linearisation=replace(lin, g_U=g_U))
+    dU = np.ones((6, 2))
+    g = subproblem.path(dU, subproblem.propagate(dU))
+    np.testing.assert_array_equal(g[0], -np.inf)
+    assert np.isfinite(g[lin.g != -np.inf]).all()
+
+
+@pytest.mark.parametrize('lost', [0.0, 50.0])
+def test_a_horizon_whose_condensed_matrices_no_machine_holds(lost):
+    """Everything but the dense back ends: 40 000 controls would make a Hessian of 13 GB."""
+    problem = LinearQuadratic(np.random.default_rng(3), horizon=20_000)
+    problem.A *= 0.4
+    options = Options(np.full(2, 1e3), np.full(2, 1e3), trust_radius=np.ones(3))
+    iteration = CMPSP(problem, options)
+    start = iteration.init(np.zeros((20_001, 2)))
+    subproblem = iteration.subproblem(start)
+    lin = subproblem.linearisation
+    bent = replace(lin, L_UU=lin.L_UU - lost * np.eye(2))
+    subproblem = replace(subproblem, linearisation=bent)
+    convex = convexify(subproblem)
+    assert (convex.shift > 0.0) == (lost > 0.0)
+    for each in (subproblem, convex):
+        dU = -0.1 * bent.L_U
+        dX = each.propagate(dU)
+        assert each.is_finite
+        assert not has_closed_form(each)
+        assert each.slope(dU, dX) < 0.0
+        assert (each.path(dU, dX) != -np.inf).sum() == (bent.g != -np.inf).sum()
+        solution = replace(QPSolution.unsolved(each.size, QPStatus.SOLVED), dU=dU)
+        penalties = Penalties(np.full(2, 1e3), np.full((20_001, 2), 1e3))
+        assert kkt_residual(each, solution, penalties) > 1e-5
+        assert 0.0 < record(start, each).kkt_residual < np.inf
+        merit = Merit(penalties.terminal, penalties.path).above_multipliers(solution)
+        assert np.isfinite(merit.predicted_decrease(each, dU))
+        assert 'condensed' not in vars(each)
+
+
+@pytest.mark.parametrize('hessian', ['gauss_newton', 'exact'])
+def test_a_step_of_the_default_back_end_condenses_nothing(hessian):
+    problem = VanDerPol(horizon=40, goal=(0.4, -0.2), floor=-0.8, mixed=1.6, limit=3.0)
+    options = Options(np.full(2, 1e3), np.full(2, 1e3), qp=RICCATI_ACTIVE_SET, hessian=hessian)
+    iteration = CMPSP(problem, options)
+    start = iteration.init(np.zeros((41, 1)))
+    subproblem = iteration.subproblem(start)
+    after = iteration.step(start, subproblem)
+    assert after.step.qp_status is QPStatus.SOLVED
+    assert after.step.active_rows > 0
+    assert 'condensed' not in vars(subproblem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot.arcs import arc_from, reach_of
 from cmpsp_ros.robot.clear_space import ClearSpace
 
 Array = NDArray[np.float64]
@@ -71,21 +73,20 @@ class Audit:
                 f'The plan has a wheel speed of {fastest!r} rad/s, the limit is'
                 f' {self._robot.max_wheel_speed!r} rad/s.'
             )
-        clearance = self._clearance(pose, controls[:-1], durations)
-        if not np.isfinite(clearance).all():
+        coming, worst = self._clearance(pose, controls, durations)
+        if not (np.isfinite(coming).all() and np.isfinite(worst).all()):
             return _refused('The path of the plan is not finite.')
         floor = np.minimum(self.at(pose), 0.0) - (0.0 if self._between else _SAMPLE_TOLERANCE)
-        worst = clearance.min(axis=0)
         nearest = self._names[int(worst.argmin())]
-        short = clearance[0] - floor
+        short = coming - floor
         reason = ''
         if short.min() < 0.0:
             where = int(short.argmin())
             reason = (
-                f'The next {durations[0]:.3g} s would come {-clearance[0, where]:.3g} m too close'
+                f'The next {durations[0]:.3g} s would come {-coming[where]:.3g} m too close'
                 f' to {self._names[where]}.'
             )
-        return Verdict(not reason, reason, float(clearance[0].min()), float(worst.min()), nearest)
+        return Verdict(not reason, reason, float(coming.min()), float(worst.min()), nearest)
 
     def at(self, pose: Array) -> Array:
         """Clearance of a pose from outer edge, inner edge and obstacles, ``(2 + M,)`` [m]."""
@@ -96,22 +97,69 @@ class Audit:
         """Names of path constraints by their index, for messages."""
         return ', '.join(self._names[index] for index in constraints)
 
-    def _clearance(self, pose: Array, controls: Array, durations: Array) -> Array:
-        twists = self._robot.twist(controls)
-        poses = np.empty((len(durations) + 1, 3))
-        poses[0] = pose
-        turned = np.concatenate([[0.0], np.cumsum(twists[:, 1] * durations)])
-        poses[:, 2] = pose[2] + turned
-        starts = np.zeros((len(durations), 3))
-        starts[:, 2] = poses[:-1, 2]
-        legs = arc_ends(starts, twists, durations)[:, :2]
-        poses[1:, :2] = pose[:2] + np.cumsum(legs, axis=0)
-        if self._between:
-            least, greatest = reach(poses[:-1], twists, durations, self._space.centers)
-        else:
-            offsets = poses[1:, None, :2] - self._space.centers
-            least = greatest = np.linalg.norm(offsets, axis=2)
-        return self._space.clearance(least, greatest)
+    def _clearance(self, pose: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
+        """Clearance from each thing over the first step and over all, ``(2 + M,)`` each [m]."""
+        robot, space = self._robot, self._space
+        coming, worst = np.empty(len(self._names)), np.empty(len(self._names))
+        _sweep(
+            coming,
+            worst,
+            pose,
+            controls,
+            durations,
+            robot.wheel_radius,
+            robot.half_track,
+            self._between,
+            space.centers,
+            float(space.inner),
+            float(space.outer),
+            space.radii,
+        )
+        return coming, worst
+
+
+@allocation_free
+def _sweep(
+    coming: Array,
+    worst: Array,
+    pose: Array,
+    controls: Array,
+    durations: Array,
+    wheel_radius: float,
+    half_track: float,
+    between: bool,
+    centers: Array,
+    inner: float,
+    outer: float,
+    radii: Array,
+) -> None:
+    """Drive a plan arc by arc and keep the least clearances."""
+    x, y, heading = pose[0], pose[1], pose[2]
+    for k in range(durations.shape[0]):
+        right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
+        length = (right + left) / 2.0 * durations[k]
+        turn = (right - left) / (2.0 * half_track) * durations[k]
+        arc = arc_from(x, y, heading, length, turn)
+        x, y, heading = arc.end_x, arc.end_y, heading + turn
+        for j in range(centers.shape[0]):
+            if between:
+                least, greatest = reach_of(arc, centers[j, 0], centers[j, 1])
+            else:
+                least = greatest = math.hypot(x - centers[j, 0], y - centers[j, 1])
+            if j == 0:
+                _note(coming, worst, k, 0, outer - greatest)
+                _note(coming, worst, k, 1, least - inner)
+            else:
+                _note(coming, worst, k, j + 1, least - radii[j - 1])
+
+
+@allocation_free
+def _note(coming: Array, worst: Array, k: int, what: int, clearance: float) -> None:
+    if k == 0:
+        coming[what] = worst[what] = clearance
+    # A number that is not one comes in, and nothing replaces it.
+    elif clearance < worst[what] or math.isnan(clearance):
+        worst[what] = clearance
 
 
 def _refused(reason: str) -> Verdict:

@@ -62,6 +62,9 @@ class Decision:
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
         finished: Whether the final time has passed.
+        halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
+        run: How often the law had been reset before it.
+        revision: How often the law had been given new settings before it.
         phases: Computing time by phase [ms], where a timer was given.
     """
 
@@ -82,4 +85,7 @@ class Decision:
     active_rows: int = 0
     failures: int = 0
     finished: bool = False
+    halted: bool = False
+    run: int = 0
+    revision: int = 0
     phases: Mapping[str, float] = field(default_factory=dict)

@@ -6,9 +6,12 @@ Times are integer nanoseconds since time 0, so that a run repeats exactly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.compiled import allocation_free
 
 Array = NDArray[np.float64]
 
@@ -30,7 +33,7 @@ class Horizon:
 
     edges: NDArray[np.int64]
 
-    @property
+    @cached_property
     def durations(self) -> Array:
         """Length of each step, shape ``(N,)`` [s]."""
         return np.diff(self.edges) / NANOSECONDS
@@ -72,7 +75,24 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
     Returns:
         Shape ``(M + 1, r)``; beyond the old horizon's end its last step is continued.
     """
-    middles = (new.edges[:-1] + new.edges[1:]) // 2
-    held = np.searchsorted(old.edges, middles, side='right') - 1
-    held = np.clip(held, 0, len(old.edges) - 2)
-    return np.vstack([controls[held], controls[-1]])
+    shifted = np.empty((len(new.edges), controls.shape[1]))
+    _shift(shifted, controls, old.edges, new.edges)
+    return shifted
+
+
+def steps_over(old: Horizon, new: Horizon) -> int:
+    """How many steps of a horizon are over when a later one begins."""
+    return int(np.searchsorted(old.edges, new.edges[0], side='right')) - 1
+
+
+@allocation_free
+def _shift(shifted: Array, controls: Array, old: NDArray[np.int64], new: NDArray[np.int64]) -> None:
+    held, last = 0, old.shape[0] - 2
+    for k in range(new.shape[0] - 1):
+        middle = (new[k] + new[k + 1]) // 2
+        while held < last and old[held + 1] <= middle:
+            held += 1
+        for a in range(controls.shape[1]):
+            shifted[k, a] = controls[held, a]
+    for a in range(controls.shape[1]):
+        shifted[-1, a] = controls[-1, a]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot.differential_drive import drive
 
 Array = NDArray[np.float64]
 
@@ -38,44 +40,94 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
     Arguments and result as in `initial_guess`.
     """
     robot, road = settings.robot, settings.road
-    center_x, center_y = road.center
-    goal_x, goal_y = settings.goal
-    goal_bearing = math.atan2(goal_y - center_y, goal_x - center_x)
-    controls = np.empty((len(durations) + 1, 2))
-    time_left = np.cumsum(durations[::-1])[::-1].tolist()
-    for k, left in enumerate(time_left):
-        x, y, heading = pose.tolist()
-        bearing = math.atan2(y - center_y, x - center_x)
-        angle_left = math.remainder(goal_bearing - bearing, math.tau)
-        way_left = road.center_radius * abs(angle_left)
-        speed = min(way_left / left, robot.max_speed)
-        ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
-        if way_left <= ahead:
-            target_x, target_y = goal_x, goal_y
-            speed = min(math.hypot(goal_x - x, goal_y - y) / left, robot.max_speed)
-        else:
-            turned = bearing + math.copysign(ahead / road.center_radius, angle_left)
-            target_x = center_x + road.center_radius * math.cos(turned)
-            target_y = center_y + road.center_radius * math.sin(turned)
-        turn_rate = _pursue(target_x - x, target_y - y, heading, speed)
-        trusted = (settings.solver.heading_trust_region or math.pi / 2.0) / float(durations[k])
-        controls[k] = _within_limits(robot, speed, min(max(turn_rate, -trusted), trusted))
-        pose = robot.roll_out(pose, controls[k : k + 1], durations[k : k + 1])[-1]
-    controls[-1] = controls[-2]
+    controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
+    poses[0] = pose
+    road_ahead = _RoadAhead(
+        road.center[0], road.center[1], road.center_radius, settings.goal[0], settings.goal[1]
+    )
+    _follow(
+        controls,
+        poses,
+        durations,
+        road_ahead,
+        robot.wheel_radius,
+        robot.half_track,
+        robot.max_wheel_speed,
+        settings.solver.heading_trust_region or math.pi / 2.0,
+    )
     return controls
 
 
+class _RoadAhead(NamedTuple):
+    """Centre line and goal, all in [m]."""
+
+    center_x: float
+    center_y: float
+    radius: float
+    goal_x: float
+    goal_y: float
+
+
+@allocation_free
+def _follow(
+    controls: Array,
+    poses: Array,
+    durations: Array,
+    road: _RoadAhead,
+    wheel_radius: float,
+    half_track: float,
+    max_wheel_speed: float,
+    most_turn: float,
+) -> None:
+    """Fill the controls, step by step along the poses that they lead to."""
+    steps = durations.shape[0]
+    left = 0.0
+    for k in range(steps):
+        left += durations[k]
+    for k in range(steps):
+        target_x, target_y, speed = _aim(
+            road, poses[k, 0], poses[k, 1], left, wheel_radius * max_wheel_speed
+        )
+        turn_rate = _pursue(target_x - poses[k, 0], target_y - poses[k, 1], poses[k, 2], speed)
+        trusted = most_turn / durations[k]
+        rim = min(max(turn_rate, -trusted), trusted) * half_track
+        right, slow = (speed + rim) / wheel_radius, (speed - rim) / wheel_radius
+        # Both wheels are slowed alike where one would exceed its limit.
+        slowed = min(1.0, max_wheel_speed / max(abs(right), abs(slow), 1e-12))
+        controls[k, 0], controls[k, 1] = right * slowed, slow * slowed
+        drive(poses, controls, k, durations[k], wheel_radius, half_track)
+        left -= durations[k]
+    controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
+
+
+@allocation_free
+def _aim(road: _RoadAhead, x: float, y: float, left: float, most: float) -> Any:
+    """Point to pursue [m, m] and the speed that gets there in the time left [m/s]."""
+    bearing = math.atan2(y - road.center_y, x - road.center_x)
+    goal_bearing = math.atan2(road.goal_y - road.center_y, road.goal_x - road.center_x)
+    angle_left = _wrapped(goal_bearing - bearing)
+    way_left = road.radius * abs(angle_left)
+    speed = min(way_left / left, most)
+    ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
+    if way_left <= ahead:
+        speed = min(math.hypot(road.goal_x - x, road.goal_y - y) / left, most)
+        return road.goal_x, road.goal_y, speed
+    turned = bearing + math.copysign(ahead / road.radius, angle_left)
+    target_x = road.center_x + road.radius * math.cos(turned)
+    target_y = road.center_y + road.radius * math.sin(turned)
+    return target_x, target_y, speed
+
+
+@allocation_free
 def _pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
     """Turn rate [rad/s] of the arc from the pose through a target at an offset [m]."""
     distance = max(math.hypot(offset_x, offset_y), _SHORTEST_LOOKAHEAD)
-    angle = math.remainder(math.atan2(offset_y, offset_x) - heading, math.tau)
+    angle = _wrapped(math.atan2(offset_y, offset_x) - heading)
     bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
     return 2.0 * speed * bend / distance
 
 
-def _within_limits(robot: DifferentialDrive, speed: float, turn_rate: float) -> tuple[float, float]:
-    """Wheel speeds [rad/s] of a twist, both slowed alike where one would exceed its limit."""
-    rim = turn_rate * robot.half_track
-    right, left = (speed + rim) / robot.wheel_radius, (speed - rim) / robot.wheel_radius
-    slowed = min(1.0, robot.max_wheel_speed / max(abs(right), abs(left), 1e-12))
-    return right * slowed, left * slowed
+@allocation_free
+def _wrapped(angle: float) -> float:
+    """The angle between ``-pi`` and ``pi`` that points the same way."""
+    return angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))

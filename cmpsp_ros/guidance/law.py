@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
-from cmpsp_ros.guidance.planner import Improvement, Planner
+from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -64,11 +65,13 @@ class GuidanceLaw:
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
         """
         self._timer = timer
+        self._run = self._revision = -1
         self.reconfigure(settings)
         self.reset()
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
+        self._run += 1
         self._start: int | None = None
         self._due = 0
         self._latest = 0
@@ -79,11 +82,16 @@ class GuidanceLaw:
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
+        self._revision += 1
         self._settings = settings
-        self._planner = Planner(settings)
+        self._planner, self._second_planner = Planner(settings), Planner(settings)
         self._audit = Audit(settings)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
+
+    def is_due(self, stamp: int) -> bool:
+        """Whether odometry of this time [ns] is one to decide on."""
+        return self._start is None or stamp - self._start >= self._due
 
     def update(self, stamp: int, pose: Array) -> Decision | None:
         """Decide, if a control step is due.
@@ -95,11 +103,11 @@ class GuidanceLaw:
         Returns:
             The decision, or None between two control steps and for odometry older than the last.
         """
+        if not self.is_due(stamp):
+            return None
         if self._start is None:
             self._start = stamp
         now = stamp - self._start
-        if now < self._due:
-            return None
         self._latest = now
         if now >= self._final:
             self._due = now + self._period
@@ -121,7 +129,7 @@ class GuidanceLaw:
         """
         self._plan = None
         self._due = 0 if self._start is None else self._latest + 1
-        return self._halt(stamp, np.full(3, math.nan), reason)
+        return self._halt(stamp, np.full(3, math.nan), reason, halted=True)
 
     def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
         self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
@@ -160,6 +168,8 @@ class GuidanceLaw:
             qp_iterations=improvement.qp_iterations,
             active_rows=improvement.active_rows,
             failures=self._failures,
+            run=self._run,
+            revision=self._revision,
             phases=self._phases,
         )
 
@@ -170,18 +180,26 @@ class GuidanceLaw:
         aimed at its middle. A plan made anew along the road knows nothing of that.
         """
         if self._plan is None:
+            self._planner.forget()
             guess = initial_guess(self._settings, pose, horizon.durations)
         else:
             guess = shift(self._plan.controls, self._plan.horizon, horizon)
-        warm = self._candidate(pose, guess, horizon)
+        warm = self._candidate(self._planner, pose, guess, horizon)
         if warm.flawless:
             return warm
-        fresh = self._candidate(pose, along_road(self._settings, pose, horizon.durations), horizon)
-        return fresh if fresh.beats(warm) else warm
+        self._second_planner.forget()
+        guess = along_road(self._settings, pose, horizon.durations)
+        fresh = self._candidate(self._second_planner, pose, guess, horizon)
+        if not fresh.beats(warm):
+            return warm
+        self._planner, self._second_planner = self._second_planner, self._planner
+        return fresh
 
-    def _candidate(self, pose: Array, guess: Array, horizon: Horizon) -> _Candidate:
+    def _candidate(
+        self, planner: Planner, pose: Array, guess: Array, horizon: Horizon
+    ) -> _Candidate:
         began = self._timer()
-        improvement = self._planner.improve(pose, self._held, guess, horizon)
+        improvement = planner.improve(pose, self._held, guess, horizon)
         solved = self._timer()
         verdict = self._audit.check(pose, improvement.plan.controls, horizon.durations)
         self._phases['solve'] += (solved - began) * _MILLISECONDS
@@ -211,6 +229,7 @@ class GuidanceLaw:
         improvement: Improvement | None = None,
         *,
         finished: bool = False,
+        halted: bool = False,
     ) -> Decision:
         self._held = np.zeros(2)
         margin = float(self._audit.at(pose).min())
@@ -230,6 +249,9 @@ class GuidanceLaw:
             iterations=0 if improvement is None else improvement.iterations,
             failures=self._failures,
             finished=finished,
+            halted=halted,
+            run=self._run,
+            revision=self._revision,
         )
 
     def _describe(self, candidate: _Candidate) -> str:

@@ -3,81 +3,67 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
+from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
-from cmpsp_ros.mpsp.problem import OptimalControlProblem
-from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
+from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.iteration import Options
+from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
+from cmpsp_ros.mpsp.realtime.control_rate import ControlRateData
+from cmpsp_ros.mpsp.realtime.iteration import (
+    ACTIVE_ROWS,
+    DONE,
+    OUTCOME,
+    QP_ITERATIONS,
+    RELAXED,
+    Rules,
+    improve,
+)
+from cmpsp_ros.mpsp.realtime.workspace import (
+    Workspace,
+    forget_hints,
+    shift_hints,
+    workspace,
+)
+from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
+from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
+from cmpsp_ros.robot.guidance_problem import guidance_data
 
 Array = NDArray[np.float64]
 
-# Cost of violating a constraint by a metre, in the merit function and in the relaxation. An
-# obstacle outranks the road's edge, which outranks the goal.
-_OBSTACLE_PENALTY = 1e4
-_EDGE_PENALTY = 3e3
-_GOAL_PENALTY = 1e3
-
-# Without a wheel limit the arcs between samples are the plan's own, with this much room for the
-# plan that comes out of the iterations to be faster or to turn faster.
-_ROOM = 1.1
-
-
-@dataclass(frozen=True)
-class Improvement:
-    """A plan after its iterations.
-
-    Attributes:
-        plan: The plan.
-        solved: Whether the subproblem of the last iteration was solved.
-        elastic: Whether slack was needed in it.
-        slack: Largest violation that the slack stands for [m].
-        slack_where: Indices of the path constraints it is in, outer and inner edge first.
-        slack_terminal: Whether it is in the terminal constraint.
-        iterations: Iterations done.
-        qp_iterations: Iterations of the QP back end in the last one.
-        active_rows: Constraints active in the last one.
-        reason: What the last iteration came to, in words.
-    """
-
-    plan: Plan
-    solved: bool
-    elastic: bool
-    slack: float
-    slack_where: tuple[int, ...]
-    slack_terminal: bool
-    iterations: int
-    qp_iterations: int
-    active_rows: int
-    reason: str
+_STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
 
 
 class Planner:
-    """Improves control histories for one set of settings."""
+    """Improves control histories for one set of settings.
+
+    One for every plan that is improved side by side with others. It keeps room for the longest
+    horizon, and the active constraints of its last plan for the next one to begin with; they
+    change the way to the solution of a subproblem, not the solution.
+    """
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles, weights and solver from the settings."""
-        self._settings = settings
-        self._arcs_matter = settings.safety.between_samples and not np.isfinite(
-            settings.robot.max_wheel_speed
-        )
-        self._goal = np.array(settings.goal)
-        weights = settings.weights
-        self._cost = Cost(
-            settings.road.center_radius,
-            weights.road_center,
-            weights.control_change,
-            weights.control_effort,
-        )
+        self._task = Task(settings)
+        self._back_end = BackEndPlanner(self._task)
+        solver = settings.solver
+        self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
+        self._horizon: Horizon | None = None
+        self._room = self._make_room(_longest(settings))
+        self._rules = self._make_rules()
+
+    def forget(self) -> None:
+        """Begin the next plan without what is known of the last one."""
+        self._horizon = None
 
     def improve(self, pose: Array, held: Array, guess: Array, horizon: Horizon) -> Improvement:
         """Run the iterations of one control step.
@@ -88,61 +74,83 @@ class Planner:
             guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
             horizon: Their horizon.
         """
-        problem = self._problem(pose, held, guess, horizon)
-        iteration = CMPSP(problem, self._options(problem))
-        iterate = iteration.init(guess)
-        while iterate.index < self._settings.solver.iterations_per_step:
-            iterate = iteration.step(iterate)
-            if iteration.terminate(iterate) is not None:
-                break
-        return _summary(iterate, horizon)
+        if not self._compiled:
+            return self._back_end.improve(pose, held, guess, horizon)
+        room, steps = self._room_for(horizon), len(horizon.durations)
+        room.at.U[: steps + 1] = guess
+        improve(self._data(pose, held, guess, horizon), room, steps, self._rules)
+        if room.counts[OUTCOME] == NO_CURVATURE:
+            return self._back_end.improve(pose, held, guess, horizon)
+        return _summary(room, horizon, self._rules)
 
-    def _problem(
+    def _room_for(self, horizon: Horizon) -> Workspace:
+        steps = len(horizon.durations)
+        if steps >= len(self._room.lower):
+            self._room, self._horizon = self._make_room(steps), None
+        if self._horizon is None:
+            forget_hints(self._room)
+        else:
+            shift_hints(self._room, steps_over(self._horizon, horizon), steps)
+        self._horizon = horizon
+        return self._room
+
+    def _data(
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
-    ) -> OptimalControlProblem:
-        settings, durations = self._settings, horizon.durations
-        robot, longest = settings.robot, _rounded_up(float(durations.max()))
-        space = at_samples(settings, longest)
-        if self._arcs_matter:
-            period = max(settings.control_period, longest)
-            space = space.for_samples_of(_ROOM * robot.twist(guess[:-1]), period)
-        problem = GuidanceProblem(robot, space, self._cost, pose, self._goal, durations)
-        if settings.weights.control_rate > 0.0:
-            return ControlRateProblem(problem, settings.weights.control_rate, held)
-        return problem
+    ) -> GuidanceData | ControlRateData:
+        task = self._task
+        settings, durations = task.settings, horizon.durations
+        space = task.space(guess, durations)
+        hessian, rate = settings.solver.hessian, settings.weights.control_rate
+        data = guidance_data(settings.robot, space, task.cost, pose, task.goal, durations, hessian)
+        return ControlRateData(data, rate, held) if rate > 0.0 else data
 
-    def _options(self, problem: OptimalControlProblem) -> Options:
-        solver = self._settings.solver
-        obstacles = problem.size.path - EDGES
-        trust_radius = np.full(problem.size.state, np.inf)
-        trust_radius[2] = solver.heading_trust_region or np.inf
-        return Options(
-            penalty_terminal=np.full(problem.size.output, _GOAL_PENALTY),
-            penalty_path=np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles),
-            qp=solver.qp,
-            hessian=solver.hessian,
-            trust_radius=trust_radius,
+    def _make_room(self, steps: int) -> Workspace:
+        task = self._task
+        settings = task.settings
+        states = 5 if settings.weights.control_rate > 0.0 else 3
+        size = Dimensions(steps, states, 2, 2, EDGES + len(settings.obstacles))
+        trust_radius = np.full(states, math.inf)
+        trust_radius[2] = task.heading_trust_region
+        room = workspace(size, task.penalty_terminal, task.penalty_path, trust_radius)
+        room.upper[:] = settings.robot.max_wheel_speed
+        room.lower[:] = -room.upper
+        return room
+
+    def _make_rules(self) -> Rules:
+        task = self._task
+        default = Options(task.penalty_terminal, task.penalty_path)
+        return Rules(
+            iterations=task.settings.solver.iterations_per_step,
+            line_search=default.line_search,
+            output_tolerance=default.output_tolerance * (float(np.linalg.norm(task.goal)) or 1.0),
+            control_tolerance=default.control_tolerance,
+            violation_tolerance=default.violation_tolerance,
+            slack_tolerance=SLACK_TOLERANCE,
+            growth_limit=default.growth_limit,
         )
 
 
-def _rounded_up(duration: float) -> float:
-    """To the next centisecond, so that late odometry does not ask for a new space each time."""
-    return math.ceil(duration * 100.0 - 1e-6) / 100.0
+def _longest(settings: GuidanceSettings) -> int:
+    """Steps of the longest horizon, which is the first."""
+    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
+    return len(remaining(0, period, final).edges) - 1
 
 
-def _summary(iterate: Iterate, horizon: Horizon) -> Improvement:
-    plan = Plan(horizon, iterate.U, np.ascontiguousarray(iterate.X[:, :3]))
-    step = iterate.step
-    assert step is not None  # noqa: S101 (at least one iteration is always done)
+def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:
+    counts, slack, stages = room.counts, room.slack, len(horizon.edges)
+    status = _STATUS.get(int(counts[OUTCOME]), QPStatus.FAILED)
+    relaxed = bool(counts[RELAXED]) and status is QPStatus.SOLVED
+    largest = float(slack.max()) if relaxed else 0.0
+    path, terminal = slack[:-2], slack[-2:]
     return Improvement(
-        plan,
-        step.qp_status is QPStatus.SOLVED,
-        step.needed_slack,
-        step.slack,
-        tuple(np.flatnonzero(step.slack_path.max(axis=0) > SLACK_TOLERANCE).tolist()),
-        bool(np.abs(step.slack_terminal).max() > SLACK_TOLERANCE),
-        iterate.index,
-        step.qp_iterations,
-        step.active_rows,
-        step.qp_status.value,
+        Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy()),
+        status is QPStatus.SOLVED,
+        largest > rules.slack_tolerance,
+        largest,
+        tuple(np.flatnonzero(path > rules.slack_tolerance).tolist()) if relaxed else (),
+        relaxed and bool(terminal.max() > rules.slack_tolerance),
+        int(counts[DONE]),
+        int(counts[QP_ITERATIONS]),
+        int(counts[ACTIVE_ROWS]),
+        status.value,
     )

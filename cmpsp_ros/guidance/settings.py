@@ -42,7 +42,7 @@ class SolverSettings:
     """
 
     iterations_per_step: int = 2
-    qp: str = 'daqp'
+    qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
 

@@ -111,7 +111,7 @@ def _parameters() -> Iterator[Parameter]:
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',
         'Iterations at each control step, warm-started from the step before.',
         range=Range(1, 100))
-    yield solver('solver.qp', _STRING, 'daqp', '',
+    yield solver('solver.qp', _STRING, 'riccati_active_set', '',
         'Name of the quadratic-programming back end.', **_FIXED)
     yield solver('solver.hessian', _STRING, 'gauss_newton', '',
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
@@ -143,6 +143,14 @@ def _parameters() -> Iterator[Parameter]:
         'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
     yield node('autostart', _BOOL, True, '',
         'Whether the guidance node configures and activates itself.', **_FIXED, **guidance_only)
+
+    realtime = _Group('Real time', 'guidance')
+    yield realtime('realtime.priority', _INTEGER, 0, '',
+        'SCHED_FIFO priority of the thread that decides, while the node is active; 0 means the '
+        "system's ordinary scheduling.", range=Range(0, 99), **_FIXED)
+    yield realtime('realtime.cpu', _INTEGER, -1, '',
+        'Core that this thread stays on while the node is active; -1 means any.',
+        range=Range(low=-1), **_FIXED)
 
     sim = _Group('Simulator', 'sim')
     yield sim('initial_pose', _DOUBLES, [0.0, -9.25, 0.0], 'm, m, rad',

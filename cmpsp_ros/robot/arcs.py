@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from typing import Any, NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.compiled import allocation_free
 
 Array = NDArray[np.float64]
 
@@ -42,38 +47,104 @@ def reach(poses: Array, twists: Array, durations: Array, points: Array) -> tuple
     Returns:
         Two arrays of shape ``(N, M)`` [m].
     """
-    starts = poses[:, None, :2]
-    ends = arc_ends(poses, twists, durations)[:, None, :2]
-    at_start = np.linalg.norm(points - starts, axis=2)
-    at_end = np.linalg.norm(points - ends, axis=2)
-    least, greatest = np.minimum(at_start, at_end), np.maximum(at_start, at_end)
-
-    length, turn = twists[:, 0] * durations, twists[:, 1] * durations
-    bent = np.abs(turn) > _STRAIGHT
-    chord = ends - starts
-    squared = (chord**2).sum(axis=2)
-    along = ((points - starts) * chord).sum(axis=2) / np.where(squared > 0.0, squared, 1.0)
-    foot = starts + np.clip(along, 0.0, 1.0)[:, :, None] * chord
-    to_chord = np.linalg.norm(points - foot, axis=2)
-    least = np.where(bent[:, None], least, to_chord)
-
-    R = (length / np.where(bent, turn, 1.0))[:, None]
-    heading = poses[:, 2, None]
-    out = points - starts
-    # Components of `out` across the start's heading, towards the arc's centre, and along it.
-    across = np.cos(heading) * out[:, :, 1] - np.sin(heading) * out[:, :, 0]
-    ahead = np.cos(heading) * out[:, :, 0] + np.sin(heading) * out[:, :, 1]
-    excess = (out**2).sum(axis=2) - 2.0 * R * across
-    distance = np.sqrt(np.maximum(R * R + excess, 0.0))
-    # Distance from the circle, without the difference of two numbers as large as its radius.
-    far = distance + np.abs(R)
-    near = np.abs(excess) / np.where(far > 0.0, far, 1.0)
-    # Angle, about the centre, from the start on to where the arc passes the point.
-    bearing = np.arctan2(R * ahead, R * R - R * across) * np.sign(turn)[:, None]
-    for angle, extreme, fold, best in (
-        (bearing, near, np.minimum, least),
-        (bearing + np.pi, far, np.maximum, greatest),
-    ):
-        passed = bent[:, None] & (np.mod(angle, 2.0 * np.pi) <= np.abs(turn)[:, None])
-        best[passed] = fold(best[passed], extreme[passed])
+    least = np.empty((len(durations), len(points)))
+    greatest = np.empty_like(least)
+    _reach(least, greatest, poses, twists, durations, points)
     return least, greatest
+
+
+class Arc(NamedTuple):
+    """One arc for compiled code.
+
+    Attributes:
+        x: Where it starts [m].
+        y: See `x`.
+        cosine: Of the heading there.
+        sine: See `cosine`.
+        length: Along the path, negative when driven backward [m].
+        turn: Change of the heading [rad].
+        end_x: Where it ends [m].
+        end_y: See `end_x`.
+        end_cosine: Of the heading there.
+        end_sine: See `end_cosine`.
+    """
+
+    x: float
+    y: float
+    cosine: float
+    sine: float
+    length: float
+    turn: float
+    end_x: float
+    end_y: float
+    end_cosine: float
+    end_sine: float
+
+
+@allocation_free
+def arc_from(x: float, y: float, heading: float, length: float, turn: float) -> Arc:
+    """The arc that starts at a pose."""
+    half, middle, end = turn / 2.0, heading + turn / 2.0, heading + turn
+    # The series is exact in double precision where the quotient begins to lose digits.
+    chord = length * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
+    end_x, end_y = x + chord * math.cos(middle), y + chord * math.sin(middle)
+    start = math.cos(heading), math.sin(heading)
+    return Arc(x, y, start[0], start[1], length, turn, end_x, end_y, math.cos(end), math.sin(end))
+
+
+@allocation_free
+def reach_of(arc: Arc, point_x: float, point_y: float) -> Any:
+    """Least and greatest distance of one arc, from end to end, to one point [m]."""
+    out_x, out_y = point_x - arc.x, point_y - arc.y
+    left_x, left_y = point_x - arc.end_x, point_y - arc.end_y
+    at_start = math.sqrt(out_x * out_x + out_y * out_y)
+    at_end = math.sqrt(left_x * left_x + left_y * left_y)
+    least, greatest = min(at_start, at_end), max(at_start, at_end)
+    if abs(arc.turn) <= _STRAIGHT:
+        return _to_chord(arc, out_x, out_y), greatest
+    ahead = arc.cosine * out_x + arc.sine * out_y
+    if abs(arc.turn) < math.pi:
+        # The nearest point of the circle is passed where the point comes abreast.
+        after = arc.end_cosine * left_x + arc.end_sine * left_y
+        direction = 1.0 if arc.length >= 0.0 else -1.0
+        near = direction * ahead > 0.0 > direction * after
+        far = direction * ahead < 0.0 < direction * after
+        if not (near or far):
+            return least, greatest
+    across = arc.cosine * out_y - arc.sine * out_x
+    radius = arc.length / arc.turn
+    if abs(arc.turn) >= math.pi:
+        # Angle, about the centre, from the start on to where the arc passes the point.
+        bearing = math.atan2(radius * ahead, radius * radius - radius * across)
+        if arc.turn < 0.0:
+            bearing = -bearing
+        near = bearing % (2.0 * math.pi) <= abs(arc.turn)
+        far = (bearing + math.pi) % (2.0 * math.pi) <= abs(arc.turn)
+    excess = out_x * out_x + out_y * out_y - 2.0 * radius * across
+    furthest = math.sqrt(max(radius * radius + excess, 0.0)) + abs(radius)
+    if near:
+        # Distance from the circle, without the difference of two numbers as large as its radius.
+        least = min(least, abs(excess) / furthest if furthest > 0.0 else 0.0)
+    if far:
+        greatest = max(greatest, furthest)
+    return least, greatest
+
+
+@allocation_free
+def _to_chord(arc: Arc, out_x: float, out_y: float) -> float:
+    chord_x, chord_y = arc.end_x - arc.x, arc.end_y - arc.y
+    squared = chord_x * chord_x + chord_y * chord_y
+    along = (out_x * chord_x + out_y * chord_y) / squared if squared > 0.0 else 0.0
+    along = min(max(along, 0.0), 1.0)
+    return math.hypot(out_x - along * chord_x, out_y - along * chord_y)
+
+
+@allocation_free
+def _reach(
+    least: Array, greatest: Array, poses: Array, twists: Array, durations: Array, points: Array
+) -> None:
+    for k in range(durations.shape[0]):
+        length, turn = twists[k, 0] * durations[k], twists[k, 1] * durations[k]
+        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        for j in range(points.shape[0]):
+            least[k, j], greatest[k, j] = reach_of(arc, points[j, 0], points[j, 1])

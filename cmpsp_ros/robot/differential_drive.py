@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.robot.between_samples import TwistLimits
 
 Array = NDArray[np.float64]
@@ -92,7 +92,7 @@ class DifferentialDrive:
         return A, B
 
 
-@compiled
+@allocation_free
 def _sinc_and_slope(a: float) -> Any:
     """``sin(a)/a`` and its derivative, by series where the quotient would lose digits."""
     if abs(a) < 1e-2:
@@ -104,22 +104,69 @@ def _sinc_and_slope(a: float) -> Any:
     return sine / a, (a * math.cos(a) - sine) / (a * a)
 
 
-@compiled
+@allocation_free
+def drive(
+    poses: Array,
+    wheel_speeds: Array,
+    k: int,
+    duration: float,
+    wheel_radius: float,
+    half_track: float,
+) -> None:
+    """Pose ``k + 1`` from pose ``k``: one exact arc."""
+    right, left = wheel_speeds[k, 0], wheel_speeds[k, 1]
+    length = (right + left) * wheel_radius / 2.0 * duration
+    turn = (right - left) * wheel_radius / (2.0 * half_track) * duration
+    chord = length * _sinc_and_slope(turn / 2.0)[0]
+    course = poses[k, 2] + turn / 2.0
+    poses[k + 1, 0] = poses[k, 0] + chord * math.cos(course)
+    poses[k + 1, 1] = poses[k, 1] + chord * math.sin(course)
+    poses[k + 1, 2] = poses[k, 2] + turn
+
+
+@allocation_free
+def drive_and_differentiate(
+    A: Array,
+    B: Array,
+    poses: Array,
+    wheel_speeds: Array,
+    k: int,
+    duration: float,
+    wheel_radius: float,
+    half_track: float,
+) -> None:
+    """Derivatives of `drive` by its pose and by its wheel speeds, into ``A[k]`` and ``B[k]``."""
+    right, left = wheel_speeds[k, 0], wheel_speeds[k, 1]
+    length_per_wheel = wheel_radius / 2.0 * duration
+    turn_per_wheel = wheel_radius / (2.0 * half_track) * duration
+    length = (right + left) * length_per_wheel
+    turn = (right - left) * turn_per_wheel
+    sinc, slope = _sinc_and_slope(turn / 2.0)
+    course = poses[k, 2] + turn / 2.0
+    cosine, sine = math.cos(course), math.sin(course)
+    for i in range(3):
+        A[k, i, i] = 1.0
+    A[k, 0, 2] = -length * sinc * sine
+    A[k, 1, 2] = length * sinc * cosine
+    x_turn = length * (slope * cosine - sinc * sine) / 2.0
+    y_turn = length * (slope * sine + sinc * cosine) / 2.0
+    B[k, 0, 0] = sinc * cosine * length_per_wheel + x_turn * turn_per_wheel
+    B[k, 0, 1] = sinc * cosine * length_per_wheel - x_turn * turn_per_wheel
+    B[k, 1, 0] = sinc * sine * length_per_wheel + y_turn * turn_per_wheel
+    B[k, 1, 1] = sinc * sine * length_per_wheel - y_turn * turn_per_wheel
+    B[k, 2, 0] = turn_per_wheel
+    B[k, 2, 1] = -turn_per_wheel
+
+
+@allocation_free
 def _roll_out(
     poses: Array, wheel_speeds: Array, durations: Array, wheel_radius: float, half_track: float
 ) -> None:
     for k in range(durations.shape[0]):
-        right, left = wheel_speeds[k, 0], wheel_speeds[k, 1]
-        length = (right + left) * wheel_radius / 2.0 * durations[k]
-        turn = (right - left) * wheel_radius / (2.0 * half_track) * durations[k]
-        chord = length * _sinc_and_slope(turn / 2.0)[0]
-        course = poses[k, 2] + turn / 2.0
-        poses[k + 1, 0] = poses[k, 0] + chord * math.cos(course)
-        poses[k + 1, 1] = poses[k, 1] + chord * math.sin(course)
-        poses[k + 1, 2] = poses[k, 2] + turn
+        drive(poses, wheel_speeds, k, durations[k], wheel_radius, half_track)
 
 
-@compiled
+@allocation_free
 def _jacobians(
     A: Array,
     B: Array,
@@ -130,23 +177,6 @@ def _jacobians(
     half_track: float,
 ) -> None:
     for k in range(durations.shape[0]):
-        right, left = wheel_speeds[k, 0], wheel_speeds[k, 1]
-        length_per_wheel = wheel_radius / 2.0 * durations[k]
-        turn_per_wheel = wheel_radius / (2.0 * half_track) * durations[k]
-        length = (right + left) * length_per_wheel
-        turn = (right - left) * turn_per_wheel
-        sinc, slope = _sinc_and_slope(turn / 2.0)
-        course = poses[k, 2] + turn / 2.0
-        cosine, sine = math.cos(course), math.sin(course)
-        for i in range(3):
-            A[k, i, i] = 1.0
-        A[k, 0, 2] = -length * sinc * sine
-        A[k, 1, 2] = length * sinc * cosine
-        x_turn = length * (slope * cosine - sinc * sine) / 2.0
-        y_turn = length * (slope * sine + sinc * cosine) / 2.0
-        B[k, 0, 0] = sinc * cosine * length_per_wheel + x_turn * turn_per_wheel
-        B[k, 0, 1] = sinc * cosine * length_per_wheel - x_turn * turn_per_wheel
-        B[k, 1, 0] = sinc * sine * length_per_wheel + y_turn * turn_per_wheel
-        B[k, 1, 1] = sinc * sine * length_per_wheel - y_turn * turn_per_wheel
-        B[k, 2, 0] = turn_per_wheel
-        B[k, 2, 1] = -turn_per_wheel
+        drive_and_differentiate(
+            A, B, poses, wheel_speeds, k, durations[k], wheel_radius, half_track
+        )

@@ -14,18 +14,25 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.riccati.stage_qp import empty_qp
+from cmpsp_ros.robot import guidance_functions
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.distance import distances
+from cmpsp_ros.robot.guidance_functions import (
+    EDGES,
+    EXACT,
+    GAUSS_NEWTON,
+    PROJECTED,
+    GuidanceData,
+)
 
 Array = NDArray[np.float64]
 
-# The centre line's distance has no second derivative at the road's centre; nearer than this [m]
-# its curvature is held.
-_LEAST_RADIUS = 1e-3
-
-EDGES = 2
-"""Path constraints of the road, outer edge first; the obstacles' follow."""
+_HESSIANS: dict[Hessian, int] = {
+    'gauss_newton': GAUSS_NEWTON,
+    'projected': PROJECTED,
+    'exact': EXACT,
+}
 
 
 @dataclass(frozen=True)
@@ -52,7 +59,12 @@ class GuidanceProblem(OptimalControlProblem):
     States are poses ``(x, y, heading)``, controls wheel speeds ``(right, left)``; the last control
     ``U_N`` moves nothing. Constraints are distances, not their squares as in (92) and (93): their
     linearisation then errs on the safe side of every convex obstacle.
+
+    Attributes:
+        data: The problem for compiled code.
     """
+
+    data: GuidanceData
 
     def __init__(
         self,
@@ -80,75 +92,65 @@ class GuidanceProblem(OptimalControlProblem):
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
         self.target = goal
-        self._robot = robot
-        self._space = space
-        self._cost = cost
-        self._pose = pose
-        self._durations = durations
+        self.data = guidance_data(robot, space, cost, pose, goal, durations)
 
     def predict(self, U: Array) -> Array:
         """Exact arcs under zero-order hold; shape ``(N + 1, 3)``."""
-        return self._robot.roll_out(self._pose, U, self._durations)
+        X = np.empty((self.size.horizon + 1, 3))
+        guidance_functions.predict(self.data, U, X)
+        return X
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of (95) without its proximal term, miss and constraint violations."""
-        distance, _ = distances(X[:, :2], self._space.centers)
-        off_center = distance[:, 0] - self._cost.center_radius
-        cost = self._cost.road_center * (off_center @ off_center)
-        cost += self._cost.control_effort * np.vdot(U, U)
-        return Evaluation(0.5 * float(cost), X[-1, :2] - self.target, self._violations(distance))
+        output_error, g = np.empty(2), np.empty((self.size.horizon + 1, self.size.path))
+        cost = guidance_functions.evaluate(self.data, X, U, output_error, g)
+        return Evaluation(cost, output_error, g)
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        """Analytic derivatives.
-
-        The second derivative of ``(r - r_p)^2 / 2`` is ``n n' + (1 - r_p / r) t t'`` with unit
-        vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term out. It
-        is negative wherever ``r < r_p``, and there 0 in the projection.
-        """
-        size, cost = self.size, self._cost
-        stages = size.horizon + 1
-        A, B = self._robot.jacobians(X, U, self._durations)
-        distance, gradient = distances(X[:, :2], self._space.centers)
-        across = gradient[:, 0]
-        off_center = distance[:, 0] - cost.center_radius
-
-        L_X = np.zeros((stages, 3))
-        L_X[:, :2] = cost.road_center * off_center[:, None] * across
-        L_XX = np.zeros((stages, 3, 3))
-        L_XX[:, :2, :2] = cost.road_center * across[:, :, None] * across[:, None, :]
-        if hessian != 'gauss_newton':
-            along = np.column_stack([-across[:, 1], across[:, 0]])
-            radius = np.maximum(distance[:, 0], _LEAST_RADIUS)
-            curvature = cost.road_center * off_center / radius
-            if hessian == 'projected':
-                curvature = np.maximum(curvature, 0.0)
-            L_XX[:, :2, :2] += curvature[:, None, None] * along[:, :, None] * along[:, None, :]
-        L_UU = np.zeros((stages, 2, 2))
-        L_UU[:] = (cost.control_change + cost.control_effort) * np.eye(2)
-
-        g_X = np.zeros((stages, size.path, 3))
-        g_X[:, 0, :2] = across
-        g_X[:, 1, :2] = -across
-        g_X[:, EDGES:, :2] = -gradient[:, 1:]
-        h_X = np.zeros((2, 3))
-        h_X[0, 0] = h_X[1, 1] = 1.0
+        """Analytic derivatives; see `guidance_functions.linearise`."""
+        size = self.size
+        qp = empty_qp(size.horizon, size.state, size.control, size.output, size.path)
+        guidance_functions.linearise(self.data._replace(hessian=_HESSIANS[hessian]), X, U, qp)
         return Linearisation(
-            A=A,
-            B=B,
-            L_X=L_X,
-            L_U=cost.control_effort * U,
-            L_XX=L_XX,
-            L_UX=np.zeros((stages, 2, 3)),
-            L_UU=L_UU,
-            output_error=X[-1, :2] - self.target,
-            h_X=h_X,
-            h_U=np.zeros((2, 2)),
-            g=self._violations(distance),
-            g_X=g_X,
-            g_U=np.zeros((stages, size.path, 2)),
+            A=qp.A,
+            B=qp.B,
+            L_X=qp.L_X,
+            L_U=qp.L_U,
+            L_XX=qp.L_XX,
+            L_UX=qp.L_UX,
+            L_UU=qp.L_UU,
+            output_error=qp.output_error,
+            h_X=qp.h_X,
+            h_U=qp.h_U,
+            g=qp.g,
+            g_X=qp.g_X,
+            g_U=qp.g_U,
         )
 
-    def _violations(self, distance: Array) -> Array:
-        g = -self._space.clearance(distance, distance)
-        g[0] = -np.inf
-        return g
+
+def guidance_data(
+    robot: DifferentialDrive,
+    space: ClearSpace,
+    cost: Cost,
+    pose: Array,
+    goal: Array,
+    durations: Array,
+    hessian: Hessian = 'gauss_newton',
+) -> GuidanceData:
+    """The problem for compiled code; arguments as of `GuidanceProblem`."""
+    return GuidanceData(
+        pose=pose,
+        goal=goal,
+        durations=durations,
+        centers=space.centers,
+        inner=np.atleast_1d(space.inner),
+        outer=np.atleast_1d(space.outer),
+        radii=np.atleast_2d(space.radii),
+        wheel_radius=robot.wheel_radius,
+        half_track=robot.half_track,
+        center_radius=cost.center_radius,
+        road_center=cost.road_center,
+        control_change=cost.control_change,
+        control_effort=cost.control_effort,
+        hessian=_HESSIANS[hessian],
+    )

@@ -1,0 +1,62 @@
+"""A decision in words and numbers, as messages and bags hold it."""
+
+from __future__ import annotations
+
+import math
+
+from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+
+
+def facts(decision: Decision) -> dict[str, str]:
+    """Everything about a decision but its reason and its plan, as text by key.
+
+    Floats are written so that they read back bit for bit; times end in ``_ms``.
+    """
+    right, left = decision.wheel_speeds.tolist()
+    values: dict[str, object] = {
+        'step': decision.step,
+        'stamp': decision.stamp,
+        'rung': decision.rung.name.lower(),
+        'time_left': decision.time_left,
+        'wheel_speed_right': right,
+        'wheel_speed_left': left,
+        'miss': decision.miss,
+        'margin': decision.margin,
+        'worst_margin': decision.worst_margin,
+        'slack': decision.slack,
+        'iterations': decision.iterations,
+        'qp_iterations': decision.qp_iterations,
+        'active_rows': decision.active_rows,
+        'failures': decision.failures,
+        'finished': decision.finished,
+        'halted': decision.halted,
+        'run': decision.run,
+        'revision': decision.revision,
+        **{f'{phase}_ms': time for phase, time in decision.phases.items()},
+    }
+    return {key: written(value) for key, value in values.items()}
+
+
+def severity(decision: Decision) -> int:
+    """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
+
+    Having arrived is no error.
+    """
+    if decision.finished or decision.rung == Rung.NOMINAL:
+        return 0
+    return 2 if decision.rung == Rung.STOP else 1
+
+
+def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
+    """Poses of a plan: ``x`` and ``y`` [m], then ``z`` and ``w`` of the quaternion."""
+    return [
+        (x, y, math.sin(heading / 2.0), math.cos(heading / 2.0))
+        for x, y, heading in plan.poses.tolist()
+    ]
+
+
+def written(value: object) -> str:
+    """A value as text: floats read back bit for bit, truth is `true` or `false`."""
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    return repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,36 @@
+"""What the iterations of one control step made of a plan."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from cmpsp_ros.guidance.decision import Plan
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """A plan after its iterations.
+
+    Attributes:
+        plan: The plan.
+        solved: Whether the subproblem of the last iteration was solved.
+        elastic: Whether slack was needed in it.
+        slack: Largest violation that the slack stands for [m].
+        slack_where: Indices of the path constraints it is in, outer and inner edge first.
+        slack_terminal: Whether it is in the terminal constraint.
+        iterations: Iterations done.
+        qp_iterations: Iterations of the QP back end in the last one.
+        active_rows: Constraints active in the last one.
+        reason: What the last iteration came to, in words.
+    """
+
+    plan: Plan
+    solved: bool
+    elastic: bool
+    slack: float
+    slack_where: tuple[int, ...]
+    slack_terminal: bool
+    iterations: int
+    qp_iterations: int
+    active_rows: int
+    reason: str

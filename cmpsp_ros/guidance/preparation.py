@@ -1,0 +1,64 @@
+"""All compiled code that a run may come to need, made or loaded before it begins."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.mpsp.problem import Hessian
+
+Array = NDArray[np.float64]
+
+_A_RATE = 1.0
+_A_LIMIT = 50.0
+
+
+def prepare(settings: GuidanceSettings) -> None:
+    """Decide in all the ways that the settings, or live changes of them, may ask for.
+
+    After it neither an emergency nor a parameter that is changed under way makes a control step
+    wait for a compiler.
+
+    Raises:
+        ValueError: The settings cannot be worked with.
+    """
+    warm_up(settings)
+    _meet_trouble(settings)
+    for each in _reachable(settings):
+        if each != settings:
+            warm_up(each)
+            _meet_trouble(each)
+
+
+def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
+    """Settings with one thing changed that may be changed live and needs code of its own."""
+    for hessian in get_args(Hessian):
+        yield replace(settings, solver=replace(settings.solver, hessian=hessian))
+    for rate in (0.0, _A_RATE):
+        yield replace(settings, weights=replace(settings.weights, control_rate=rate))
+    for limit in (_A_LIMIT, math.inf):
+        yield replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
+
+
+def _meet_trouble(settings: GuidanceSettings) -> None:
+    """Start well, leave the road, be lost, and be too late: every rung is reached."""
+    road, law = settings.road, GuidanceLaw(settings)
+    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
+
+    def at(radius: float) -> Array:
+        return np.array([road.center[0] + radius, road.center[1], math.pi / 2.0])
+
+    on, off = at(road.center_radius), at(1.5 * road.outer_radius)
+    for step, pose in enumerate((on, on, off, off, on)):
+        law.update(step * period, pose)
+    law.halt(5 * period, 'A rehearsal.')
+    law.update(final - period // 2, on)
+    law.update(final, on)

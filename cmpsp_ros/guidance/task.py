@@ -1,0 +1,78 @@
+"""The robot's problem as the settings pose it: costs, penalties, and the space to keep to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.guidance_problem import Cost
+
+Array = NDArray[np.float64]
+
+# Cost of violating a constraint by a metre, in the merit function and in the relaxation. An
+# obstacle outranks the road's edge, which outranks the goal.
+_OBSTACLE_PENALTY = 1e4
+_EDGE_PENALTY = 3e3
+_GOAL_PENALTY = 1e3
+
+# Without a wheel limit the arcs between samples are the plan's own, with this much room for the
+# plan that comes out of the iterations to be faster or to turn faster.
+_ROOM = 1.1
+
+
+class Task:
+    """What every plan for one set of settings is to do.
+
+    Attributes:
+        settings: All settings of the guidance law.
+        cost: Weights of the cost.
+        goal: Point to pass at the end, shape ``(2,)`` [m].
+        penalty_terminal: Weight of each coordinate of the miss, shape ``(2,)`` [1/m].
+        penalty_path: Weight of each path constraint, edges first, shape ``(2 + M,)`` [1/m].
+        heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
+    """
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Take road, obstacles and weights from the settings."""
+        weights = settings.weights
+        self.settings = settings
+        self.cost = Cost(
+            settings.road.center_radius,
+            weights.road_center,
+            weights.control_change,
+            weights.control_effort,
+        )
+        self.goal = np.array(settings.goal, dtype=float)
+        self.penalty_terminal = np.full(2, _GOAL_PENALTY)
+        self.penalty_path = np.array(
+            [_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * len(settings.obstacles)
+        )
+        self.heading_trust_region = settings.solver.heading_trust_region or math.inf
+        self._spaces: dict[float, ClearSpace] = {}
+
+    def space(self, guess: Array, durations: Array) -> ClearSpace:
+        """Space to keep to at the samples.
+
+        Args:
+            guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
+            durations: Length of every step, shape ``(N,)`` [s].
+        """
+        settings, longest = self.settings, _rounded_up(float(durations.max()))
+        space = self._spaces.get(longest)
+        if space is None:
+            space = self._spaces[longest] = at_samples(settings, longest)
+        if settings.safety.between_samples and math.isinf(settings.robot.max_wheel_speed):
+            period = max(settings.control_period, longest)
+            return space.for_samples_of(_ROOM * settings.robot.twist(guess[:-1]), period)
+        return space
+
+
+def _rounded_up(duration: float) -> float:
+    """To the next centisecond, so that late odometry does not ask for a new space each time."""
+    return math.ceil(duration * 100.0 - 1e-6) / 100.0

@@ -1,0 +1,72 @@
+"""After the preparation nothing is compiled, nor loaded, whatever a run may bring."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+# In a process of its own: nothing that other tests have run may be there already.
+PROGRAM = """
+import gc
+import math
+from itertools import product
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.preparation import prepare
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+
+def code():
+    dispatchers = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
+    ours = [each for each in dispatchers if each.__module__.startswith('cmpsp_ros')]
+    return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
+
+
+values = TABLE.resolve(load_parameter_file('case3'))
+prepare(guidance_settings(values))
+before = code()
+assert before
+
+START, PERIOD = np.array([0.0, -9.25, 0.0]), 200_000_000
+JUMPS = {
+    'none': np.zeros(3),
+    'off the road': np.array([4.0, 0.0, 0.0]),
+    'into an obstacle': np.array([8.0, 3.25, 0.0]),
+    'about': np.array([0.0, 0.0, math.pi]),
+}
+rungs = set()
+changes = product(
+    ('gauss_newton', 'projected', 'exact'), (0.0, 0.3), (0.0, 30.0, 51.0), (True, False)
+)
+for hessian, rate, limit, between in changes:
+    changed = {
+        'solver.hessian': hessian,
+        'weights.control_rate': rate,
+        'robot.max_wheel_speed': limit,
+        'safety.between_samples': between,
+        'obstacles.a.radius': 1.0,
+    }
+    law = GuidanceLaw(guidance_settings(values))
+    law.update(0, START)
+    law.reconfigure(guidance_settings(TABLE.reconfigure(values, changed)))
+    for step, jump in enumerate(JUMPS.values(), 1):
+        for stamp in (3 * step * PERIOD, (3 * step + 1) * PERIOD + PERIOD // 3):
+            rungs.add(law.update(stamp, START + jump).rung.name)
+    law.halt(20 * PERIOD, 'Enough.')
+    law.update(50 * PERIOD - PERIOD // 2, START)
+    assert law.update(50 * PERIOD, START).finished
+assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
+print(*sorted(code() - before), sep='\\n')
+"""
+
+
+def test_no_code_is_missing_after_it():
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == []

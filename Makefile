@@ -136,11 +136,11 @@ $(ENVIRONMENT): $(wildcard requirements/*.txt) | check-ros
 	    mv $(VENV)/.requirements $@; \
 	fi
 
-# Editable; needs no network. The build tools are in the lock. What numba compiles here the nodes
-# load from its cache: they start at once, and without the memory that compiling takes.
+# Editable; needs no network. The build tools are in the lock. What is compiled here the nodes load
+# from the user's cache: they start at once, and without the memory that compiling takes.
 $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 	@rm -f $@
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	@echo 'Compiling the kernels, once.'
-	@$(BIN)/cmpsp bench --runs 1 > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
+	@$(BIN)/cmpsp warmup > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
 	@touch $@

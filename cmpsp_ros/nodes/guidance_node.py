@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from dataclasses import replace
@@ -10,15 +11,18 @@ from typing import TYPE_CHECKING
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
-from rclpy.time import Time
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
-from cmpsp_ros.nodes.guidance_messages import OdometryError, level_of, pose_of
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.nodes.compiling import prepare_aloud
+from cmpsp_ros.nodes.garbage import GarbageCollection
+from cmpsp_ros.nodes.guidance_messages import level_of
 from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
 from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
+from cmpsp_ros.nodes.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.nodes.parameters import declare
+from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.runtime import run
 from cmpsp_ros.nodes.topics import GUIDANCE_ODOM, RESET
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -56,6 +60,7 @@ class GuidanceNode(LifecycleNode):
         self._values: Values | None = None
         self._refusal = ''
         self._state = UNCONFIGURED
+        self._garbage = GarbageCollection()
         self._begin()
         autostart = True
         try:
@@ -79,13 +84,15 @@ class GuidanceNode(LifecycleNode):
         try:
             if self._values is None:
                 return self._refuse(self._refusal)
+            check_cpu(self._values)
             self._settings = guidance_settings(self._values)
-            warm_up(self._settings)
+            prepare_aloud(self._settings, self.get_logger())
         except Exception as error:  # rclpy would swallow it
             return self._refuse(str(error) or type(error).__name__)
         self._refusal = ''
         self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(self, self._values)
+        self._scheduling = Scheduling(self._values)
         self._inputs = (
             GUIDANCE_ODOM.listen_on(self, self._on_odometry),
             self.create_service(RESET.type, RESET.name, self._on_reset),
@@ -98,13 +105,17 @@ class GuidanceNode(LifecycleNode):
         """Begin: the next odometry is time 0."""
         self._begin()
         self._law.reset()
-        self._outputs.show(self._settings)
+        self._show()
+        self._garbage.begin()
+        for each in self._scheduling.apply():
+            self.get_logger().warning(f'{each} The node goes on without.')
         self._state = ACTIVE
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the robot and go silent."""
         self._halt('The guidance node was deactivated.')
+        self._rest()
         self._state = INACTIVE
         return super().on_deactivate(state)
 
@@ -122,6 +133,7 @@ class GuidanceNode(LifecycleNode):
         """Stop the robot if it is still guided."""
         if self._state == ACTIVE:
             self._halt('The guidance node is shutting down.')
+            self._rest()
         self._state = FINALIZED
         return super().on_shutdown(state)
 
@@ -132,6 +144,11 @@ class GuidanceNode(LifecycleNode):
         self._halted_at: int | None = None
         self._decision: Decision | None = None
 
+    def _rest(self) -> None:
+        """Give back what an active node takes of Python and the system."""
+        self._garbage.end()
+        self._scheduling.restore()
+
     def _refuse(self, reason: str) -> TransitionCallbackReturn:
         self._refusal = reason
         for line in reason.splitlines():
@@ -141,15 +158,14 @@ class GuidanceNode(LifecycleNode):
     def _on_odometry(self, message: Odometry) -> None:
         if self._state != ACTIVE:
             return
-        began = time.perf_counter_ns()
-        stamp = Time.from_msg(message.header.stamp).nanoseconds
+        began, now = time.perf_counter_ns(), self._now()
         try:
-            pose = pose_of(message, self._settings.frame_id)
-            self._check_age(stamp)
+            pose, stamp = pose_of(message, self._settings.frame_id), stamp_of(message)
+            check_age(stamp, now, self._settings.odom_timeout)
         except OdometryError as error:
             self._halt_for(str(error))
             return
-        self._heard_at = self._now()
+        self._heard_at = now
         self._notice_time(stamp)
         try:
             decision = self._law.update(stamp, pose)
@@ -159,9 +175,20 @@ class GuidanceNode(LifecycleNode):
         if decision is None:
             return
         self._outputs.command(decision)
-        step_ms = (time.perf_counter_ns() - began) / 1e6
-        self._times.add(step_ms, self._settings.control_period)
+        period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
+        self._times.add(step_ms, period)
         self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
+        self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _use_slack(self, slack: float = math.inf) -> None:
+        """Do what can wait until the command is out, and the next is not yet due."""
+        if self._scenery_changed:
+            self._show()
+        self._garbage.collect(slack)
+
+    def _show(self) -> None:
+        self._outputs.show(self._settings)
+        self._scenery_changed = False
 
     def _notice_time(self, stamp: int) -> None:
         """Begin the run again when time has: odometry fits the clock, but not what came before."""
@@ -171,22 +198,12 @@ class GuidanceNode(LifecycleNode):
             self._law.reset()
         self._stamp = stamp
 
-    def _check_age(self, stamp: int) -> None:
-        now, timeout = self._now(), self._settings.odom_timeout
-        age = (now - stamp) / 1e9
-        if age > timeout:
-            raise OdometryError(
-                f'Odometry is {age:.3f} s old (odom_timeout {timeout} s); is use_sim_time right?'
-            )
-        # Simulated time is 0 until the first /clock comes.
-        if now > 0 and -age > timeout:
-            raise OdometryError(
-                f'Odometry is {-age:.3f} s ahead of the clock (odom_timeout {timeout} s);'
-                ' is use_sim_time right?'
-            )
-
     def _watch(self) -> None:
-        if self._state != ACTIVE or self._heard_at is None:
+        if self._state != ACTIVE:
+            return
+        if self._garbage.overdue:
+            self._use_slack()
+        if self._heard_at is None:
             return
         silence, timeout = (self._now() - self._heard_at) / 1e9, self._settings.odom_timeout
         if silence > timeout:
@@ -235,7 +252,9 @@ class GuidanceNode(LifecycleNode):
         if self._state == UNCONFIGURED:
             return
         self._law.reconfigure(self._settings)
-        self._outputs.show(self._settings)
+        self._scenery_changed = True
+        if self._state != ACTIVE:
+            self._show()
 
     def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
         if self._values is None:
@@ -247,12 +266,6 @@ class GuidanceNode(LifecycleNode):
     def _report(self) -> Report:
         decision, state = self._decision, self._state
         listeners = self._outputs.command_subscribers if state in {INACTIVE, ACTIVE} else 0
-        values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
-        if decision is not None:
-            values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
-        if self._heard_at is not None:
-            values['odometry_age'] = (self._now() - self._heard_at) / 1e9
-        values |= self._times.values()
         if self._refusal:
             level, message = DiagnosticStatus.ERROR, self._refusal
         elif state != ACTIVE:
@@ -262,7 +275,16 @@ class GuidanceNode(LifecycleNode):
         else:
             level, message = level_of(decision), decision.reason
         rung = None if decision is None else decision.rung
-        return Report(level, message, (level, state, rung, listeners), values)
+
+        def figures() -> dict[str, object]:
+            values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
+            if decision is not None:
+                values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
+            if self._heard_at is not None:
+                values['odometry_age'] = (self._now() - self._heard_at) / 1e9
+            return values | self._times.values()
+
+        return Report(level, message, (level, state, rung, listeners), figures)
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rclpy.time import Time
+from sensor_msgs.msg import JointState
 
 from cmpsp_ros.nodes.guidance_messages import (
-    decision_message,
-    joint_state_message,
-    path_message,
-    stamped_twist_message,
-    twist_message,
+    DecisionMessage,
+    PathMessage,
+    fill_twist,
+    fill_wheels,
+    set_stamp,
 )
 from cmpsp_ros.nodes.markers import marker_array
 from cmpsp_ros.nodes.topics import COMMAND, DECISION, MARKERS, PLAN, STAMPED_COMMAND, WHEELS
@@ -33,16 +33,27 @@ class GuidanceOutputs:
     def __init__(self, node: LifecycleNode, values: Values) -> None:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
-        self._frame_id: str = values['frame_id']
-        self._joint_names: list[str] = values['robot.joint_names']
-        self._stamped: bool = values['enable_stamped_cmd_vel']
-        self._name = f'{node.get_fully_qualified_name()}: decision'
-        command = STAMPED_COMMAND if self._stamped else COMMAND
-        self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
+        self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
+        self._command = node.create_lifecycle_publisher(
+            self._topic.type, self._topic.name, self._topic.qos
+        )
         self._wheels = WHEELS.publish_on(node)
         self._decisions = DECISION.publish_on(node)
         self._path = PLAN.publish_on(node)
         self._markers = MARKERS.publish_on(node)
+        self._make_messages(values)
+
+    def _make_messages(self, values: Values) -> None:
+        """Make the messages that are filled at each control step."""
+        self._command_message = self._topic.type()
+        self._twist = self._command_message
+        if self._topic is STAMPED_COMMAND:
+            self._command_message.header.frame_id = 'base_link'
+            self._twist = self._command_message.twist
+        self._wheel_message = JointState(name=values['robot.joint_names'])
+        name = self._node.get_fully_qualified_name()
+        self._path_message = PathMessage(values['frame_id'])
+        self._decision_message = DecisionMessage(f'{name}: decision')
 
     @property
     def command_subscribers(self) -> int:
@@ -50,23 +61,26 @@ class GuidanceOutputs:
         return int(self._command.get_subscription_count())
 
     def command(self, decision: Decision) -> None:
-        """Send the command of a decision."""
-        if self._stamped:
-            stamp = Time(nanoseconds=decision.stamp).to_msg()
-            self._command.publish(stamped_twist_message(decision, stamp))
-        else:
-            self._command.publish(twist_message(decision))
+        """Send the command of a decision, stamped as the odometry that it answers."""
+        fill_twist(self._twist, decision)
+        if self._topic is STAMPED_COMMAND:
+            set_stamp(self._command_message.header, decision.stamp)
+        self._command.publish(self._command_message)
 
     def report(self, decision: Decision) -> None:
         """Send what a decision was made of; the path only if somebody listens."""
-        stamp = Time(nanoseconds=decision.stamp).to_msg()
-        self._wheels.publish(joint_state_message(decision, self._joint_names, stamp))
-        self._decisions.publish(decision_message(decision, self._name))
+        fill_wheels(self._wheel_message, decision)
+        set_stamp(self._wheel_message.header, decision.stamp)
+        self._wheels.publish(self._wheel_message)
+        self._decisions.publish(self._decision_message.fill(decision))
         if decision.plan is not None and self._path.get_subscription_count():
-            self._path.publish(path_message(decision.plan, self._frame_id, decision.stamp))
+            self._path.publish(self._path_message.fill(decision.plan, decision.stamp))
 
     def show(self, settings: GuidanceSettings) -> None:
-        """Send road, obstacles and goal to everybody, now and later."""
+        """Send road, obstacles and goal to everybody, now and later.
+
+        Whether anybody listens does not matter: who comes later is told by the middleware.
+        """
         now = self._node.get_clock().now().to_msg()
         self._markers.publish(marker_array(settings, now))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +14,7 @@ from cmpsp_ros.nodes.guidance_messages import status_message
 from cmpsp_ros.nodes.topics import HEALTH
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from rclpy.node import Node
 
@@ -31,13 +31,14 @@ class Report:
         level: Level of `diagnostic_msgs/DiagnosticStatus`.
         message: The state in a sentence.
         marks: What makes this state another one than before: a change is published at once.
-        values: Figures; floats are written so that they read back exactly.
+        values: Figures, worked out only for what is published; floats are written so that they
+            read back exactly.
     """
 
     level: bytes
     message: str
     marks: tuple[object, ...]
-    values: dict[str, object] = field(default_factory=dict)
+    values: Callable[[], Mapping[str, object]]
 
 
 class Health:
@@ -58,7 +59,7 @@ class Health:
         report = self._look()
         self._shown = report.marks
         name = f'{self._node.get_fully_qualified_name()}: {self._node.get_name()}'
-        status = status_message(report.level, name, report.message, report.values)
+        status = status_message(report.level, name, report.message, report.values())
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from rclpy.duration import Duration
 
+_DEPTH, _MOST_DEPTH = 10, 10_000
+
 
 def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
     """Return the most a subscription can ask for and still hear every publisher.
@@ -53,6 +55,30 @@ def for_bag(profile: QoSProfile) -> Qos:
         QosLiveliness(int(profile.liveliness)),
         _time(profile.liveliness_lease_duration),
         profile.avoid_ros_namespace_conventions,
+    )
+
+
+def offering(recorded: Iterable[Qos]) -> QoSProfile:
+    """Return an offer that reaches whoever the recorded publishers of a topic reached.
+
+    Args:
+        recorded: What they offered.
+
+    Returns:
+        Profile that is reliable if any was, or none is known, and transient local if any was.
+        Deadlines and lifespans are left out: a recording that is paused keeps none.
+
+    """
+    profiles = list(recorded)
+    reliable = any(each.reliability == QosReliability.RELIABLE for each in profiles)
+    latched = any(each.durability == QosDurability.TRANSIENT_LOCAL for each in profiles)
+    depth = max((each.depth for each in profiles), default=_DEPTH)
+    return QoSProfile(
+        depth=min(max(depth, 1), _MOST_DEPTH),
+        reliability=ReliabilityPolicy.RELIABLE
+        if reliable or not profiles
+        else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
 
 

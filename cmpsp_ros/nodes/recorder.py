@@ -1,15 +1,14 @@
-"""The recorder: every topic of the graph into one bag, with the parameters of all nodes."""
+"""The recorder: topics of the graph into one bag, with the parameters of all nodes."""
 
 from __future__ import annotations
 
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -21,17 +20,20 @@ from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
+from cmpsp_ros.nodes.recorder_options import read_options
 from cmpsp_ros.nodes.runtime import StartupError, run
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from rclpy.clock import ROSClock
     from rclpy.subscription import Subscription
 
 TAKE_PERIOD = 0.01
 """Time between two rounds through the queues [s]."""
 
-FLUSH_PERIOD = 1.0
-"""Longest stretch of a recording that is lost when the process is killed [s]."""
+FLUSH_PERIOD = 0.5
+"""Time between two flushes [s]; what came after the last is lost when the process is killed."""
 
 QUEUE_DEPTH = 10_000
 """Messages a topic may hold between two rounds; memory is taken only as they come."""
@@ -72,30 +74,26 @@ class Recorder(Node):
     is the node's clock at its reception. A publisher that comes later, and whose quality of
     service does not fit the subscription made for the first ones, is not heard: a warning says so.
 
+    Args:
+        namespace: Namespace; that of the command line when absent.
+        parameters: Parameters, before those of the command line.
+
     Raises:
-        StartupError: `output` is missing, exists, or cannot be created.
+        StartupError: A parameter is wrong, or `output` exists or cannot be created.
 
     """
 
-    def __init__(self) -> None:
-        super().__init__('recorder')
-        output = self._declare('output', '', 'Folder of the new bag; must not exist. Required.')
-        names = Parameter.Type.STRING_ARRAY
-        listed = self._declare('topics', names, 'Topics to record; all when empty.')
-        excluded = self._declare('exclude_topics', names, 'Topics not to record.')
-        period = self._declare(
-            'discovery_period', 0.1, 'Time between two looks at the graph [s].', (0.01, 10.0)
-        )
-        if not output:
-            msg = 'parameter output: expected the folder of the new bag, got nothing'
-            raise StartupError(msg)
-        self._listed = {self.resolve_topic_name(name) for name in listed or []}
-        self._excluded = {self.resolve_topic_name(name) for name in excluded or []}
+    def __init__(
+        self, namespace: str | None = None, parameters: Mapping[str, Any] | None = None
+    ) -> None:
+        given = [Parameter(name, value=value) for name, value in (parameters or {}).items()]
+        super().__init__('recorder', namespace=namespace, parameter_overrides=given)
+        self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
         self._left_out: set[str] = set()
         self._polled = _Polled()
         try:
-            self._bag = BagWriter(Path(output).expanduser())
+            self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
             msg = f'parameter output: {error}'
             raise StartupError(msg) from error
@@ -104,7 +102,7 @@ class Recorder(Node):
         # Simulated time may stand still; looking and taking must go on.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._taking = self.create_timer(TAKE_PERIOD, self._take, clock=steady)
-        self.create_timer(period, self._discover, clock=steady)
+        self.create_timer(self._options.discovery_period, self._discover, clock=steady)
         self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
         self.get_logger().info(f'recording to {self._bag.path}')
         self._discover()
@@ -121,25 +119,16 @@ class Recorder(Node):
                 self._drain()
         finally:
             self._bag.close()
-        for name in sorted(self._listed - self._topics.keys()):
+        for name in sorted(self._options.listed - self._topics.keys()):
             self.get_logger().warning(f'{name} was to be recorded and had no publisher')
         self.get_logger().info(
             f'{self._bag.message_count} messages of {len(self._topics)} topics '
             f'recorded to {self._bag.path}'
         )
 
-    def _declare(
-        self, name: str, default: Any, text: str, bounds: tuple[float, float] | None = None
-    ) -> Any:
-        descriptor = ParameterDescriptor(description=text, read_only=True)
-        if bounds is not None:
-            low, high = bounds
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-        return self.declare_parameter(name, default, descriptor).value
-
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
-            if not self._wanted(name):
+            if name in self._left_out or not self._options.want(name):
                 continue
             count = self.count_publishers(name)
             recorded = self._topics.get(name)
@@ -150,13 +139,6 @@ class Recorder(Node):
                 recorded.publisher_count = count
                 self._check_publishers(name, recorded.subscription)
         self._parameter_watch.poll()
-
-    def _wanted(self, name: str) -> bool:
-        if name in self._excluded or name in self._left_out:
-            return False
-        if self._listed:
-            return name in self._listed
-        return not any(part.startswith('_') for part in name.split('/'))
 
     def _begin(self, name: str, types: list[str], count: int) -> None:
         """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
@@ -170,6 +152,9 @@ class Recorder(Node):
             self._left_out.add(name)
             self.get_logger().warning(str(error))
             return
+        except BagError:
+            self._broken = True
+            raise
         subscription = self.create_subscription(
             message_class,
             name,
@@ -260,6 +245,20 @@ def _message_class(topic: str, types: list[str]) -> Any:
     except (ImportError, AttributeError) as error:
         msg = f'topic {topic} left out: its type {types[0]} is not installed here: {error}'
         raise UnknownTypeError(msg) from error
+
+
+def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
+    """Record until SIGINT or SIGTERM, as the last thing a process does.
+
+    Args:
+        parameters: Of the recorder, by name.
+        namespace: In which names of topics are meant.
+
+    Returns:
+        Exit code: 0 after a signal, 1 when recording came to an end by itself.
+
+    """
+    return run(partial(Recorder, namespace, parameters), name='recorder', args=[])
 
 
 def main() -> None:

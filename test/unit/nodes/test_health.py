@@ -40,7 +40,7 @@ def node():
 
 
 def report(mark='a', **values):
-    return Report(DiagnosticStatus.WARN, 'So so.', (mark,), values)
+    return Report(DiagnosticStatus.WARN, 'So so.', (mark,), lambda: values)
 
 
 def test_a_report_becomes_a_status_with_the_node_s_full_name(node):
@@ -74,6 +74,14 @@ def test_it_is_published_once_a_second_and_at_a_change(node):
     fast()
     fast()
     assert len(node.published) == 3
+
+
+def test_figures_are_worked_out_only_for_what_is_published(node):
+    asked = []
+    Health(node, lambda: Report(DiagnosticStatus.OK, '', ('a',), lambda: asked.append(1) or {}))
+    for _ in range(5):
+        node.timers[0.1]()
+    assert len(asked) == len(node.published) == 1
 
 
 def test_no_step_no_times():

@@ -1,0 +1,44 @@
+"""Keys pressed in the terminal that a node runs in, where there is one."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import tty
+from typing import Any
+
+
+class Keyboard:
+    """Hears single keys; without a terminal, or in the background, it hears none."""
+
+    def __init__(self) -> None:
+        """Have the terminal hand over each key at once."""
+        self._before: list[Any] | None = None
+        if _is_ours():
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+
+    def pressed(self) -> str:
+        """Whatever has been pressed since the last call."""
+        keys = ''
+        while self._before is not None and select.select([sys.stdin], [], [], 0.0)[0]:
+            key = os.read(sys.stdin.fileno(), 1).decode(errors='replace')
+            if not key:
+                self.close()
+            keys += key
+        return keys
+
+    def close(self) -> None:
+        """Leave the terminal as it was; closing twice is closing once."""
+        if self._before is not None:
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+            self._before = None
+
+
+def _is_ours() -> bool:
+    try:
+        return sys.stdin.isatty() and os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except (OSError, ValueError, AttributeError):
+        return False

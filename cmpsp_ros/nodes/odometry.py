@@ -1,0 +1,73 @@
+"""Odometry: what of it the guidance law is told, and what nothing may be decided on."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from nav_msgs.msg import Odometry
+    from numpy.typing import NDArray
+
+    Array = NDArray[np.float64]
+
+_NANOSECONDS = 1_000_000_000
+
+
+class OdometryError(ValueError):
+    """Odometry that nothing may be decided on; the message says why."""
+
+
+def stamp_of(message: Odometry) -> int:
+    """Time stamp [ns]."""
+    stamp = message.header.stamp
+    return int(stamp.sec * _NANOSECONDS + stamp.nanosec)
+
+
+def pose_of(message: Odometry, frame_id: str) -> Array:
+    """Planar pose ``(x, y, heading)`` [m, m, rad] of an odometry message (REP-105).
+
+    Raises:
+        OdometryError: It is in another frame, is not finite or has no orientation.
+    """
+    if message.header.frame_id != frame_id:
+        raise OdometryError(
+            f'Odometry is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
+        )
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    x, y, z, w = q.x, q.y, q.z, q.w
+    length = math.sqrt(x * x + y * y + z * z + w * w)
+    if abs(length - 1.0) > 0.01:
+        raise OdometryError(f'Odometry has an orientation of length {length:.3g}, wanted 1.')
+    # Exact for a quaternion of any length.
+    heading = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
+    pose = (position.x, position.y, heading)
+    if not all(map(math.isfinite, pose)):
+        raise OdometryError(f'Odometry has a pose that is not finite: {list(pose)}.')
+    return np.array(pose)
+
+
+def check_age(stamp: int, now: int, timeout: float) -> None:
+    """Refuse odometry that does not fit the clock.
+
+    Args:
+        stamp: Its time stamp [ns].
+        now: Present time [ns].
+        timeout: `odom_timeout` [s].
+
+    Raises:
+        OdometryError: It is too old, or as far ahead.
+    """
+    age = (now - stamp) / _NANOSECONDS
+    if age > timeout:
+        raise OdometryError(
+            f'Odometry is {age:.3f} s old (odom_timeout {timeout} s); is use_sim_time right?'
+        )
+    # Simulated time is 0 until the first /clock comes.
+    if now > 0 and -age > timeout:
+        raise OdometryError(
+            f'Odometry is {-age:.3f} s ahead of the clock (odom_timeout {timeout} s);'
+            ' is use_sim_time right?'
+        )

@@ -1,0 +1,116 @@
+"""Before the guidance node is active it has compiled, and has got or been refused its core."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from visualization_msgs.msg import MarkerArray
+
+pytestmark = pytest.mark.integration
+
+ANNOUNCED = 'compiling, once; `cmpsp warmup` does it beforehand'
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# Without CAP_SYS_NICE, whoever runs the tests.
+POWERLESS = """
+import ctypes, os, resource, sys
+ctypes.CDLL(None).prctl(24, 23, 0, 0, 0)
+resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+def scheduling(thread):
+    policy = os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK
+    return policy, os.sched_getaffinity(thread)
+
+
+@pytest.mark.timeout(300)
+def test_it_compiles_before_it_is_active_once_for_all_processes(
+    start_node, make_client, monkeypatch, tmp_path
+):
+    monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+    for place, announced in (('/first', 1), ('/second', 0)):
+        client = make_client(prefix=place)
+        running = start_node('guidance_node', {}, '-r', f'__ns:={place}')
+        client.until_health(120.0, state='active')
+        assert running.stderr.count(ANNOUNCED) == announced
+        assert running.stderr.count(' kernels in ') == announced
+
+
+def test_the_deciding_thread_alone_has_its_core_while_the_node_is_active(start_node, client):
+    everything, core = os.sched_getaffinity(0), min(os.sched_getaffinity(0))
+    running = start_node('guidance_node', {'realtime.priority': 7, 'realtime.cpu': core})
+    client.until_health(state='active')
+    threads = [int(each.name) for each in Path(f'/proc/{running.pid}/task').iterdir()]
+    others = [thread for thread in threads if thread != running.pid]
+    assert others
+    policy, cpus = scheduling(running.pid)
+    assert cpus == {core}
+    refused = 'realtime.priority = 7 was refused' in running.stderr
+    assert policy == (os.SCHED_OTHER if refused else os.SCHED_FIFO)
+    assert {scheduling(each)[0] for each in others} == {os.SCHED_OTHER}
+    assert any(scheduling(each)[1] == everything for each in others)
+    assert client.change_state('deactivate')
+    assert scheduling(running.pid) == (os.SCHED_OTHER, everything)
+
+
+def test_without_the_right_to_a_priority_it_says_so_and_guides_all_the_same(
+    spawn, client, make_odometry
+):
+    node = ['-m', 'cmpsp_ros.nodes.guidance_node', '--ros-args', '-p', 'realtime.priority:=7']
+    running = spawn([sys.executable, '-c', POWERLESS, *node, '-p', 'odom_timeout:=60.0'])
+    client.connect()
+    client.until_health(state='active', level=DiagnosticStatus.WARN)
+    (said,) = [line for line in running.stderr.splitlines() if 'realtime' in line]
+    for words in ('[WARN]', 'realtime.priority = 7 was refused', 'rtprio', 'CAP_SYS_NICE'):
+        assert words in said
+    assert said.endswith('The node goes on without.')
+    decision, command = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
+    assert decision['rung'] == 'nominal'
+    assert command[0] > 0.5
+
+
+def test_a_core_that_is_not_there_is_refused(start_node, client):
+    running = start_node('guidance_node', {'realtime.cpu': 4095})
+    health = client.until_health(level=DiagnosticStatus.ERROR)
+    assert health['said'].startswith('realtime.cpu: found 4095, wanted -1 for any, or one of ')
+    assert health['state'] == 'unconfigured'
+    assert 'Traceback' not in running.stderr
+
+
+def test_a_changed_scene_is_shown_to_all_before_the_first_odometry(start_node, client):
+    start_node()
+    client.until_health(state='active')
+    assert client.set_parameter('goal.position', [10.2, 0.0]).successful
+    late = []
+    client.node.create_subscription(MarkerArray, '/guidance/markers', late.append, LATCHED)
+
+    def goal():
+        found = [each for array in late[-1:] for each in array.markers if each.ns == 'goal']
+        return found and found[0].pose.position.x == 10.2
+
+    client.until(goal)
+
+
+def test_memory_does_not_grow_from_step_to_step(start_node, client, make_odometry):
+    running = start_node('guidance_node', {'odom_timeout': 600.0, 'final_time': 2.0})
+    client.connect()
+    client.until_health(state='active')
+    stamp = client.now()
+
+    def resident_after(steps):
+        nonlocal stamp
+        for _ in range(steps):
+            stamp += 200_000_000
+            client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
+        pages = int(Path(f'/proc/{running.pid}/statm').read_text().split()[1])
+        return pages * os.sysconf('SC_PAGE_SIZE')
+
+    before = resident_after(200)
+    assert resident_after(800) - before < 4_000_000

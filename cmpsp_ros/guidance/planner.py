@@ -27,13 +27,10 @@ from cmpsp_ros.mpsp.realtime.iteration import (
     RELAXED,
     Rules,
     improve,
-)
-from cmpsp_ros.mpsp.realtime.workspace import (
-    Workspace,
-    forget_hints,
     shift_hints,
-    workspace,
 )
+from cmpsp_ros.mpsp.realtime.packed import pack
+from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
 from cmpsp_ros.robot.guidance_problem import guidance_data
@@ -57,8 +54,7 @@ class Planner:
         self._back_end = BackEndPlanner(self._task)
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
-        self._horizon: Horizon | None = None
-        self._room = self._make_room(_longest(settings))
+        self._make_room(_longest(settings))
         self._rules = self._make_rules()
 
     def forget(self) -> None:
@@ -76,23 +72,22 @@ class Planner:
         """
         if not self._compiled:
             return self._back_end.improve(pose, held, guess, horizon)
-        room, steps = self._room_for(horizon), len(horizon.durations)
+        steps = len(horizon.durations)
+        if steps >= len(self._room.lower):
+            self._make_room(steps)
+        self._move_hints(horizon, steps)
+        room = self._room
         room.at.U[: steps + 1] = guess
-        improve(self._data(pose, held, guess, horizon), room, steps, self._rules)
+        improve(self._data(pose, held, guess, horizon), self._packed, steps, self._rules)
         if room.counts[OUTCOME] == NO_CURVATURE:
             return self._back_end.improve(pose, held, guess, horizon)
         return _summary(room, horizon, self._rules)
 
-    def _room_for(self, horizon: Horizon) -> Workspace:
-        steps = len(horizon.durations)
-        if steps >= len(self._room.lower):
-            self._room, self._horizon = self._make_room(steps), None
-        if self._horizon is None:
-            forget_hints(self._room)
-        else:
-            shift_hints(self._room, steps_over(self._horizon, horizon), steps)
+    def _move_hints(self, horizon: Horizon, steps: int) -> None:
+        begun = self._horizon
+        over = len(self._room.lower) if begun is None else steps_over(begun, horizon)
+        shift_hints(self._packed, over, steps)
         self._horizon = horizon
-        return self._room
 
     def _data(
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
@@ -104,7 +99,7 @@ class Planner:
         data = guidance_data(settings.robot, space, task.cost, pose, task.goal, durations, hessian)
         return ControlRateData(data, rate, held) if rate > 0.0 else data
 
-    def _make_room(self, steps: int) -> Workspace:
+    def _make_room(self, steps: int) -> None:
         task = self._task
         settings = task.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
@@ -114,7 +109,8 @@ class Planner:
         room = workspace(size, task.penalty_terminal, task.penalty_path, trust_radius)
         room.upper[:] = settings.robot.max_wheel_speed
         room.lower[:] = -room.upper
-        return room
+        self._packed, self._room = pack(room)
+        self._horizon: Horizon | None = None
 
     def _make_rules(self) -> Rules:
         task = self._task

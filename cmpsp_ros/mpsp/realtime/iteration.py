@@ -9,9 +9,12 @@ from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.functions import evaluate, linearise, predict
 from cmpsp_ros.mpsp.realtime.merit import promised, weigh
+from cmpsp_ros.mpsp.realtime.packed import Packed, unpack
 from cmpsp_ros.mpsp.realtime.search import attempt, copy, search
-from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace, shortened
+from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
+from cmpsp_ros.mpsp.riccati.active_set import shift_hint
 from cmpsp_ros.mpsp.riccati.outcome import NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.riccati.rows import rows_a_stage
 from cmpsp_ros.mpsp.riccati.solver import iterations, solve
 from cmpsp_ros.mpsp.riccati.whitening import factorise
 
@@ -43,16 +46,16 @@ class Rules(NamedTuple):
 
 
 @allocation_free
-def improve(data: Any, whole: Workspace, N: int, rules: Rules) -> None:
-    """Improve the plan in ``whole.at.U``, as `cmpsp_ros.mpsp.iteration.CMPSP` does.
+def improve(data: Any, packed: Packed, N: int, rules: Rules) -> None:
+    """Improve the plan in a workspace's ``at.U``, as `cmpsp_ros.mpsp.iteration.CMPSP` does.
 
     Args:
         data: The problem, whose functions are given by `cmpsp_ros.mpsp.realtime.functions`.
-        whole: Room. Its iterate and counts are the result, on the first ``N + 1`` stages.
+        packed: The workspace. Its iterate and counts are the result, on ``N + 1`` stages.
         N: Steps of the horizon, at most those there is room for.
         rules: How the iteration is run.
     """
-    room = shortened(whole, N)
+    room = unpack(packed, N)
     at = room.at
     room.counts[:] = 0
     room.slack[:] = 0.0
@@ -73,6 +76,22 @@ def improve(data: Any, whole: Workspace, N: int, rules: Rules) -> None:
         room.counts[DONE] += 1
         if _is_over(room, rules, length, change, cost_limit, control_limit):
             return
+
+
+@allocation_free
+def shift_hints(packed: Packed, stages: int, N: int) -> None:
+    """Move the active rows of the last plan to a horizon of ``N`` steps that begins later.
+
+    Args:
+        packed: The workspace.
+        stages: How many stages are over; all of them to begin with no active rows.
+        N: Steps of the new horizon.
+    """
+    room = unpack(packed, N)
+    terminal, width = room.qp.output_error.shape[0], rows_a_stage(room.qp)
+    last = terminal + (N + 1) * width
+    shift_hint(room.solver.hint_hard, terminal, stages * width, last)
+    shift_hint(room.solver.hint_relaxed, terminal, stages * width, last)
 
 
 @allocation_free

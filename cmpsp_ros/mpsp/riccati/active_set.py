@@ -48,9 +48,8 @@ from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, unwhiten
 
 Indices = NDArray[np.int64]
-States = NDArray[np.int8]
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-11
 """Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
 
 # States of a row.
@@ -62,10 +61,12 @@ _NO_PART = 1e-12
 _ROUNDING = 1e-8
 # Rows off by more than this, relative to 1 plus their right-hand side, are sharpened at the end.
 _BLUNT = 1e-12
+# After so many steps the point is found again from the multipliers: rounding has added up.
+_MANY = 64
 # Outcomes of the attempt to meet one row.
 _DONE, _CONTRADICTION, _FULL = 0, 1, 2
 
-ITERATIONS, ACTIVE, SATURATED, CONFLICT = 0, 1, 2, 3
+ITERATIONS, ACTIVE, SATURATED, IMPLIED, CONFLICT = 0, 1, 2, 3, 4
 """Places in `ActiveSet.counts`."""
 
 
@@ -86,14 +87,17 @@ class ActiveSet(NamedTuple):
     """State of the method and room for its vectors.
 
     Attributes:
-        counts: Iterations done, rows active, rows at their penalty, rows in `conflict`; shape
-            ``(4,)``.
+        counts: Iterations done, rows active, rows at their penalty, rows implied by the active
+            ones, rows in `conflict`; shape ``(5,)``.
         v: The point, shape ``(q,)``.
         basis: Of the active rows.
         rows: Numbers of the active rows, shape ``(M,)``.
         multipliers: Theirs, shape ``(M,)``.
         states: State of every row, shape ``(rows,)``.
         lengths: Length of every row in ``v``, 0 where it was not asked for yet; shape ``(rows,)``.
+        distances: How far away in ``v`` the furthest violated row of each kind begins to be met,
+            shape ``(kinds,)``.
+        furthest: Which it is, shape ``(kinds,)``.
         conflict: Rows that contradict each other, where infeasible; shape ``(M + 1,)``.
         row: Scratch, shape ``(q,)``.
         inside: Scratch, shape ``(M,)``.
@@ -106,8 +110,10 @@ class ActiveSet(NamedTuple):
     basis: Basis
     rows: Indices
     multipliers: Array
-    states: States
+    states: Indices
     lengths: Array
+    distances: Array
+    furthest: Indices
     conflict: Indices
     row: Array
     inside: Array
@@ -126,13 +132,15 @@ def active_set(N: int, n: int, r: int, m: int, l: int, capacity: int) -> ActiveS
     rows = m + (N + 1) * (l + 2 * r + 2 * n)
     M = min(q, capacity)
     return ActiveSet(
-        counts=np.zeros(4, np.int64),
+        counts=np.zeros(5, np.int64),
         v=np.zeros(q),
         basis=basis(M, q),
         rows=np.zeros(M, np.int64),
         multipliers=np.zeros(M),
-        states=np.zeros(rows, np.int8),
+        states=np.zeros(rows, np.int64),
         lengths=np.zeros(rows),
+        distances=np.zeros(l + r + n + m),
+        furthest=np.zeros(l + r + n + m, np.int64),
         conflict=np.zeros(M + 1, np.int64),
         row=np.zeros(q),
         inside=np.zeros(M),
@@ -199,19 +207,24 @@ def find_active_set(
     outcome = _DONE
     for row in range(qp.output_error.shape[0]):
         if outcome == _DONE and at.states[row] == _OFF:
-            outcome = _meet(qp, penalty, white, at, row, limit)
+            outcome = _meet(qp, penalty, white, at, row, limit, dU, dX)
     for i in range(hint.count[0]):
         row = hint.rows[i]
         known = 0 <= row < at.states.shape[0]
         if outcome == _DONE and known and at.states[row] == _OFF:
-            outcome = _meet(qp, penalty, white, at, row, limit)
+            outcome = _meet(qp, penalty, white, at, row, limit, dU, dX)
     while outcome == _DONE:
         unwhiten(qp, white, at.v, dU, dX)
-        row = _most_violated(qp, white, at, dU, dX)
-        if row < 0:
+        if not _find_violated(qp, white, at, dU, dX):
+            if at.counts[ITERATIONS] > _MANY:
+                _retrace(qp, penalty, white, at)
+                unwhiten(qp, white, at.v, dU, dX)
             _sharpen(qp, penalty, white, at, dU, dX)
             break
-        outcome = _meet(qp, penalty, white, at, row, limit)
+        row = _furthest(at)
+        while outcome == _DONE and row >= 0:
+            outcome = _meet(qp, penalty, white, at, row, limit, dU, dX)
+            row = _furthest(at)
     _leave_hint(at, hint)
     if outcome == _CONTRADICTION:
         return INFEASIBLE
@@ -236,33 +249,31 @@ def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint:
         _, most = limit_of(qp, penalty, row)
         if most == math.inf:
             continue
-        for j in range(white_row(qp, white, row, at.row)):
-            at.v[j] -= most * at.row[j]
+        _pull(qp, white, at, row, most)
         at.states[row] = _AT_PENALTY
         at.counts[SATURATED] += 1
 
 
 @allocation_free
-def _most_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: Array) -> int:
-    """Number of the row furthest from being met, in ``v``; -1 where all are met.
+def _find_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: Array) -> bool:
+    """Find the row of each kind that is furthest from being met; returns whether there is any.
 
-    For a row at its penalty the same is asked of its being violated.
+    For a row at its penalty the same is asked of its being violated. The rows that differ only in
+    their stage are one kind: mostly, the worst of each is needed, and one look at all of them
+    costs as much as meeting a few.
     """
     n, r = dimension(qp.state), dimension(qp.control)
     terminal, path = qp.output_error.shape[0], qp.g.shape[1]
-    states, saturated = at.states, at.counts[SATURATED] > 0
-    found, furthest = -1, 0.0
+    states, saturated, found = at.states, at.counts[SATURATED] > 0, False
+    at.distances[:] = 0.0
     if saturated:
         for row in range(terminal):
             excess = value_of(qp, row, dU, dX) + qp.output_error[row]
             if states[row] == _AT_PENALTY:
                 excess = -excess
-            if states[row] >= _AT_PENALTY and excess > TOLERANCE * (
-                1.0 + abs(qp.output_error[row])
-            ):
-                far = _distance(qp, white, at, row, excess)
-                if far > furthest:
-                    found, furthest = row, far
+            wanted = TOLERANCE * (1.0 + abs(qp.output_error[row]))
+            if states[row] >= _AT_PENALTY and excess > wanted:
+                found = _note(qp, white, at, path + r + n + row, row, excess) or found
     row = terminal
     for k in range(qp.g.shape[0]):
         for j in range(path):
@@ -274,34 +285,51 @@ def _most_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: 
             if saturated and states[row] == _AT_PENALTY:
                 excess = -excess
             if excess > TOLERANCE * (1.0 + abs(qp.g[k, j])) and states[row] != _ACTIVE:
-                far = _distance(qp, white, at, row, excess)
-                if far > furthest:
-                    found, furthest = row, far
+                found = _note(qp, white, at, j, row, excess) or found
             row += 1
         for a in range(r):
-            for side in range(2):
-                excess = dU[k, a] - qp.upper[k, a] if side == 0 else qp.lower[k, a] - dU[k, a]
-                limit = qp.upper[k, a] if side == 0 else qp.lower[k, a]
-                if excess > TOLERANCE * (1.0 + abs(limit)) and states[row] == _OFF:
-                    far = _distance(qp, white, at, row, excess)
-                    if far > furthest:
-                        found, furthest = row, far
-                row += 1
+            above, below = dU[k, a] - qp.upper[k, a], qp.lower[k, a] - dU[k, a]
+            if above > TOLERANCE * (1.0 + abs(qp.upper[k, a])) and states[row] == _OFF:
+                found = _note(qp, white, at, path + a, row, above) or found
+            if below > TOLERANCE * (1.0 + abs(qp.lower[k, a])) and states[row + 1] == _OFF:
+                found = _note(qp, white, at, path + a, row + 1, below) or found
+            row += 2
         for i in range(n):
             excess = abs(dX[k, i]) - qp.trust_radius[i]
             if excess > TOLERANCE * (1.0 + qp.trust_radius[i]):
-                side = row + (0 if dX[k, i] > 0.0 else 1)
+                side = row if dX[k, i] > 0.0 else row + 1
                 if states[side] == _OFF:
-                    far = _distance(qp, white, at, side, excess)
-                    if far > furthest:
-                        found, furthest = side, far
+                    found = _note(qp, white, at, path + r + i, side, excess) or found
             row += 2
     return found
 
 
 @allocation_free
+def _note(qp: StageQP, white: Whitening, at: ActiveSet, kind: int, row: int, excess: float) -> bool:
+    """Keep a violated row if it is further away than any other of its kind."""
+    far = _distance(qp, white, at, row, excess)
+    if far > at.distances[kind]:
+        at.distances[kind] = far
+        at.furthest[kind] = row
+    return far > 0.0
+
+
+@allocation_free
+def _furthest(at: ActiveSet) -> int:
+    """Take out the furthest of the rows that were kept; -1 where none is left."""
+    best = 0
+    for kind in range(1, at.distances.shape[0]):
+        if at.distances[kind] > at.distances[best]:
+            best = kind
+    if at.distances[best] == 0.0:
+        return -1
+    at.distances[best] = 0.0
+    return at.furthest[best]
+
+
+@allocation_free
 def _distance(qp: StageQP, white: Whitening, at: ActiveSet, row: int, excess: float) -> float:
-    """How far away in ``v`` a row begins to be met; 0 for one that is left out."""
+    """How far away in ``v`` a row begins to be met; 0 for one that is implied by others."""
     if at.states[row] == _IMPLIED:
         return 0.0
     if at.lengths[row] == 0.0:
@@ -311,7 +339,14 @@ def _distance(qp: StageQP, white: Whitening, at: ActiveSet, row: int, excess: fl
 
 @allocation_free
 def _meet(
-    qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, row: int, limit: int
+    qp: StageQP,
+    penalty: Penalty,
+    white: Whitening,
+    at: ActiveSet,
+    row: int,
+    limit: int,
+    dU: Array,
+    dX: Array,
 ) -> int:
     """Move along one row's multiplier until the row is met or its multiplier is at an end."""
     length = white_row(qp, white, row, at.row)
@@ -335,16 +370,15 @@ def _meet(
     while at.counts[ITERATIONS] < limit:
         at.counts[ITERATIONS] += 1
         count = at.counts[ACTIVE]
+        if count == at.v.shape[0]:
+            # As many rows as there are controls leave no room for another.
+            rest = 0.0
         solve(at.basis, count, at.inside, at.dependence)
         to_row = excess / rest if rest > 0.0 else math.inf
         to_end, first = _first_to_leave(qp, penalty, at)
         step = min(to_row, room, to_end)
         if step == math.inf:
-            if excess <= _ROUNDING * _size_of_dependence(qp, penalty, at, bound):
-                at.states[row] = _IMPLIED
-                return _DONE
-            _name_conflict(at, row)
-            return _CONTRADICTION
+            return _judge(qp, penalty, white, at, row, sign, multiplier, dU, dX)
         if rest > 0.0:
             for i in range(at.v.shape[0]):
                 at.v[i] -= step * at.outside[i]
@@ -364,9 +398,41 @@ def _meet(
 
 
 @allocation_free
-def _size_of_dependence(qp: StageQP, penalty: Penalty, at: ActiveSet, bound: float) -> float:
+def _judge(
+    qp: StageQP,
+    penalty: Penalty,
+    white: Whitening,
+    at: ActiveSet,
+    row: int,
+    sign: float,
+    multiplier: float,
+    dU: Array,
+    dX: Array,
+) -> int:
+    """Tell a row that contradicts the active ones from one that they imply.
+
+    Rounding of the active rows would look like a contradiction: it is taken out first.
+    """
+    _name_conflict(at, row)
+    # What was added to its multiplier is theirs, since the row is a combination of them.
+    for j in range(at.counts[ACTIVE]):
+        at.multipliers[j] += sign * multiplier * at.dependence[j]
+    bound, _ = limit_of(qp, penalty, row)
+    size = _size_of_dependence(qp, penalty, at)
+    rounding = max(_ROUNDING * (1.0 + abs(bound)), TOLERANCE * size)
+    unwhiten(qp, white, at.v, dU, dX)
+    _sharpen(qp, penalty, white, at, dU, dX)
+    if sign * (value_of(qp, row, dU, dX) - bound) > rounding:
+        return _CONTRADICTION
+    at.states[row] = _IMPLIED
+    at.counts[IMPLIED] += 1
+    return _DONE
+
+
+@allocation_free
+def _size_of_dependence(qp: StageQP, penalty: Penalty, at: ActiveSet) -> float:
     """What the excess of a row that depends on the active ones is rounded relative to."""
-    total = 1.0 + abs(bound)
+    total = 0.0
     for j in range(at.counts[ACTIVE]):
         of_row, _ = limit_of(qp, penalty, at.rows[j])
         total += abs(at.dependence[j]) * (1.0 + abs(of_row))
@@ -423,6 +489,12 @@ def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
     else:
         at.states[row] = _AT_MINUS_PENALTY if row_is_equality else _OFF
     at.counts[SATURATED] += int(at.states[row] != _OFF)
+    if at.counts[IMPLIED] > 0:
+        # What the active rows implied they may imply no longer.
+        at.counts[IMPLIED] = 0
+        for other in range(at.states.shape[0]):
+            if at.states[other] == _IMPLIED:
+                at.states[other] = _OFF
     for j in range(index, count - 1):
         at.rows[j] = at.rows[j + 1]
         at.multipliers[j] = at.multipliers[j + 1]
@@ -444,6 +516,27 @@ def _rest_at_end(
     else:
         at.states[row] = _AT_PENALTY if sign > 0.0 else _OFF
     at.counts[SATURATED] += int(at.states[row] > _ACTIVE) - int(state > _ACTIVE)
+
+
+@allocation_free
+def _retrace(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet) -> None:
+    """``v`` from the multipliers, without the rounding of the way to it."""
+    for i in range(at.v.shape[0]):
+        at.v[i] = white.optimum[i]
+    for j in range(at.counts[ACTIVE]):
+        _pull(qp, white, at, at.rows[j], at.multipliers[j])
+    if at.counts[SATURATED] > 0:
+        for row in range(at.states.shape[0]):
+            if at.states[row] == _AT_PENALTY:
+                _pull(qp, white, at, row, limit_of(qp, penalty, row)[1])
+            elif at.states[row] == _AT_MINUS_PENALTY:
+                _pull(qp, white, at, row, -limit_of(qp, penalty, row)[1])
+
+
+@allocation_free
+def _pull(qp: StageQP, white: Whitening, at: ActiveSet, row: int, multiplier: float) -> None:
+    for i in range(white_row(qp, white, row, at.row)):
+        at.v[i] -= multiplier * at.row[i]
 
 
 @allocation_free

@@ -17,7 +17,7 @@ from cmpsp_ros.mpsp.problem import Array
 # Part of its length that a row must have left outside the basis to be called independent.
 _INDEPENDENT = 1e-9
 # A projection that leaves less than this part has lost digits, and is made once more.
-_CANCELLED = 0.1
+_CANCELLED = 0.01
 
 
 class Basis(NamedTuple):

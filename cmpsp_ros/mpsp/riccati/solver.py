@@ -27,8 +27,8 @@ TOLERANCE = 1e-8
 CAPACITY = 400
 """Largest number of active rows; with more, the interior point is the faster one by far."""
 
-_ITERATIONS_A_ROW = 10
-_ITERATIONS_AT_LEAST = 200
+_ITERATIONS_A_CONTROL = 20
+_ITERATIONS_AT_LEAST = 500
 
 
 class Solver(NamedTuple):
@@ -91,7 +91,7 @@ def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
         `SOLVED`, `INFEASIBLE` or `ITERATION_LIMIT`.
     """
     outcome = ITERATION_LIMIT
-    limit = _ITERATIONS_AT_LEAST + _ITERATIONS_A_ROW * qp.A.shape[0]
+    limit = _ITERATIONS_AT_LEAST + _ITERATIONS_A_CONTROL * room.active.v.shape[0]
     while True:
         hinted = hint.count[0] > 0
         outcome = find_active_set(

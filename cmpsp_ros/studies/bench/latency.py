@@ -1,0 +1,41 @@
+"""Latency of the guidance node: what is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.studies.bench.spread import Spread
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Latency:
+    """What was measured in some runs of one preset.
+
+    Attributes:
+        runs: How many there were.
+        total: From just before odometry is published to the callback with the command that answers
+            it, of every control step [ms].
+        own: Of that, from the guidance node's callback to its publishing, by its own clock [ms].
+        jitter: Change of the total from one control step of a run to the next [ms].
+        miss: Largest distance from the goal at the final time, of all runs [m].
+        resident_active: Resident set of the guidance node when it becomes active [MB].
+        resident_end: The same at the end of the last run [MB].
+    """
+
+    runs: int
+    total: Array
+    own: Array
+    jitter: Array
+    miss: float
+    resident_active: float
+    resident_end: float
+
+    @property
+    def rest(self) -> Spread:
+        """What is not the node's own: middleware, executor, scheduler [ms]."""
+        return Spread.of(self.total - self.own)

@@ -1,0 +1,167 @@
+"""Results in a file or a folder: JSON, pictures, and a page that says how to make them again."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cmpsp_ros.studies.bench.errors import BenchError
+from cmpsp_ros.studies.bench.pictures import pictures
+from cmpsp_ros.studies.bench.results import Results
+from cmpsp_ros.studies.bench.spread import Spread
+from cmpsp_ros.studies.bench.tables import tables
+from cmpsp_ros.studies.paper.style import journal
+
+_DPI = 160
+_SUFFIX = '.json'
+_CAPTIONS = {
+    'horizons': 'First step of Case 3 over the number of steps.',
+    'steps': 'Steps of the closed loop, method by method.',
+    'latency': 'From odometry to command through the node, and how much that varies.',
+}
+_INTRODUCTION = """\
+# Performance
+
+How long a control step takes, what other solvers take for the same problem, how that grows with the
+horizon, and what becomes of it between two processes. This page is written by one command:
+
+```sh
+{command}
+```
+
+Absolute times differ from machine to machine and from day to day; ratios are steadier.
+"""
+
+
+def check_output(output: Path) -> None:
+    """See beforehand whether results can be written there, for they take long to come by.
+
+    Args:
+        output: A file that ends in `.json`, or a folder.
+
+    Raises:
+        BenchError: Something is there already, or nothing can be written.
+    """
+    try:
+        if output.suffix == _SUFFIX:
+            if output.exists():
+                raise BenchError(f'{output}: found an existing file, wanted a new one')
+            folder = output.parent
+            folder.mkdir(parents=True, exist_ok=True)
+        else:
+            if output.exists() and (not output.is_dir() or any(output.iterdir())):
+                raise BenchError(f'{output}: found something there, wanted a new or empty folder')
+            folder = output
+            folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BenchError(f'{output}: {error.strerror or error}') from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise BenchError(f'{folder}: found a folder that cannot be written to, wanted another one')
+
+
+def write(results: Results, output: Path) -> None:
+    """Write results to a file, or to a folder with pictures and the page `performance.md`.
+
+    Args:
+        results: The results.
+        output: As in `check_output`.
+
+    Raises:
+        BenchError: It cannot be written.
+    """
+    text = json.dumps(content(results), indent=1, allow_nan=False, ensure_ascii=False) + '\n'
+    try:
+        if output.suffix == _SUFFIX:
+            output.write_text(text, encoding='utf-8')
+            return
+        (output / f'bench{_SUFFIX}').write_text(text, encoding='utf-8')
+        with journal():
+            for name, figure in pictures(results).items():
+                figure.savefig(output / f'{name}.png', dpi=_DPI, metadata={'Software': None})
+        (output / 'performance.md').write_text(page(results), encoding='utf-8')
+    except OSError as error:
+        raise BenchError(f'{output}: {error.strerror or error}') from error
+
+
+def content(results: Results) -> dict[str, Any]:
+    """Results as JSON has them.
+
+    Args:
+        results: The results.
+
+    Returns:
+        - `command`: command line that was given.
+        - `machine`: processor, cores, kernel, versions of Python and of packages, as text.
+        - `presets_ms`: by preset `first` and `every`, each a spread.
+        - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
+          `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
+          [m], `violation` [m] and `wheel_speed` [rad/s].
+        - `horizons_us`: by method `steps`, `times` and the fitted `exponent`, which may be null.
+        - `not_compared`: reasons by method.
+        - `latency_ms`: null, or `runs`, the samples `total` and `own`, their spreads and that of
+          the rest, `jitter`, and `miss` [m].
+        - `resident_mb`: this process, and the guidance node when active and at the end.
+
+        A spread has `count`, `median`, `p99`, `p999` and `largest`; percentiles for which there
+        are too few values are null.
+    """
+    comparison, latency = results.comparison, results.latency
+    resident = {'benchmark': results.resident}
+    if latency is not None:
+        resident |= {
+            'guidance_active': latency.resident_active,
+            'guidance_end': latency.resident_end,
+        }
+    return {
+        'command': results.order.command,
+        'machine': results.machine,
+        'presets_ms': {
+            each.name: {'first': asdict(each.first), 'every': asdict(each.every)}
+            for each in results.presets
+        },
+        'methods': {
+            'steps': comparison.steps,
+            'runs': comparison.runs,
+            'timed': {
+                each.name: {
+                    'first_us': asdict(each.first),
+                    'loop_us': asdict(each.loop),
+                    'first_ratio': each.first_ratio,
+                    'loop_ratio': each.loop_ratio,
+                    'outcome': asdict(each.outcome),
+                }
+                for each in comparison.timed
+            },
+        },
+        'horizons_us': {
+            each.name: {'steps': each.steps, 'times': each.times, 'exponent': each.exponent}
+            for each in results.growth
+        },
+        'not_compared': {**comparison.left_out, **results.missing},
+        'latency_ms': None
+        if latency is None
+        else {
+            'runs': latency.runs,
+            'miss': latency.miss,
+            'total': latency.total.tolist(),
+            'own': latency.own.tolist(),
+            'spread_total': asdict(Spread.of(latency.total)),
+            'spread_own': asdict(Spread.of(latency.own)),
+            'spread_rest': asdict(latency.rest),
+            'jitter': latency.jitter.tolist(),
+        },
+        'resident_mb': resident,
+    }
+
+
+def page(results: Results) -> str:
+    """Results as a page in Markdown, beside their pictures."""
+    machine = '\n'.join(f'- {name}: {value}' for name, value in results.machine.items())
+    parts = [_INTRODUCTION.format(command=results.order.command), f'## Machine\n\n{machine}']
+    parts += [table.markdown() for table in tables(results)]
+    drawn = ('horizons', 'steps', *(['latency'] if results.latency is not None else []))
+    parts += ['## Pictures', *(f'{_CAPTIONS[name]}\n\n![{name}]({name}.png)' for name in drawn)]
+    return '\n\n'.join(part.strip('\n') for part in parts) + '\n'

@@ -1,0 +1,74 @@
+"""What is asked of a benchmark, and what it comes to."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmpsp_ros.studies.bench.horizons import HORIZONS, Growth
+from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.presets import PresetTiming
+from cmpsp_ros.studies.bench.timing import Comparison
+
+COMPARED_STEPS = 50
+"""Steps of Case 3."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What to measure, and where to write it.
+
+    Attributes:
+        presets: Names of presets or parameter files whose control steps are timed.
+        runs: Runs of each of them, and of each method.
+        peers: Whether other people's solvers take part.
+        latency: Whether the node is timed over DDS.
+        output: A file that ends in `.json`, or a folder; None to write nothing.
+        steps: Steps of the full horizon where methods are compared.
+        horizons: Numbers of steps over which their growth is measured.
+    """
+
+    presets: Sequence[str]
+    runs: int
+    peers: bool = False
+    latency: bool = False
+    output: Path | None = None
+    steps: int = COMPARED_STEPS
+    horizons: Sequence[int] = HORIZONS
+
+    @property
+    def command(self) -> str:
+        """The command line that asks for it."""
+        options = [name for name in ('peers', 'latency') if getattr(self, name)]
+        words = ['cmpsp', 'bench', *self.presets, '--runs', str(self.runs)]
+        words += [f'--{name}' for name in options]
+        if self.output is not None:
+            words += ['--output', str(self.output)]
+        return shlex.join(words)
+
+
+@dataclass(frozen=True)
+class Results:
+    """All that was measured.
+
+    Attributes:
+        order: What was asked.
+        machine: What it was measured on.
+        presets: Control steps of the presets.
+        comparison: Methods at one horizon.
+        growth: Methods over horizons.
+        missing: Why other methods took no part, by name.
+        latency: Over DDS; None if it was not asked.
+        resident: Resident set of this process at the end [MB].
+    """
+
+    order: Order
+    machine: dict[str, str]
+    presets: list[PresetTiming]
+    comparison: Comparison
+    growth: list[Growth]
+    missing: dict[str, str]
+    latency: Latency | None
+    resident: float

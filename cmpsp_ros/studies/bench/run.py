@@ -1,0 +1,68 @@
+"""The whole benchmark, part after part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from cmpsp_ros.studies.bench.errors import BenchError
+from cmpsp_ros.studies.bench.horizons import grow
+from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.machine import machine
+from cmpsp_ros.studies.bench.memory import resident
+from cmpsp_ros.studies.bench.methods import OURS, Method
+from cmpsp_ros.studies.bench.peers import peers
+from cmpsp_ros.studies.bench.presets import Preset, measure
+from cmpsp_ros.studies.bench.report import check_output, write
+from cmpsp_ros.studies.bench.results import Order, Results
+from cmpsp_ros.studies.bench.task import Task
+from cmpsp_ros.studies.bench.timing import compare
+
+_LATENCY_RUNS = 3
+"""Runs in real time, ten seconds each: enough for a 99th percentile."""
+
+Progress = Callable[[str, int], Callable[[], None]]
+"""Told a part of the work and how many pieces it has; what it returns is called after each."""
+
+
+def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) -> Results:
+    """Measure what is asked, and write it where it is asked.
+
+    Args:
+        order: What to measure.
+        progress: Told of each part of the work.
+
+    Raises:
+        BenchError: The output cannot be used, or a measurement failed.
+        ParameterError: No such preset, or one that cannot be used.
+    """
+    presets = [Preset.load(name) for name in order.presets]
+    if order.output is not None:
+        check_output(order.output)
+    found = machine()
+    timings = measure(presets, order.runs, progress('presets', order.runs * len(presets)))
+    task = Task.case3()
+    methods: list[Method] = [make(task) for make in OURS]
+    others, missing = peers(task) if order.peers else ([], {})
+    methods += others
+    told = progress('methods', (order.runs + 1) * len(methods))
+    comparison = compare(task, methods, order.steps, order.runs, told)
+    timed = {each.name for each in comparison.timed}
+    able = [method for method in methods if method.name in timed]
+    told = progress('horizons', len(order.horizons))
+    growth = grow(task, able, order.horizons, order.runs, told)
+    latency = _latency(order, progress) if order.latency else None
+    results = Results(order, found, timings, comparison, growth, missing, latency, resident())
+    if order.output is not None:
+        write(results, order.output)
+    return results
+
+
+def _latency(order: Order, progress: Progress) -> Latency:
+    try:
+        from cmpsp_ros.studies.bench.over_dds import measure_latency  # noqa: PLC0415 (needs ROS)
+    except ImportError as error:
+        raise BenchError(
+            f'latency: found no ROS ({error}), wanted rclpy and the messages'
+        ) from error
+    runs = min(order.runs, _LATENCY_RUNS)
+    return measure_latency('case3', runs, progress('latency', runs))

@@ -1,0 +1,178 @@
+"""Results as tables of text, for the terminal and for a page alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from rich.markup import escape
+from rich.table import Table as RichTable
+
+from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.results import Results
+from cmpsp_ros.studies.bench.spread import Spread
+
+_NONE = '–'
+
+
+@dataclass(frozen=True)
+class Table:
+    """A part of the results.
+
+    Attributes:
+        title: Its heading.
+        columns: Their names.
+        rows: Cells as text.
+        note: What a reader has to know.
+        words: How many columns, from the first on, hold words and not numbers.
+    """
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ''
+    words: int = 1
+
+    def markdown(self) -> str:
+        """With its title as a heading and its note before it."""
+        lines = [
+            self.columns,
+            ['---' if place < self.words else '---:' for place in range(len(self.columns))],
+            *self.rows,
+        ]
+        body = '\n'.join('| ' + ' | '.join(line) + ' |' for line in lines)
+        return '\n\n'.join(part for part in (f'## {self.title}', self.note, body) if part)
+
+    def rich(self) -> RichTable:
+        """For the terminal, without the note."""
+        # Units stand in brackets, which is how rich marks its styles.
+        table = RichTable(title=escape(self.title))
+        for place, column in enumerate(self.columns):
+            side: Literal['left', 'right'] = 'left' if place < self.words else 'right'
+            table.add_column(escape(column), justify=side, overflow='fold')
+        for row in self.rows:
+            table.add_row(*map(escape, row))
+        return table
+
+
+def tables(results: Results) -> Iterator[Table]:
+    """All tables of some results."""
+    yield _presets(results)
+    yield _comparison(results)
+    yield _outcomes(results)
+    yield _growth(results)
+    left_out = {**results.comparison.left_out, **results.missing}
+    if left_out:
+        yield Table('Not compared', ('method', 'why'), list(left_out.items()), words=2)
+    if results.latency is not None:
+        yield _latency(results.latency)
+    yield _memory(results)
+
+
+def _presets(results: Results) -> Table:
+    columns = ('preset', 'first', 'median', 'p99', 'p99.9', 'max')
+    rows = [
+        (each.name, _of(each.first.median, 2), *_spread(each.every, 2)) for each in results.presets
+    ]
+    note = (
+        'All that the guidance law does in a control step: warm start, two iterations with line'
+        ' search, audit. *First* is the median of the first steps, which have the full horizon;'
+        ' the other columns are of every step.'
+    )
+    return Table('Control step of the presets [ms]', columns, rows, note)
+
+
+def _comparison(results: Results) -> Table:
+    found = results.comparison
+    rows = []
+    for each in found.timed:
+        ratios = f'{each.first_ratio:.3g}', f'{each.loop_ratio:.3g}'
+        times = _of(each.first.median, 0), ratios[0], *_spread(each.loop, 0), ratios[1]
+        rows.append((each.name, *times))
+    columns = ('method', 'first', 'ratio', 'median', 'p99', 'p99.9', 'max', 'ratio of all')
+    note = (
+        f'Case 3 with {found.steps} steps, {found.runs} closed loops of each method, the methods'
+        ' in turn. *First* is the median of the first steps; the columns after *ratio* are of'
+        ' every step of the shrinking horizon. Ratios are medians of quotients in the same step'
+        f' of the same run, with *{found.timed[0].name}* below.'
+    )
+    return Table(f'Two iterations, {found.steps} steps [µs]', columns, rows, note)
+
+
+def _outcomes(results: Results) -> Table:
+    rows = [
+        (
+            each.name,
+            f'{each.outcome.cost:.4f}',
+            f'{each.outcome.miss:.1e}',
+            f'{each.outcome.violation:+.1e}',
+            f'{each.outcome.wheel_speed:.4f}',
+        )
+        for each in results.comparison.timed
+    ]
+    columns = ('method', 'cost', 'miss [m]', 'violation [m]', 'fastest wheel [rad/s]')
+    note = (
+        'Where the same closed loops lead, by the model of this package: a wrong problem would show'
+        ' here. Only methods that reach the goal and keep clear are timed. *Violation* is the'
+        ' largest at the samples, negative where there is room left.'
+    )
+    return Table('What the methods drive', columns, rows, note)
+
+
+def _growth(results: Results) -> Table:
+    horizons = list(results.order.horizons)
+    rows = []
+    for each in results.growth:
+        times = dict(zip(each.steps, each.times, strict=True))
+        exponent = _NONE if each.exponent is None else f'{each.exponent:.2f}'
+        cells = (_of(times.get(steps), 0) for steps in horizons)
+        rows.append((each.name, *cells, exponent))
+    columns = ('method', *(f'N = {steps}' for steps in horizons), 'exponent')
+    note = (
+        'Case 3 cut into N steps, from the same guess. The exponent is that of N, fitted from 100'
+        ' steps on. Slow methods are not asked for long horizons.'
+    )
+    return Table('First step over horizons [µs]', columns, rows, note)
+
+
+def _latency(found: Latency) -> Table:
+    total, own = Spread.of(found.total), Spread.of(found.own)
+    rows = [
+        (name, *_spread(spread, 2))
+        for name, spread in (
+            ('odometry to command', total),
+            ('of that the node itself', own),
+            ('of that the rest', found.rest),
+        )
+    ]
+    columns = ('', 'median', 'p99', 'p99.9', 'max')
+    note = (
+        f'{found.runs} runs of Case 3 in real time, {total.count} control steps: from just before'
+        ' the odometry is published by one process to the callback with the command in the same,'
+        ' the node in another. *The node itself* is from its callback to its publishing, by its'
+        f' own clock. The goal was missed by {found.miss * 1e3:.1f} mm at most: the command comes'
+        ' later than the odometry that it answers.'
+    )
+    return Table('Latency over DDS [ms]', columns, rows, note)
+
+
+def _memory(results: Results) -> Table:
+    rows = [('this benchmark, at its end', f'{results.resident:.0f}')]
+    found = results.latency
+    if found is not None:
+        rows = [
+            ('guidance node, when it becomes active', f'{found.resident_active:.0f}'),
+            ('guidance node, at the end of a run', f'{found.resident_end:.0f}'),
+            *rows,
+        ]
+    return Table('Resident memory [MB]', ('process', 'resident'), rows)
+
+
+def _spread(spread: Spread, digits: int) -> tuple[str, ...]:
+    values = (spread.median, spread.p99, spread.p999, spread.largest)
+    return tuple(_of(value, digits) for value in values)
+
+
+def _of(value: float | None, digits: int) -> str:
+    return _NONE if value is None else f'{value:.{digits}f}'

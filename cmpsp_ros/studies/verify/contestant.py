@@ -1,0 +1,46 @@
+"""The back end under test, asked with and without a hint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, backend
+from cmpsp_ros.mpsp.qp.riccati_backend import empty_hint, solve_from
+from cmpsp_ros.studies.verify.case import Program
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A back end, without the check of its answers that users of it get.
+
+    Attributes:
+        name: Its name.
+        cold: Solves a program without a hint.
+        warm: Solves a program after the one that is given second, whose solution is the hint;
+            None where a hint means nothing to the back end.
+    """
+
+    name: str
+    cold: Callable[[Program], QPSolution]
+    warm: Callable[[Program, Program], QPSolution] | None = None
+
+
+def contestant(name: str) -> Contestant:
+    """The back end of that name.
+
+    Raises:
+        ProblemError: No back end of that name is installed; says which are.
+    """
+    solve = backend(name)
+
+    def cold(program: Program) -> QPSolution:
+        return solve(program.subproblem, program.penalties)
+
+    return Contestant(name, cold, _active_set_after if name == RICCATI_ACTIVE_SET else None)
+
+
+def _active_set_after(program: Program, before: Program) -> QPSolution:
+    hint = empty_hint(program.subproblem.size)
+    solve_from(before.subproblem, before.penalties, hint)
+    return solve_from(program.subproblem, program.penalties, hint)

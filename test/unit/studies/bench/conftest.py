@@ -1,0 +1,17 @@
+"""Case 3, and a small benchmark of it."""
+
+import pytest
+
+from cmpsp_ros.studies.bench import Order, run
+from cmpsp_ros.studies.bench.task import Task
+
+
+@pytest.fixture(scope='session')
+def task():
+    return Task.case3()
+
+
+@pytest.fixture(scope='session')
+def results():
+    """Two runs with four steps and every solver that is installed."""
+    return run(Order(['case3'], runs=2, peers=True, steps=4, horizons=(4, 6)))

@@ -1,0 +1,79 @@
+"""The benchmark once, at a small size, with every solver that is installed; and its command."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cmpsp_ros.cli import app
+from cmpsp_ros.studies.bench import BenchError, Order, run
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, ['bench', *map(str, args)], env={'COLUMNS': '200'})
+
+
+def test_all_that_was_asked_for_is_there(results):
+    assert [each.name for each in results.presets] == ['case3']
+    found = results.comparison
+    assert (found.steps, found.runs) == (4, 2)
+    assert found.timed[0].name == 'condensed + daqp'
+    assert [each.name for each in results.growth] == [each.name for each in found.timed]
+    assert results.growth[0].steps == [4, 6]
+    assert results.latency is None
+
+
+def test_installed_solvers_solve_the_same_task(task, results):
+    pytest.importorskip('casadi')
+    found = {each.name: each.outcome for each in results.comparison.timed}
+    assert {'fatrop, to convergence', 'ipopt, to convergence'} <= found.keys()
+    for outcome in found.values():
+        assert task.failure(outcome) == ''
+
+
+def test_progress_is_told():
+    told = []
+
+    def progress(part, pieces):
+        told.append(f'{part} {pieces}')
+        return lambda: told.append(part)
+
+    run(Order(['case1'], runs=1, steps=3, horizons=(3,)), progress)
+    assert told == [
+        'presets 1', 'presets', 'methods 2', 'methods', 'methods', 'horizons 1', 'horizons',
+    ]  # fmt: skip
+
+
+def test_a_wrong_preset_leaves_no_folder(tmp_path):
+    done = invoke('cas3', '--output', tmp_path / 'folder')
+    assert done.exit_code == 1
+    assert 'did you mean case3?' in done.stderr
+    assert not (tmp_path / 'folder').exists()
+
+
+def test_an_existing_file_is_kept(tmp_path):
+    path = tmp_path / 'bench.json'
+    path.write_text('mine')
+    done = invoke('--output', path)
+    assert done.exit_code == 1
+    assert 'found an existing file' in done.stderr
+    assert path.read_text() == 'mine'
+    with pytest.raises(BenchError, match='existing file'):
+        run(Order(['case1'], runs=1, output=path))
+
+
+def test_the_command_line_of_an_order():
+    order = Order(['case1', 'my file.yaml'], 3, peers=True, latency=True, output=Path('out'))
+    assert order.command == (
+        "cmpsp bench case1 'my file.yaml' --runs 3 --peers --latency --output out"
+    )
+
+
+def test_the_command_writes_and_tells(tmp_path):
+    path = tmp_path / 'bench.json'
+    done = invoke('case1', '--runs', 1, '--output', path)
+    assert done.exit_code == 0, done.output
+    for said in ('case1', 'condensed + daqp', '[ms]', 'written'):
+        assert said in done.stdout
+    assert json.loads(path.read_text())['presets_ms'].keys() == {'case1'}

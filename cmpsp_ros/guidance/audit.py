@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 # met there to the accuracy of a linearisation.
 _SAMPLE_TOLERANCE = 1e-3
 
+_FOUND = 7
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -48,6 +50,7 @@ class Audit:
         self._robot = settings.robot
         self._between = settings.safety.between_samples
         self._space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        self._inner, self._outer = float(self._space.inner), float(self._space.outer)
         self._names = (
             'the outer road edge',
             'the inner road edge',
@@ -65,28 +68,39 @@ class Audit:
             controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s].
         """
-        if not np.isfinite(controls).all():
+        robot, space = self._robot, self._space
+        found = np.empty(_FOUND)
+        _sweep(
+            found,
+            np.empty(len(self._names)),
+            pose,
+            controls,
+            durations,
+            robot.wheel_radius,
+            robot.half_track,
+            self._between,
+            space.centers,
+            self._inner,
+            self._outer,
+            space.radii,
+        )
+        fastest, margin, worst_margin, nearest, shortfall, short, tightest = found.tolist()
+        if not math.isfinite(fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
-        fastest = float(np.abs(controls).max())
-        if fastest > self._robot.max_wheel_speed:
+        if fastest > robot.max_wheel_speed:
             return _refused(
                 f'The plan has a wheel speed of {fastest!r} rad/s, the limit is'
-                f' {self._robot.max_wheel_speed!r} rad/s.'
+                f' {robot.max_wheel_speed!r} rad/s.'
             )
-        coming, worst = self._clearance(pose, controls, durations)
-        if not (np.isfinite(coming).all() and np.isfinite(worst).all()):
+        if not (math.isfinite(margin) and math.isfinite(worst_margin)):
             return _refused('The path of the plan is not finite.')
-        floor = np.minimum(self.at(pose), 0.0) - (0.0 if self._between else _SAMPLE_TOLERANCE)
-        nearest = self._names[int(worst.argmin())]
-        short = coming - floor
         reason = ''
-        if short.min() < 0.0:
-            where = int(short.argmin())
+        if shortfall > 0.0:
             reason = (
-                f'The next {durations[0]:.3g} s would come {-coming[where]:.3g} m too close'
-                f' to {self._names[where]}.'
+                f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
+                f' to {self._names[int(short)]}.'
             )
-        return Verdict(not reason, reason, float(coming.min()), float(worst.min()), nearest)
+        return Verdict(not reason, reason, margin, worst_margin, self._names[int(nearest)])
 
     def at(self, pose: Array) -> Array:
         """Clearance of a pose from outer edge, inner edge and obstacles, ``(2 + M,)`` [m]."""
@@ -97,30 +111,10 @@ class Audit:
         """Names of path constraints by their index, for messages."""
         return ', '.join(self._names[index] for index in constraints)
 
-    def _clearance(self, pose: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
-        """Clearance from each thing over the first step and over all, ``(2 + M,)`` each [m]."""
-        robot, space = self._robot, self._space
-        coming, worst = np.empty(len(self._names)), np.empty(len(self._names))
-        _sweep(
-            coming,
-            worst,
-            pose,
-            controls,
-            durations,
-            robot.wheel_radius,
-            robot.half_track,
-            self._between,
-            space.centers,
-            float(space.inner),
-            float(space.outer),
-            space.radii,
-        )
-        return coming, worst
-
 
 @allocation_free
 def _sweep(
-    coming: Array,
+    found: Array,
     worst: Array,
     pose: Array,
     controls: Array,
@@ -133,8 +127,37 @@ def _sweep(
     outer: float,
     radii: Array,
 ) -> None:
-    """Drive a plan arc by arc and keep the least clearances."""
+    """Drive a plan arc by arc.
+
+    Args:
+        found: Filled with the largest wheel speed; the least clearance of the first step and of
+            the whole plan, and what it is from; by how much the first step falls short of what it
+            must keep, what it comes too close to, and its clearance from that. Shape ``(7,)``.
+        worst: Scratch, shape ``(2 + M,)``.
+        pose: Where it begins.
+        controls: Wheel speeds.
+        durations: Of the steps.
+        wheel_radius: Of the robot.
+        half_track: Of the robot.
+        between: Whether the way between samples counts.
+        centers: Of the road and the obstacles.
+        inner: Least distance from the road's centre.
+        outer: Greatest distance from it.
+        radii: Least distances from the obstacles.
+    """
+    fastest = 0.0
+    for k in range(controls.shape[0]):
+        for a in range(2):
+            # The sum carries a number that is not one, which no comparison does.
+            fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
+    found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
+    for j in range(centers.shape[0]):
+        distance = math.hypot(x - centers[j, 0], y - centers[j, 1])
+        if j == 0:
+            worst[0], worst[1] = outer - distance, distance - inner
+        else:
+            worst[j + 1] = distance - radii[j - 1]
     for k in range(durations.shape[0]):
         right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
         length = (right + left) / 2.0 * durations[k]
@@ -147,16 +170,33 @@ def _sweep(
             else:
                 least = greatest = math.hypot(x - centers[j, 0], y - centers[j, 1])
             if j == 0:
-                _note(coming, worst, k, 0, outer - greatest)
-                _note(coming, worst, k, 1, least - inner)
+                _note(found, worst, k, 0, outer - greatest, between)
+                _note(found, worst, k, 1, least - inner, between)
             else:
-                _note(coming, worst, k, j + 1, least - radii[j - 1])
+                _note(found, worst, k, j + 1, least - radii[j - 1], between)
+    nearest, total = 0, 0.0
+    for what in range(worst.shape[0]):
+        if worst[what] < worst[nearest]:
+            nearest = what
+        total += worst[what]
+    # Not a number if any of them is not.
+    found[2], found[3] = worst[nearest] + 0.0 * total, nearest
 
 
 @allocation_free
-def _note(coming: Array, worst: Array, k: int, what: int, clearance: float) -> None:
+def _note(found: Array, worst: Array, k: int, what: int, clearance: float, between: bool) -> None:
+    """Take in the clearance of one step from one thing.
+
+    A robot that is too close already must not get closer. That is what `worst` holds before the
+    first step.
+    """
     if k == 0:
-        coming[what] = worst[what] = clearance
+        allowed = min(worst[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
+        if what == 0 or not clearance >= found[1]:
+            found[1] = clearance
+        if what == 0 or not allowed - clearance <= found[4]:
+            found[4], found[5], found[6] = allowed - clearance, what, clearance
+        worst[what] = clearance
     # A number that is not one comes in, and nothing replaces it.
     elif clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance

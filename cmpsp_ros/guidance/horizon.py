@@ -36,7 +36,8 @@ class Horizon:
     @cached_property
     def durations(self) -> Array:
         """Length of each step, shape ``(N,)`` [s]."""
-        return np.diff(self.edges) / NANOSECONDS
+        lengths: Array = (self.edges[1:] - self.edges[:-1]) / NANOSECONDS
+        return lengths
 
     @property
     def next_instant(self) -> int:
@@ -60,8 +61,9 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     half = period // 2
     first = -(-(now + half) // period)
     last = (final - half) // period
-    instants = np.arange(first, last + 1, dtype=np.int64) * period
-    return Horizon(np.concatenate([[now], instants, [max(final, now + half)]]).astype(np.int64))
+    edges = np.arange(first - 1, last + 2, dtype=np.int64) * period
+    edges[0], edges[-1] = now, max(final, now + half)
+    return Horizon(edges)
 
 
 def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
@@ -82,7 +84,7 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
 def steps_over(old: Horizon, new: Horizon) -> int:
     """How many steps of a horizon are over when a later one begins."""
-    return int(np.searchsorted(old.edges, new.edges[0], side='right')) - 1
+    return int(old.edges.searchsorted(new.edges[0], side='right')) - 1
 
 
 @allocation_free

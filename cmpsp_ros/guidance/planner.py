@@ -27,9 +27,8 @@ from cmpsp_ros.mpsp.realtime.iteration import (
     RELAXED,
     Rules,
     improve,
-    shift_hints,
 )
-from cmpsp_ros.mpsp.realtime.packed import pack
+from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
@@ -37,6 +36,7 @@ from cmpsp_ros.robot.guidance_problem import guidance_data
 
 Array = NDArray[np.float64]
 
+_NO_SLACK: Final = np.zeros(2)
 _STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
 
 
@@ -54,8 +54,9 @@ class Planner:
         self._back_end = BackEndPlanner(self._task)
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
-        self._make_room(_longest(settings))
         self._rules = self._make_rules()
+        self._horizon: Horizon | None = None
+        self._packed, self._room = self._make_room(_longest(settings))
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
@@ -74,20 +75,16 @@ class Planner:
             return self._back_end.improve(pose, held, guess, horizon)
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
-            self._make_room(steps)
-        self._move_hints(horizon, steps)
-        room = self._room
+            self._packed, self._room = self._make_room(steps)
+            self.forget()
+        room, begun = self._room, self._horizon
+        over = len(room.lower) if begun is None else steps_over(begun, horizon)
+        self._horizon = horizon
         room.at.U[: steps + 1] = guess
-        improve(self._data(pose, held, guess, horizon), self._packed, steps, self._rules)
+        improve(self._data(pose, held, guess, horizon), self._packed, steps, over, self._rules)
         if room.counts[OUTCOME] == NO_CURVATURE:
             return self._back_end.improve(pose, held, guess, horizon)
         return _summary(room, horizon, self._rules)
-
-    def _move_hints(self, horizon: Horizon, steps: int) -> None:
-        begun = self._horizon
-        over = len(self._room.lower) if begun is None else steps_over(begun, horizon)
-        shift_hints(self._packed, over, steps)
-        self._horizon = horizon
 
     def _data(
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
@@ -99,7 +96,7 @@ class Planner:
         data = guidance_data(settings.robot, space, task.cost, pose, task.goal, durations, hessian)
         return ControlRateData(data, rate, held) if rate > 0.0 else data
 
-    def _make_room(self, steps: int) -> None:
+    def _make_room(self, steps: int) -> tuple[Packed, Workspace]:
         task = self._task
         settings = task.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
@@ -109,8 +106,7 @@ class Planner:
         room = workspace(size, task.penalty_terminal, task.penalty_path, trust_radius)
         room.upper[:] = settings.robot.max_wheel_speed
         room.lower[:] = -room.upper
-        self._packed, self._room = pack(room)
-        self._horizon: Horizon | None = None
+        return pack(room)
 
     def _make_rules(self) -> Rules:
         task = self._task
@@ -133,20 +129,21 @@ def _longest(settings: GuidanceSettings) -> int:
 
 
 def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:
-    counts, slack, stages = room.counts, room.slack, len(horizon.edges)
-    status = _STATUS.get(int(counts[OUTCOME]), QPStatus.FAILED)
-    relaxed = bool(counts[RELAXED]) and status is QPStatus.SOLVED
-    largest = float(slack.max()) if relaxed else 0.0
-    path, terminal = slack[:-2], slack[-2:]
+    stages = len(horizon.edges)
+    plan = Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy())
+    counts = room.counts.tolist()
+    status = _STATUS.get(counts[OUTCOME], QPStatus.FAILED)
+    slack = room.slack if counts[RELAXED] and status is QPStatus.SOLVED else _NO_SLACK
+    largest, tolerance = float(slack.max()), rules.slack_tolerance
     return Improvement(
-        Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy()),
+        plan,
         status is QPStatus.SOLVED,
-        largest > rules.slack_tolerance,
+        largest > tolerance,
         largest,
-        tuple(np.flatnonzero(path > rules.slack_tolerance).tolist()) if relaxed else (),
-        relaxed and bool(terminal.max() > rules.slack_tolerance),
-        int(counts[DONE]),
-        int(counts[QP_ITERATIONS]),
-        int(counts[ACTIVE_ROWS]),
+        tuple(np.flatnonzero(slack[:-2] > tolerance).tolist()) if largest > tolerance else (),
+        bool(slack[-2:].max() > tolerance),
+        counts[DONE],
+        counts[QP_ITERATIONS],
+        counts[ACTIVE_ROWS],
         status.value,
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -12,9 +11,10 @@ from cmpsp_ros.mpsp.answer import Answer, answer
 from cmpsp_ros.mpsp.convergence import Record, record
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.iterate import Iterate, Size, Step
-from cmpsp_ros.mpsp.merit import Merit, Trial, search, second_order_correction
+from cmpsp_ros.mpsp.merit import Merit, Trial, search
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Hessian, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import Penalties, QPStatus, backend
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, Penalties, QPStatus, backend
+from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
 from cmpsp_ros.mpsp.status import Solution, Status, violations
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
@@ -43,7 +43,7 @@ class Options:
 
     penalty_terminal: Array
     penalty_path: Array
-    qp: str = 'daqp'
+    qp: str = RICCATI_ACTIVE_SET
     hessian: Hessian = 'gauss_newton'
     elastic: bool = True
     trust_radius: Array | None = None
@@ -190,7 +190,10 @@ class CMPSP:
         if self._options.line_search:
             merit = self._merit.above_multipliers(solution)
             promised = merit.predicted_decrease(subproblem, dU)
-            mend = partial(second_order_correction, subproblem, solution)
+
+            def mend(after: Evaluation) -> Array:
+                return second_order_correction(subproblem, solution, after.output_error, after.g)
+
             # A relaxed step leaves rows violated that no correction could mend.
             correction = None if elastic else mend
             # What can no longer be checked relies on the length that could: a Hessian too flat

@@ -101,37 +101,6 @@ Correction = Callable[[Evaluation], Array]
 """From the value after the full step to the control deviations that mend its violation."""
 
 
-def second_order_correction(
-    subproblem: Subproblem, solution: QPSolution, evaluation: Evaluation
-) -> Array:
-    """Least deviations that undo what the constraints' curvature costs a full step.
-
-    Near a solution with active curved constraints the full step violates them by the square of
-    its length, and the merit may refuse it for that, however close the solution is: the Maratos
-    effect. Going back to the constraints along their gradients at the start of the step mends it.
-
-    Args:
-        subproblem: The subproblem.
-        solution: Its solution, which tells the active rows and bounds.
-        evaluation: Value after the full step.
-
-    Returns:
-        Deviations on top of the step, shape ``(N + 1, r)``; 0 where a bound is active.
-    """
-    qp = subproblem.condensed
-    rows_at = qp.path_stage, qp.path_index
-    g = evaluation.g[rows_at]
-    active = (solution.path[rows_at] > 0.0) | (g > 0.0)
-    rows = np.concatenate([qp.S_N, qp.B_C[active]])
-    excess = np.concatenate([evaluation.output_error, g[active]])
-    # Measured by the Hessian's diagonal, so that controls of unlike units share the work.
-    curvature = np.diagonal(qp.H)
-    scale = 1.0 / np.sqrt(np.where(curvature > 0.0, curvature, 1.0))
-    scale[solution.bounds.ravel() != 0.0] = 0.0
-    shortest: Array = np.linalg.lstsq(rows * scale, -excess, rcond=None)[0]
-    return (scale * shortest).reshape(solution.dU.shape)
-
-
 def search(
     problem: OptimalControlProblem,
     start: Trial,

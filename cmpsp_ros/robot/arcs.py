@@ -103,6 +103,7 @@ def reach_of(arc: Arc, point_x: float, point_y: float) -> Any:
     if abs(arc.turn) <= _STRAIGHT:
         return _to_chord(arc, out_x, out_y), greatest
     ahead = arc.cosine * out_x + arc.sine * out_y
+    near = far = False
     if abs(arc.turn) < math.pi:
         # The nearest point of the circle is passed where the point comes abreast.
         after = arc.end_cosine * left_x + arc.end_sine * left_y

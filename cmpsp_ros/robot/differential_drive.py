@@ -48,9 +48,10 @@ class DifferentialDrive:
     def twist(self, wheel_speeds: Array) -> Array:
         """Body twists ``(..., 2)`` [m/s, rad/s] of wheel speeds ``(..., 2)`` [rad/s], by (91)."""
         right, left = wheel_speeds[..., RIGHT], wheel_speeds[..., LEFT]
-        speed = (right + left) * (self.wheel_radius / 2.0)
-        turn_rate = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
-        return np.stack([speed, turn_rate], axis=-1)
+        twist = np.empty_like(wheel_speeds, dtype=float)
+        twist[..., 0] = (right + left) * (self.wheel_radius / 2.0)
+        twist[..., 1] = (right - left) * (self.wheel_radius / (2.0 * self.half_track))
+        return twist
 
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., 2)`` [rad/s] of body twists ``(..., 2)`` [m/s, rad/s]."""

@@ -8,14 +8,21 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Dimensions
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, Row
+from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.qp.solution import (
+    Penalties,
+    QPSolution,
+    QPStatus,
+    Row,
+    largest_multipliers,
+)
 from cmpsp_ros.mpsp.riccati import solver
 from cmpsp_ros.mpsp.riccati.active_set import CONFLICT, Hint, no_hint
+from cmpsp_ros.mpsp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, place_of
 from cmpsp_ros.mpsp.riccati.solver import Solver
-from cmpsp_ros.mpsp.riccati.stage_qp import Penalty, StageQP
+from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import factorise
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
@@ -39,12 +46,35 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
     with _room(size) as room:
         outcome = NO_CURVATURE
         if factorise(qp, room.white):
-            outcome = solver.solve(qp, _penalty(size, penalties), hint, room)
+            outcome = solver.solve(qp, largest_multipliers(size, penalties), hint, room)
         if outcome == SOLVED:
             return _solution(room)
         if outcome == INFEASIBLE:
             return QPSolution.unsolved(size, QPStatus.INFEASIBLE, _conflict(qp, room))
         return QPSolution.unsolved(size, QPStatus.FAILED)
+
+
+def second_order_correction(
+    subproblem: Subproblem, solution: QPSolution, output_error: Array, g: Array
+) -> Array:
+    """Second-order correction (see `cmpsp_ros.mpsp.riccati.correction.correct`).
+
+    Args:
+        subproblem: The program.
+        solution: Its solution by any back end.
+        output_error: Terminal error after the full step, shape ``(m,)``.
+        g: Path constraints after the full step, shape ``(N + 1, l)``.
+
+    Returns:
+        Deviations on top of the step, shape ``(N + 1, r)``; 0 where the Hessian is not definite.
+    """
+    qp, bend = subproblem.stages, np.zeros_like(solution.dU)
+    multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
+    with _room(subproblem.size) as room:
+        if factorise(qp, room.white):
+            activate(qp, room, multipliers)
+            correct(qp, room, output_error, g, bend)
+    return bend
 
 
 def empty_hint(size: Dimensions) -> Hint:
@@ -62,16 +92,6 @@ def _room(size: Dimensions) -> Iterator[Solver]:
         room = solver.solver(size.horizon, size.state, size.control, size.output, size.path)
     yield room
     free.append(room)
-
-
-def _penalty(size: Dimensions, penalties: Penalties | None) -> Penalty:
-    if penalties is None:
-        path = np.full((size.horizon + 1, size.path), np.inf)
-        return Penalty(np.full(size.output, np.inf), path)
-    return Penalty(
-        np.ascontiguousarray(penalties.terminal, dtype=float),
-        np.ascontiguousarray(penalties.path, dtype=float),
-    )
 
 
 def _solution(room: Solver) -> QPSolution:
@@ -97,5 +117,5 @@ def _row(qp: StageQP, number: int) -> Row:
         return Row('terminal', len(qp.A), number)
     place = place_of(qp, number)
     if place.kind == PATH:
-        return Row('path', place.stage, place.index)
-    return Row('bound' if place.kind == BOUND else 'trust', place.stage, place.index)
+        return Row('path', place.stage, place.component)
+    return Row('bound' if place.kind == BOUND else 'trust', place.stage, place.component)

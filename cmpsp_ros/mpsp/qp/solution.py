@@ -122,7 +122,7 @@ def kkt_residual(
         solution.dU,
         subproblem.propagate(solution.dU),
         multipliers,
-        np.empty((8, subproblem.size.state)),
+        np.empty((4, subproblem.size.state)),
     )
 
 

@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.realtime.search import attempt, copy, search
 from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
 from cmpsp_ros.mpsp.riccati.active_set import shift_hint
 from cmpsp_ros.mpsp.riccati.outcome import NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.riccati.rows import rows_a_stage
+from cmpsp_ros.mpsp.riccati.rows import count_rows, rows_a_stage
 from cmpsp_ros.mpsp.riccati.solver import iterations, solve
 from cmpsp_ros.mpsp.riccati.whitening import factorise
 
@@ -46,16 +46,19 @@ class Rules(NamedTuple):
 
 
 @allocation_free
-def improve(data: Any, packed: Packed, N: int, rules: Rules) -> None:
+def improve(data: Any, packed: Packed, N: int, over: int, rules: Rules) -> None:
     """Improve the plan in a workspace's ``at.U``, as `cmpsp_ros.mpsp.iteration.CMPSP` does.
 
     Args:
         data: The problem, whose functions are given by `cmpsp_ros.mpsp.realtime.functions`.
         packed: The workspace. Its iterate and counts are the result, on ``N + 1`` stages.
         N: Steps of the horizon, at most those there is room for.
+        over: How many stages of the last plan's horizon are over; beyond its end to know nothing of
+            the last plan.
         rules: How the iteration is run.
     """
     room = unpack(packed, N)
+    _shift_hints(room, over)
     at = room.at
     room.counts[:] = 0
     room.slack[:] = 0.0
@@ -79,19 +82,12 @@ def improve(data: Any, packed: Packed, N: int, rules: Rules) -> None:
 
 
 @allocation_free
-def shift_hints(packed: Packed, stages: int, N: int) -> None:
-    """Move the active rows of the last plan to a horizon of ``N`` steps that begins later.
-
-    Args:
-        packed: The workspace.
-        stages: How many stages are over; all of them to begin with no active rows.
-        N: Steps of the new horizon.
-    """
-    room = unpack(packed, N)
+def _shift_hints(room: Workspace, over: int) -> None:
+    """Move the active rows of the last plan to the horizon of this one."""
     terminal, width = room.qp.output_error.shape[0], rows_a_stage(room.qp)
-    last = terminal + (N + 1) * width
-    shift_hint(room.solver.hint_hard, terminal, stages * width, last)
-    shift_hint(room.solver.hint_relaxed, terminal, stages * width, last)
+    last = count_rows(room.qp)
+    shift_hint(room.solver.hint_hard, terminal, over * width, last)
+    shift_hint(room.solver.hint_relaxed, terminal, over * width, last)
 
 
 @allocation_free

@@ -74,12 +74,12 @@ class Hint(NamedTuple):
     """Where a program's solution ended, for the next one like it.
 
     Attributes:
-        count: How many rows are in it, shape ``(1,)``.
+        length: How many rows are in it, shape ``(1,)``.
         rows: Numbers of the rows that were active, in the order in which they became so, and
             ``-1 - number`` of those that were at their (upper) penalty; shape ``(rows,)``.
     """
 
-    count: Indices
+    length: Indices
     rows: Indices
 
 
@@ -160,7 +160,7 @@ def shift_hint(hint: Hint, terminal: int, stage: int, last: int) -> None:
         last: How many rows there are on the new horizon.
     """
     kept = 0
-    for i in range(hint.count[0]):
+    for i in range(hint.length[0]):
         row, saturated = hint.rows[i], hint.rows[i] < 0
         if saturated:
             row = -1 - row
@@ -170,7 +170,7 @@ def shift_hint(hint: Hint, terminal: int, stage: int, last: int) -> None:
                 continue
         hint.rows[kept] = -1 - row if saturated else row
         kept += 1
-    hint.count[0] = kept
+    hint.length[0] = kept
 
 
 @allocation_free
@@ -208,7 +208,7 @@ def find_active_set(
     for row in range(qp.output_error.shape[0]):
         if outcome == _DONE and at.states[row] == _OFF:
             outcome = _meet(qp, penalty, white, at, row, limit, dU, dX)
-    for i in range(hint.count[0]):
+    for i in range(hint.length[0]):
         row = hint.rows[i]
         known = 0 <= row < at.states.shape[0]
         if outcome == _DONE and known and at.states[row] == _OFF:
@@ -242,7 +242,7 @@ def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint:
     at.lengths[:] = 0.0
     for i in range(at.v.shape[0]):
         at.v[i] = white.optimum[i]
-    for i in range(hint.count[0]):
+    for i in range(hint.length[0]):
         row = -1 - hint.rows[i]
         if not 0 <= row < at.states.shape[0]:
             continue
@@ -590,11 +590,11 @@ def _put(qp: StageQP, row: int, multiplier: float, multipliers: Multipliers) -> 
         return
     place = place_of(qp, row)
     if place.kind == PATH:
-        multipliers.path[place.stage, place.index] = multiplier
+        multipliers.path[place.stage, place.component] = multiplier
     elif place.kind == BOUND:
-        multipliers.bounds[place.stage, place.index] += place.sign * multiplier
+        multipliers.bounds[place.stage, place.component] += place.sign * multiplier
     else:
-        multipliers.trust[place.stage, place.index] += place.sign * multiplier
+        multipliers.trust[place.stage, place.component] += place.sign * multiplier
 
 
 @allocation_free
@@ -608,7 +608,7 @@ def _leave_hint(at: ActiveSet, hint: Hint) -> None:
             if at.states[row] == _AT_PENALTY:
                 hint.rows[found] = -1 - row
                 found += 1
-    hint.count[0] = found
+    hint.length[0] = found
 
 
 @allocation_free

@@ -24,13 +24,13 @@ class Place(NamedTuple):
     Attributes:
         kind: `PATH`, `BOUND` or `TRUST`.
         stage: Its stage.
-        index: Which path constraint, control or state.
+        component: Which path constraint, control or state.
         sign: -1 for a lower limit, else 1.
     """
 
     kind: int
     stage: int
-    index: int
+    component: int
     sign: float
 
 
@@ -80,12 +80,12 @@ def limit_of(qp: StageQP, penalty: Penalty, row: int) -> Any:
         return -qp.output_error[row], penalty.terminal[row]
     place = place_of(qp, row)
     if place.kind == PATH:
-        return -qp.g[place.stage, place.index], penalty.path[place.stage, place.index]
+        return -qp.g[place.stage, place.component], penalty.path[place.stage, place.component]
     if place.kind == BOUND:
         if place.sign > 0.0:
-            return qp.upper[place.stage, place.index], math.inf
-        return -qp.lower[place.stage, place.index], math.inf
-    return qp.trust_radius[place.index], math.inf
+            return qp.upper[place.stage, place.component], math.inf
+        return -qp.lower[place.stage, place.component], math.inf
+    return qp.trust_radius[place.component], math.inf
 
 
 @allocation_free
@@ -114,13 +114,13 @@ def _load(qp: StageQP, white: Whitening, row: int) -> int:
     place = place_of(qp, row)
     k = place.stage
     for i in range(n):
-        s[i] = qp.g_X[k, place.index, i] if place.kind == PATH else 0.0
+        s[i] = qp.g_X[k, place.component, i] if place.kind == PATH else 0.0
     for a in range(r):
-        d[a] = qp.g_U[k, place.index, a] if place.kind == PATH else 0.0
+        d[a] = qp.g_U[k, place.component, a] if place.kind == PATH else 0.0
     if place.kind == BOUND:
-        d[place.index] = place.sign
+        d[place.component] = place.sign
     elif place.kind == TRUST:
-        s[place.index] = place.sign
+        s[place.component] = place.sign
     return k
 
 
@@ -140,11 +140,11 @@ def value_of(qp: StageQP, row: int, dU: Array, dX: Array) -> float:
     place = place_of(qp, row)
     k = place.stage
     if place.kind == BOUND:
-        return place.sign * dU[k, place.index]
+        return place.sign * dU[k, place.component]
     if place.kind == TRUST:
-        return place.sign * dX[k, place.index]
+        return place.sign * dX[k, place.component]
     for i in range(n):
-        total += qp.g_X[k, place.index, i] * dX[k, i]
+        total += qp.g_X[k, place.component, i] * dX[k, i]
     for a in range(r):
-        total += qp.g_U[k, place.index, a] * dU[k, a]
+        total += qp.g_U[k, place.component, a] * dU[k, a]
     return total

@@ -28,7 +28,7 @@ def dimension(size: Size) -> int:
     return len(size) if isinstance(size, tuple) else size
 
 
-@overload(dimension, jit_options=NO_RUNTIME, strict=False)
+@overload(dimension, jit_options=NO_RUNTIME, strict=False)  # type: ignore[untyped-decorator]
 def _dimension(size: Any) -> Callable[[Any], int]:
     if isinstance(size, types.BaseTuple):
         return lambda size: len(size)  # noqa: PLW0108 (numba compiles functions, not built-ins)

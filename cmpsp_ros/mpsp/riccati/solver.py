@@ -93,7 +93,7 @@ def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
     outcome = ITERATION_LIMIT
     limit = _ITERATIONS_AT_LEAST + _ITERATIONS_A_CONTROL * room.active.v.shape[0]
     while True:
-        hinted = hint.count[0] > 0
+        hinted = hint.length[0] > 0
         outcome = find_active_set(
             qp, penalty, room.white, room.active, hint, room.dU, room.dX, room.multipliers, limit
         )
@@ -101,7 +101,7 @@ def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
             return SOLVED
         if not hinted:
             break
-        hint.count[0] = 0
+        hint.length[0] = 0
     return INFEASIBLE if outcome == INFEASIBLE else ITERATION_LIMIT
 
 

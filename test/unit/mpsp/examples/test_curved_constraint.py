@@ -45,7 +45,7 @@ def test_full_steps_are_kept(state, rate, penalty):
 
 @pytest.mark.parametrize('state', [equality, inequality])
 def test_they_are_refused_without_the_second_order_correction(state, monkeypatch):
-    def none(subproblem, solution, evaluation):
+    def none(subproblem, solution, output_error, g):
         return np.zeros_like(solution.dU)
 
     monkeypatch.setattr(iteration, 'second_order_correction', none)

@@ -16,6 +16,8 @@ INSTALL_REQUIRES = [
     'qpsolvers>=4.3',
     'clarabel>=0.9',
     'rosbags>=0.11',
+    'lz4>=4.0',
+    'backports.zstd>=1.0; python_version < "3.14"',
     'pyyaml>=6.0',
     'typer>=0.12',
     'rich>=13.0',
@@ -34,6 +36,8 @@ EXTRAS_REQUIRE = {
         'ros-jazzy-rosgraph-msgs',
     ],
     'casadi': ['casadi>=3.6'],
+    'parquet': ['pyarrow>=15.0'],
+    'report': ['plotly>=5.0'],  # its plotly.min.js goes into the page
     'test': [
         'pytest>=8.0',
         'pytest-cov',
@@ -41,6 +45,8 @@ EXTRAS_REQUIRE = {
         'pytest-xdist',
         'hypothesis',
         'casadi',
+        'pyarrow',
+        'plotly',
         'scipy',
         'colcon-common-extensions',
         'setuptools<80',  # colcon-core drives `setup.py` in ways that 80 took away
@@ -76,7 +82,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
-    package_data={NAME: ['py.typed']},
+    package_data={NAME: ['py.typed', 'bags/report/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),

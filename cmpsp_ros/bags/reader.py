@@ -1,44 +1,35 @@
-"""Reading bags: ours, and those of `ros2 bag`."""
+"""Reading bags: ours, and those of `ros2 bag`; whatever is in them, and within bounds."""
 
 from __future__ import annotations
 
-import json
-import struct
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.rosbag2 import ReaderError
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_typestore
-
+from cmpsp_ros.bags.custom_data import (
+    PARAMETERS_KEY,
+    SOFTWARE_KEY,
+    VERSION_KEY,
+    expected,
+    parsed,
+)
+from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.writer import PARAMETERS_KEY, VERSION_KEY
+from cmpsp_ros.bags.folder import METADATA, is_locked
+from cmpsp_ros.bags.guarded import GuardedReader
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
 
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
-    from rosbags.rosbag2 import Reader
+    from rosbags.typesys.store import Typestore
 
-# What rosbags raises, by what it runs into, on files that are damaged.
-_DAMAGE = (
-    AnyReaderError,
-    ReaderError,
-    SerdeError,
-    TypesysError,
-    OSError,
-    EOFError,
-    ValueError,
-    TypeError,
-    LookupError,
-    AssertionError,
-    struct.error,
-)
+_STORAGE_FILES = ('*.mcap', '*.db3')
+
+_MAX_REASON = 500
 
 
 @dataclass(frozen=True)
@@ -60,6 +51,10 @@ class Topic:
 class Bag:
     """A bag opened for reading; a context manager, closed at the end of its block.
 
+    Nothing in a bag is trusted: whatever is wrong with it becomes a `BagError`, and memory and
+    time are bounded by the size of its files (see `cmpsp_ros.bags.limits`). Messages are read as
+    they are asked for, never all at once.
+
     Args:
         path: Folder with a `metadata.yaml`, or a single mcap or sqlite3 file.
 
@@ -71,23 +66,20 @@ class Bag:
         parameters: Parameters kept with the bag, `{node: {name: value}}`; empty when the bag was
             not written by this package.
         version: Version of this package that wrote the bag; empty when another program did.
+        software: Versions of what else was installed where the bag was written, by name.
 
     Raises:
-        BagError: No such path, not a bag, cut off, or damaged.
+        BagError: No such path, not a bag, cut off, being written, or damaged.
 
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        if not path.exists():
-            msg = f'{path}: no such bag'
-            raise BagError(msg)
-        if path.is_dir() and not (path / 'metadata.yaml').exists():
-            what = 'the recording was cut off' if any(path.glob('*.mcap')) else 'not a bag'
-            msg = f'{path}: {what}: expected a metadata.yaml in this folder'
-            raise BagError(msg)
+        self._open = False
+        self._types: dict[str, Typestore] = {}
         with self._readable('not a readable bag'):
-            self._reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY))
+            _check_there(path)
+            self._reader = GuardedReader(path)
             self._reader.open()
         self._open = True
         try:
@@ -126,10 +118,46 @@ class Bag:
             BagError: No such topic, or the bag is damaged.
 
         """
-        for connection, stamp, raw in self._records(topic):
-            with self._readable(f'message of {topic} at {stamp} ns cannot be read'):
-                message = self._reader.deserialize(raw, connection.msgtype)
+        for _, stamp, message in self.together([topic]):
             yield stamp, message
+
+    def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
+        """Iterate over the messages of several topics, all in one order of time.
+
+        Args:
+            topics: Full names.
+
+        Yields:
+            Topic, stamp [ns] and message; those of one stamp in the order of writing.
+
+        Raises:
+            BagError: No such topic, or the bag is damaged.
+
+        """
+        for connection, stamp, raw in self._records(*topics):
+            name, topic = connection.msgtype, connection.topic
+            if name not in self._types:
+                with self._readable(f'topic {topic} cannot be read'):
+                    self._types[name] = types_of(connection)
+            with self._readable(f'message of {topic} at {stamp} ns cannot be read'):
+                message = self._types[name].deserialize_cdr(raw, name)
+            yield topic, stamp, message
+
+    def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
+        """Iterate over the messages of several topics, as recorded, in one order of time.
+
+        Args:
+            topics: Full names, as in `/odom`.
+
+        Yields:
+            Topic, stamp [ns] and serialised message (CDR).
+
+        Raises:
+            BagError: A topic is missing, or the bag is damaged.
+
+        """
+        for connection, stamp, raw in self._records(*topics):
+            yield connection.topic, stamp, raw
 
     def close(self) -> None:
         """Close the bag; closing twice is closing once."""
@@ -148,18 +176,19 @@ class Bag:
     ) -> None:
         self.close()
 
-    def _records(self, topic: str) -> Iterator[tuple[Connection, int, bytes]]:
+    def _records(self, *topics: str) -> Iterator[tuple[Connection, int, bytes]]:
         if not self._open:
             msg = f'{self.path}: the bag is closed'
             raise BagError(msg)
-        if topic not in self.topics:
-            there = ', '.join(sorted(self.topics)) or 'no topic at all'
-            msg = f'{self.path}: no topic {topic}; there is {there}'
-            raise BagError(msg)
-        chosen = [each for each in self._reader.connections if each.topic == topic]
+        for topic in topics:
+            if topic not in self.topics:
+                there = ', '.join(sorted(self.topics)) or 'no topic at all'
+                msg = f'{self.path}: no topic {topic}; there is {there}'
+                raise BagError(msg)
+        chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
         while True:
-            with self._readable(f'damaged in topic {topic}'):
+            with self._readable(f'damaged in topic {" or ".join(topics)}'):
                 record = next(records, None)
             if record is None:
                 return
@@ -168,6 +197,10 @@ class Bag:
     def _read_summary(self) -> None:
         self.topics: dict[str, Topic] = {}
         for each in self._reader.connections:
+            expected(each.topic, str, 'topic')
+            expected(each.msgtype, str, f'type of {each.topic}')
+            expected(each.digest, str, f'hash of the type of {each.topic}')
+            expected(each.msgcount, int, f'number of messages of {each.topic}')
             before = self.topics.get(each.topic)
             ext = cast('ConnectionExtRosbag2', each.ext)
             self.topics[each.topic] = Topic(
@@ -176,17 +209,39 @@ class Bag:
                 (*(before.qos_profiles if before else ()), *ext.offered_qos_profiles),
             )
         empty = self._reader.message_count == 0
-        self.start = 0 if empty else self._reader.start_time
+        self.start = 0 if empty else expected(self._reader.start_time, int, 'first stamp')
         # rosbags counts the end as the first nanosecond after the last message.
-        self.end = 0 if empty else self._reader.end_time - 1
-        custom = cast('Reader', self._reader.readers[0]).storage.metadata.custom or {}
-        self.version = custom.get(VERSION_KEY, '')
-        self.parameters: dict[str, dict[str, Any]] = json.loads(custom.get(PARAMETERS_KEY, '{}'))
+        self.end = 0 if empty else expected(self._reader.end_time, int, 'last stamp') - 1
+        custom = expected(self._reader.storage.metadata.custom or {}, dict, 'custom data')
+        self.version: str = expected(custom.get(VERSION_KEY, ''), str, VERSION_KEY)
+        self.software: dict[str, str] = parsed(custom, SOFTWARE_KEY)
+        self.parameters: dict[str, dict[str, Any]] = parsed(custom, PARAMETERS_KEY)
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:
+        # What parsers raise on files made to break them is not to be foretold.
         try:
             yield
-        except _DAMAGE as error:
-            msg = f'{self.path}: {what}: {str(error) or type(error).__name__}'
+        except BagError:
+            raise
+        except Exception as error:
+            text = ' '.join(str(error).split()) or type(error).__name__
+            msg = f'{self.path}: {what}: {text[:_MAX_REASON]}'
             raise BagError(msg) from error
+
+
+def _check_there(path: Path) -> None:
+    if not path.exists():
+        msg = f'{path}: no such bag'
+        raise BagError(msg)
+    if path.is_dir() and not (path / METADATA).exists():
+        raise BagError(f'{path}: {_what_is(path)}')
+
+
+def _what_is(folder: Path) -> str:
+    wanted = f'expected a {METADATA} in this folder'
+    if not any(next(folder.glob(each), None) for each in _STORAGE_FILES):
+        return f'not a bag: {wanted}'
+    if is_locked(folder):
+        return f'being written right now: {wanted} once it is closed'
+    return f'the recording was cut off: {wanted}; `cmpsp recover {folder}` makes a whole bag of it'

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Recorded
 from cmpsp_ros.robot.arcs import arc_ends, reach
 
 Array = NDArray[np.float64]
@@ -31,6 +32,9 @@ class Decided:
         reason: Why, in a sentence.
         finished: Whether the final time had passed.
         step_ms: Time from odometry to command [ms]; None where it was not measured.
+        halted: Whether it answers no odometry but the node's clock.
+        run: How often the law had been reset before it; 0 where that was not recorded.
+        revision: How often the law had been given new settings; 0 where that was not recorded.
     """
 
     stamp: int
@@ -38,6 +42,9 @@ class Decided:
     reason: str
     finished: bool
     step_ms: float | None
+    halted: bool
+    run: int
+    revision: int
 
 
 @dataclass(frozen=True)
@@ -143,22 +150,19 @@ def read_run(path: Path, namespace: str = '') -> Run:
 
 
 def _decisions(bag: Bag, topic: str) -> Iterator[Decided]:
-    for _, message in bag.messages(topic):
-        values = {each.key: each.value for each in message.values}
-        step_ms = values.get('step_ms')
-        try:
-            yield Decided(
-                int(values['stamp']),
-                values['rung'],
-                message.message,
-                values['finished'] == 'true',
-                None if step_ms is None else float(step_ms),
-            )
-        except (KeyError, ValueError) as error:
-            raise BagError(
-                f'{bag.path}: found a message of {topic} without or with a wrong {error},'
-                ' wanted a decision of this package'
-            ) from error
+    for received, message in bag.messages(topic):
+        said = Recorded.of(f'{bag.path}: {topic}', received, message)
+        step_ms = said.facts.get('step_ms')
+        yield Decided(
+            said.stamp,
+            said.text('rung'),
+            said.reason,
+            said.finished,
+            None if step_ms is None else said.number('step_ms'),
+            said.halted,
+            said.run or 0,
+            said.revision or 0,
+        )
 
 
 def _plans(bag: Bag, topic: str) -> Iterator[Planned]:

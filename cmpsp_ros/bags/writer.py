@@ -3,91 +3,130 @@
 from __future__ import annotations
 
 import json
-from array import array
 from collections.abc import Sequence
-from contextlib import suppress
-from importlib.metadata import PackageNotFoundError, version
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rosbags.rosbag2 import StoragePlugin, WriterError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.interfaces import (
+    Connection,
+    ConnectionExtRosbag2,
+    MessageDefinition,
+)
 
+from cmpsp_ros.bags.custom_data import (
+    PARAMETERS_KEY,
+    SOFTWARE_KEY,
+    VERSION_KEY,
+    own_version,
+    plain,
+    software_versions,
+)
+from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.mcap_storage import RevocableWriter
+from cmpsp_ros.bags.folder import METADATA, UNFINISHED, FolderLock, write_whole
+from cmpsp_ros.bags.rolling import RollingFiles
+from cmpsp_ros.bags.storage import Form
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
     from types import TracebackType
     from typing import Self
 
-    from rosbags.interfaces import Connection, Qos
-
-PARAMETERS_KEY = 'cmpsp_ros.parameters'
-"""Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
-
-VERSION_KEY = 'cmpsp_ros.version'
-"""Key in the bag's custom data: version of this package that wrote the bag."""
+    from rosbags.interfaces import Qos
 
 
 class BagWriter:
-    """A new bag: mcap storage, metadata version 9, ROS 2 Jazzy message definitions.
+    """A new bag: metadata version 9, ROS 2 Jazzy message definitions.
 
     As a context manager it closes the bag on every way out of the block, `KeyboardInterrupt`
     included. Not thread-safe.
 
     Args:
         path: Folder of the bag; must not exist, missing parents are made.
+        form: Format, compression, and when to begin a new file.
 
     Raises:
         BagError: The path exists or cannot be created.
 
     """
 
-    def __init__(self, path: Path) -> None:
-        if path.exists():
-            msg = f'{path}: exists already, a new bag needs a path that does not exist'
-            raise BagError(msg)
+    def __init__(self, path: Path, form: Form | None = None) -> None:
         self.path = path
-        self._typestore = get_typestore(Stores.ROS2_JAZZY)
+        form = form or Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
+        self._custom = {
+            VERSION_KEY: own_version(),
+            SOFTWARE_KEY: json.dumps(software_versions()),
+            PARAMETERS_KEY: '{}',
+        }
+        self._kept: dict[str, str] = {}
         self._closed = False
-        self._writer = RevocableWriter(path, version=9, storage_plugin=StoragePlugin.MCAP)
+        if form.compressed and form.storage != 'mcap':
+            msg = f'{path}: only mcap can be compressed, not {form.storage}'
+            raise BagError(msg)
         try:
-            self._writer.open()
-        except (OSError, WriterError) as error:
+            path.mkdir(parents=True)
+        except FileExistsError as error:
+            msg = f'{path}: exists already, a new bag needs a path that does not exist'
+            raise BagError(msg) from error
+        except OSError as error:
             msg = f'{path}: cannot create the bag: {error}'
             raise BagError(msg) from error
+        with self._refusals('cannot create the bag'):
+            self._lock = FolderLock(path)
+            self._files = RollingFiles(path, form, self._custom)
+            self._lock.sync()
 
     @property
     def message_count(self) -> int:
         """Number of messages written."""
-        return sum(self._writer.counts.values())
+        return self._files.message_count
 
-    def topic(self, name: str, msgtype: str, qos_profiles: Sequence[Qos] = ()) -> None:
+    def topic(
+        self,
+        name: str,
+        msgtype: str,
+        qos_profiles: Sequence[Qos] = (),
+        definition: MessageDefinition | None = None,
+    ) -> None:
         """Add a topic.
 
         Args:
             name: Full name, as in `/odom`.
             msgtype: Type, as in `nav_msgs/msg/Odometry`.
             qos_profiles: What the publishers offer, one profile each.
+            definition: Definition of the type; that of ROS 2 Jazzy when absent.
 
         Raises:
             UnknownTypeError: No definition of the type is known; the bag goes on without it.
-            BagError: The topic has been added already, or the bag is closed.
+            BagError: The topic has been added already, the bag is closed, or the disk refuses.
 
         """
         self._check_open()
         if name in self._topics:
             msg = f'{self.path}: topic {name} has been added already'
             raise BagError(msg)
-        if msgtype not in self._typestore.fielddefs:
+        known = known_definition(msgtype)
+        chosen = definition or known
+        if chosen is None:
             msg = f'{self.path}: topic {name} left out: no definition of its type {msgtype}'
             raise UnknownTypeError(msg)
-        self._topics[name] = self._writer.add_connection(
-            name, msgtype, typestore=self._typestore, offered_qos_profiles=qos_profiles
+        digest = jazzy().hash_rihs01(msgtype) if chosen == known else ''
+        connection = Connection(
+            len(self._topics) + 1,
+            name,
+            msgtype,
+            chosen,
+            digest,
+            0,
+            ConnectionExtRosbag2('cdr', list(qos_profiles)),
+            self,
         )
+        with self._refusals('cannot write to the bag'):
+            self._files.add(connection)
+        self._topics[name] = connection
 
     def write(self, topic: str, stamp_ns: int, raw: bytes) -> None:
         """Write one message.
@@ -102,30 +141,27 @@ class BagWriter:
 
         """
         self._check_open()
-        if topic not in self._topics:
+        connection = self._topics.get(topic)
+        if connection is None:
             msg = f'{self.path}: write to topic {topic}, which has not been added'
             raise BagError(msg)
-        try:
-            self._writer.write(self._topics[topic], stamp_ns, raw)
-        except OSError as error:
-            msg = f'{self.path}: cannot write to the bag: {error}'
-            raise BagError(msg) from error
+        with self._refusals('cannot write to the bag'):
+            self._files.write(connection, stamp_ns, raw)
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system.
+        """Have everything written so far survive the end of the process, and a loss of power.
 
-        What has been flushed can be recovered from a bag whose process was killed.
+        What has been flushed can be recovered from a bag that was never closed.
 
         Raises:
             BagError: The bag is closed, or the disk refuses.
 
         """
         self._check_open()
-        try:
-            self._writer.flush()
-        except OSError as error:
-            msg = f'{self.path}: cannot write to the bag: {error}'
-            raise BagError(msg) from error
+        with self._refusals('cannot write to the bag'):
+            self._keep_custom()
+            self._files.flush()
+            self._lock.sync()
 
     def set_parameters(self, node_name: str, values: Mapping[str, object]) -> None:
         """Keep a node's parameters with the bag, in place of any kept for it before.
@@ -140,10 +176,20 @@ class BagWriter:
 
         """
         self._check_open()
-        self._parameters[node_name] = {
-            name: _plain(value, f'{self.path}: parameter {name} of {node_name}')
-            for name, value in values.items()
-        }
+        kept = {}
+        for name, value in values.items():
+            try:
+                kept[name] = plain(value)
+            except TypeError as error:
+                msg = f'{self.path}: parameter {name} of {node_name} {error}'
+                raise BagError(msg) from error
+        self._parameters[node_name] = kept
+        self._custom[PARAMETERS_KEY] = json.dumps(self._parameters)
+
+    def set_custom(self, values: Mapping[str, str]) -> None:
+        """Keep texts with the bag, by key; those of another bag that this one continues."""
+        self._check_open()
+        self._custom.update(values)
 
     def close(self) -> None:
         """Write index and metadata; closing twice is closing once.
@@ -158,22 +204,12 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        self._writer.set_custom_data(VERSION_KEY, _software_version())
-        self._writer.set_custom_data(PARAMETERS_KEY, json.dumps(self._parameters))
         try:
-            self._writer.flush()
-            self._writer.close()
-        except OSError as error:
-            try:
-                lost = self._writer.make_room()
-                self._writer.close()
-            except OSError:
-                with suppress(OSError):
-                    self._writer.abort()
-                msg = f'{self.path}: cut off, without index and metadata: {error}'
-                raise BagError(msg) from error
-            msg = f'{self.path}: closed without its last {lost} messages: {error}'
-            raise BagError(msg) from error
+            self._close()
+        finally:
+            if (self.path / METADATA).exists():
+                (self.path / UNFINISHED).unlink(missing_ok=True)
+            self._lock.release()
 
     def __enter__(self) -> Self:
         return self
@@ -191,24 +227,34 @@ class BagWriter:
             if error is None:
                 raise
 
+    def _close(self) -> None:
+        try:
+            self._files.close()
+        except OSError as error:
+            try:
+                lost = self._files.make_room()
+                self._files.close()
+            except OSError:
+                self._files.abort()
+                msg = f'{self.path}: cut off, without index and metadata: {error}'
+                raise BagError(msg) from error
+            msg = f'{self.path}: closed without its last {lost} messages: {error}'
+            raise BagError(msg) from error
+
+    def _keep_custom(self) -> None:
+        if self._custom != self._kept:
+            write_whole(self.path / UNFINISHED, json.dumps(self._custom))
+            self._kept = dict(self._custom)
+
     def _check_open(self) -> None:
         if self._closed:
             msg = f'{self.path}: the bag is closed'
             raise BagError(msg)
 
-
-def _plain(value: object, what: str) -> object:
-    """Reduce a parameter's value to what JSON has."""
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    if isinstance(value, (Sequence, array)):
-        return [_plain(each, what) for each in value]
-    msg = f'{what} is a {type(value).__name__}, which a bag cannot keep'
-    raise BagError(msg)
-
-
-def _software_version() -> str:
-    try:
-        return version('cmpsp_ros')
-    except PackageNotFoundError:
-        return 'unknown'
+    @contextmanager
+    def _refusals(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            msg = f'{self.path}: {what}: {error}'
+            raise BagError(msg) from error

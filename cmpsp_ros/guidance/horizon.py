@@ -61,7 +61,8 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     half = period // 2
     first = -(-(now + half) // period)
     last = (final - half) // period
-    edges = np.arange(first - 1, last + 2, dtype=np.int64) * period
+    count = max(last - first + 1, 0)
+    edges = np.arange(first - 1, first + count + 1, dtype=np.int64) * period
     edges[0], edges[-1] = now, max(final, now + half)
     return Horizon(edges)
 

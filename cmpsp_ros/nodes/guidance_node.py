@@ -14,13 +14,14 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.time_jump import TimeJump
 from cmpsp_ros.nodes.compiling import prepare_aloud
 from cmpsp_ros.nodes.garbage import GarbageCollection
 from cmpsp_ros.nodes.guidance_messages import level_of
 from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
 from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
-from cmpsp_ros.nodes.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.runtime import run
@@ -140,7 +141,7 @@ class GuidanceNode(LifecycleNode):
     def _begin(self) -> None:
         self._times = StepTimes()
         self._heard_at: int | None = None
-        self._stamp: int | None = None
+        self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._decision: Decision | None = None
 
@@ -192,11 +193,10 @@ class GuidanceNode(LifecycleNode):
 
     def _notice_time(self, stamp: int) -> None:
         """Begin the run again when time has: odometry fits the clock, but not what came before."""
-        back = ((self._stamp or stamp) - stamp) / 1e9
+        back = self._time_jump.back(stamp)
         if back > self._settings.odom_timeout:
             self.get_logger().warning(f'time has jumped back by {back:.3f} s: the run begins again')
             self._law.reset()
-        self._stamp = stamp
 
     def _watch(self) -> None:
         if self._state != ACTIVE:

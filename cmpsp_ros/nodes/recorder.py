@@ -6,7 +6,6 @@ import sys
 import time
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, cast
 
 from rclpy.callback_groups import CallbackGroup
@@ -18,6 +17,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.nodes.message_types import message_class
 from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.recorder_options import read_options
@@ -146,7 +146,7 @@ class Recorder(Node):
         if not publishers:
             return
         try:
-            message_class = _message_class(name, types)
+            kind = _class_of(name, types)
             self._bag.topic(name, types[0], [for_bag(each.qos_profile) for each in publishers])
         except UnknownTypeError as error:
             self._left_out.add(name)
@@ -156,7 +156,7 @@ class Recorder(Node):
             self._broken = True
             raise
         subscription = self.create_subscription(
-            message_class,
+            kind,
             name,
             lambda _: None,
             hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
@@ -191,9 +191,9 @@ class Recorder(Node):
             return None
         batch = []
         for name, recorded in self._topics.items():
-            handle, message_class = recorded.subscription.handle, recorded.subscription.msg_type
+            handle, kind = recorded.subscription.handle, recorded.subscription.msg_type
             with handle:
-                while (taken := handle.take_message(message_class, True)) is not None:
+                while (taken := handle.take_message(kind, True)) is not None:
                     raw, info = taken
                     # Not every middleware knows when it received a message.
                     received = info['received_timestamp'] or now
@@ -235,15 +235,14 @@ class Recorder(Node):
         self._take(ending=True)
 
 
-def _message_class(topic: str, types: list[str]) -> Any:
+def _class_of(topic: str, types: list[str]) -> Any:
     if len(types) != 1:
         msg = f'topic {topic} left out: its publishers disagree on its type: {", ".join(types)}'
         raise UnknownTypeError(msg)
-    package, _, name = types[0].partition('/msg/')
     try:
-        return getattr(import_module(f'{package}.msg'), name)
-    except (ImportError, AttributeError) as error:
-        msg = f'topic {topic} left out: its type {types[0]} is not installed here: {error}'
+        return message_class(types[0])
+    except UnknownTypeError as error:
+        msg = f'topic {topic} left out: {error}'
         raise UnknownTypeError(msg) from error
 
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
+from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.studies.paper.experiments import Experiment
 
 Array = NDArray[np.float64]

@@ -19,7 +19,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_problem import EDGES, Cost, GuidanceProblem
+from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import Experiment
 

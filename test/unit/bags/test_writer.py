@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 import os
+import platform
 import re
 import resource
 import struct
 import subprocess
 import sys
 from array import array
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.highlevel import AnyReader
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -25,9 +28,13 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
+from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
+from cmpsp_ros.bags.folder import UNFINISHED
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.writer import PARAMETERS_KEY, VERSION_KEY, BagWriter
+from cmpsp_ros.bags.recover import recover
+from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.writer import BagWriter
 
 STRING = 'std_msgs/msg/String'
 HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
@@ -69,7 +76,7 @@ def test_metadata(path):
     found = information(path)
     assert found['version'] == 9
     assert found['storage_identifier'] == 'mcap'
-    assert set(found['custom_data']) == {PARAMETERS_KEY, VERSION_KEY}
+    assert set(found['custom_data']) == {PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY}
     (topic,) = found['topics_with_message_count']
     (profile,) = topic['topic_metadata']['offered_qos_profiles']
     assert profile['reliability'] == 'reliable'
@@ -180,9 +187,10 @@ FILL_DISK = """
 import resource, sys
 from pathlib import Path
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.storage import Form
 from cmpsp_ros.bags.writer import BagWriter
 
-bag = BagWriter(Path(sys.argv[1]))
+bag = BagWriter(Path(sys.argv[1]), Form(sys.argv[4]))
 bag.topic('/a', 'std_msgs/msg/String')
 limit = int(sys.argv[2])
 resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
@@ -200,10 +208,10 @@ except BagError as error:
 """
 
 
-def fill_disk(path, limit):
+def fill_disk(path, limit, storage='mcap'):
     """Write until the operating system refuses, in a process that may write `limit` bytes."""
     done = subprocess.run(
-        [sys.executable, '-c', FILL_DISK, path, str(limit), HELLO.hex()],
+        [sys.executable, '-c', FILL_DISK, path, str(limit), HELLO.hex(), storage],
         env={**os.environ, 'PYTHONPATH': str(REPOSITORY)},
         capture_output=True,
         text=True,
@@ -235,3 +243,84 @@ def test_no_room_even_for_the_index(path):
     assert closed.startswith(f'{path}: cut off, without index and metadata: ')
     with pytest.raises(BagError, match='cut off'):
         Bag(path)
+
+
+FORMS = [Form(), Form(compressed=True), Form('sqlite3')]
+
+
+@pytest.mark.parametrize('form', FORMS)
+@pytest.mark.parametrize('split', [{'split_size': 5000}, {'split_duration': 100}])
+def test_split(path, form, split):
+    with BagWriter(path, replace(form, **split)) as bag:
+        bag.topic('/a', STRING, [LATCHED])
+        for stamp in range(1, 401):
+            bag.write('/a', stamp, HELLO)
+            if stamp == 200:
+                bag.topic('/late', STRING)
+        assert bag.message_count == 400
+    found = information(path)
+    names = found['relative_file_paths']
+    assert len(names) == 4 or 'split_size' in split
+    assert len(names) > 2
+    suffix = {'mcap': 'mcap', 'sqlite3': 'db3'}[form.storage]
+    assert names == [f'bag_{number}.{suffix}' for number in range(len(names))]
+    assert [each['path'] for each in found['files']] == names
+    assert sum(each['message_count'] for each in found['files']) == found['message_count'] == 400
+    assert found['starting_time']['nanoseconds_since_epoch'] == 1
+    assert found['duration']['nanoseconds'] == 399
+    assert sorted(each.name for each in path.iterdir()) == sorted([*names, 'metadata.yaml'])
+    assert stamps(path) == list(range(1, 401))
+    assert stamps(path, '/late') == []
+    with AnyReader([path]) as reader:
+        assert reader.message_count == 400
+    for each in names:
+        assert stamps(path / each)
+
+
+def test_compression(path, tmp_path):
+    for name, form in (('plain', Form()), ('small', Form(compressed=True))):
+        with BagWriter(tmp_path / name, form) as bag:
+            bag.topic('/a', STRING)
+            for stamp in range(1000):
+                bag.write('/a', stamp, HELLO)
+    plain, small = (next((tmp_path / each).glob('*.mcap')) for each in ('plain', 'small'))
+    assert small.stat().st_size < plain.stat().st_size / 3
+    assert stamps(tmp_path / 'small') == stamps(tmp_path / 'plain') == list(range(1000))
+    with pytest.raises(BagError, match='only mcap can be compressed, not sqlite3'):
+        BagWriter(path, Form('sqlite3', compressed=True))
+    assert not path.exists()
+
+
+@pytest.mark.parametrize('form', FORMS)
+def test_bag_being_written(path, form):
+    with BagWriter(path, form) as bag:
+        bag.topic('/a', STRING)
+        bag.write('/a', 1, HELLO)
+        bag.flush()
+        with pytest.raises(BagError, match='being written right now'):
+            Bag(path)
+    assert stamps(path) == [1]
+
+
+def test_custom_data(path):
+    with BagWriter(path) as bag:
+        bag.set_custom({'key': 'ä: [\n'})
+        bag.flush()
+        assert (path / UNFINISHED).exists()
+    assert not (path / UNFINISHED).exists()
+    with Reader(path) as reader:
+        assert reader.storage.metadata.custom['key'] == 'ä: [\n'
+    with Bag(path) as bag:
+        assert bag.software['python'] == platform.python_version()
+
+
+def test_full_disk_of_a_database(path):
+    refused, closed = fill_disk(path, 200_000, 'sqlite3')
+    assert 'cannot write to the bag' in refused
+    assert re.search('closed without its last|cut off', closed)
+    bag = path
+    if 'cut off' in closed:
+        bag = recover(path).path
+    found = stamps(bag)
+    assert len(found) > 500
+    assert found == list(range(len(found)))

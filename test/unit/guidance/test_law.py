@@ -22,6 +22,7 @@ from scenarios import (
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
 from cmpsp_ros.robot.obstacles import Obstacle
 
@@ -256,14 +257,14 @@ def test_final_time_that_is_no_whole_number_of_periods(final_time):
     assert {decision.rung for decision in run.moves} <= SETTLED
 
 
-def broken(law, monkeypatch):
+def broken(monkeypatch):
     """From here on no subproblem is solved."""
-    improve = law._planner.improve
+    improve = Planner.improve
 
     def fail(*arguments):
         return replace(improve(*arguments), solved=False, reason='No.')
 
-    monkeypatch.setattr(law._planner, 'improve', fail)
+    monkeypatch.setattr(Planner, 'improve', fail)
 
 
 def test_the_ladder_when_the_solver_fails(monkeypatch):
@@ -271,7 +272,7 @@ def test_the_ladder_when_the_solver_fails(monkeypatch):
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:21])
     good = run.decisions[-1]
-    broken(law, monkeypatch)
+    broken(monkeypatch)
     rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
     rungs = [decision.rung for decision in rest.decisions]
     assert rungs[:3] == [Rung.SHIFTED] * 3
@@ -303,7 +304,7 @@ def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
 
     def disturb(run, stamp):
         if stamp == 20 * PERIOD:
-            broken(law, monkeypatch)
+            broken(monkeypatch)
         if stamp == 22 * PERIOD:
             monkeypatch.undo()
 
@@ -318,7 +319,7 @@ def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
 
 def test_failure_at_the_very_first_step_stops(monkeypatch):
     law = GuidanceLaw(CASES['case 1'])
-    broken(law, monkeypatch)
+    broken(monkeypatch)
     decision = law.update(0, np.array(START))
     assert decision.rung is Rung.STOP
     assert decision.failures == 1
@@ -372,14 +373,14 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     run = drive(law, given, ON_TIME[:11])
     warm = run.decisions[-1].plan.controls
     guesses = {}
-    improve = law._planner.improve
+    improve = Planner.improve
 
-    def fail(pose, held, guess, horizon):
+    def fail(planner, pose, held, guess, horizon):
         # The first one of a step; others may be tried beside it.
         guesses.setdefault(len(horizon.durations), guess)
-        return replace(improve(pose, held, guess, horizon), solved=False, reason='No.')
+        return replace(improve(planner, pose, held, guess, horizon), solved=False, reason='No.')
 
-    monkeypatch.setattr(law._planner, 'improve', fail)
+    monkeypatch.setattr(Planner, 'improve', fail)
     drive(law, given, ON_TIME[11:14], start=_after(run, given))
     np.testing.assert_array_equal(guesses[39], warm[1:])
     np.testing.assert_array_equal(guesses[38], warm[2:])
@@ -458,7 +459,8 @@ def test_reconfigure_with_the_same_settings_changes_nothing():
     law, plain = GuidanceLaw(given), GuidanceLaw(given)
     one = drive(plain, given, ON_TIME)
     other = drive(law, given, ON_TIME, before=lambda run, stamp: law.reconfigure(given))
-    np.testing.assert_array_equal(one.controls, other.controls)
+    # Only the active rows to begin with are forgotten, which shows in the last bits.
+    np.testing.assert_allclose(one.controls, other.controls, rtol=1e-11)
 
 
 def test_goal_at_the_centre_of_the_road_circle_touches_nothing():

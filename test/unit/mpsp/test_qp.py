@@ -359,9 +359,8 @@ def written_out(subproblem, solution, penalties):
     rows = qp.path_stage, qp.path_index
     dU, bounds, rho = solution.dU.ravel(), solution.bounds.ravel(), solution.path[rows]
     trust = solution.trust[1:, np.isfinite(subproblem.trust_radius)].T.ravel()
-    parts = (
-        qp.H @ dU + qp.c, qp.S_N.T @ solution.terminal, qp.B_C.T @ rho, qp.T.T @ trust, bounds,
-    )  # fmt: skip
+    pull = qp.S_N.T @ solution.terminal + qp.B_C.T @ rho + qp.T.T @ trust
+    parts = qp.H @ dU + qp.c, pull, bounds
     scale, size = 1.0 + max(np.abs(part).max() for part in parts), 1.0 + np.abs(dU).max()
     terminal, path = qp.S_N @ dU + qp.output_error, qp.B_C @ dU - qp.g
     outside = qp.T @ dU * np.sign(trust) - qp.radius

@@ -1,0 +1,89 @@
+"""What is kept with a bag beside its messages, and which software wrote it."""
+
+from __future__ import annotations
+
+import json
+import platform
+from array import array
+from collections.abc import Mapping, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+PARAMETERS_KEY = 'cmpsp_ros.parameters'
+"""Key in the bag's custom data: JSON text `{node: {parameter: value}}`."""
+
+VERSION_KEY = 'cmpsp_ros.version'
+"""Key in the bag's custom data: version of this package that wrote the bag."""
+
+SOFTWARE_KEY = 'cmpsp_ros.software'
+"""Key in the bag's custom data: JSON text `{name: version}`."""
+
+# What decides the last bits of a decision, and who wrote the file.
+_PACKAGES = ('numpy', 'scipy', 'numba', 'llvmlite', 'daqp', 'qpsolvers', 'rosbags', 'rclpy')
+
+
+def own_version() -> str:
+    """Version of this package."""
+    return _version('cmpsp_ros')
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of what is installed here, by name; `unknown` where something is not."""
+    machine = f'{platform.machine()}, {platform.system()} {platform.release()}'
+    return {
+        'python': platform.python_version(),
+        'machine': machine,
+        **{name: _version(name) for name in _PACKAGES},
+    }
+
+
+def plain(value: object) -> object:
+    """Reduce a parameter's value to what JSON has; byte arrays to lists of integers.
+
+    Raises:
+        TypeError: It is of another kind.
+
+    """
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, (Sequence, array)):
+        return [plain(each) for each in value]
+    msg = f'is a {type(value).__name__}, which a bag cannot keep'
+    raise TypeError(msg)
+
+
+def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
+    """Read JSON text in custom data: a mapping, empty where there is none.
+
+    Raises:
+        TypeError: It is another kind of thing.
+        ValueError: It is not JSON.
+        RecursionError: It is nested too deeply.
+
+    """
+    found = json.loads(expected(custom.get(key, '{}'), str, key))
+    mapping: dict[str, Any] = expected(found, dict, key)
+    if key == PARAMETERS_KEY:
+        for node, values in mapping.items():
+            expected(values, dict, f'parameters of {node}')
+    return mapping
+
+
+def expected(value: Any, kind: type, what: str) -> Any:
+    """Return a value that comes from a bag.
+
+    Raises:
+        TypeError: It is not of the kind it should be.
+
+    """
+    if not isinstance(value, kind):
+        msg = f'{what} is a {type(value).__name__}, wanted a {kind.__name__}'
+        raise TypeError(msg)
+    return value
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return 'unknown'

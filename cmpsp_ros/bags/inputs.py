@@ -1,0 +1,209 @@
+"""What a guidance law was told, in the order that its recorded decisions imply.
+
+Odometry is in the bag. What odometry does not show - stops by the node's clock, resets, live
+changes of parameters - every decision says of itself: `halted`, `run`, `revision`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
+from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.table import Values
+
+
+@dataclass(frozen=True)
+class Began:
+    """A law was made, with these parameters."""
+
+    values: Values
+
+
+@dataclass(frozen=True)
+class Changed:
+    """Parameters were changed live, to these."""
+
+    values: Values
+
+
+@dataclass(frozen=True)
+class Reset:
+    """The run began again."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Odometry came; the decision on it, if there was one."""
+
+    odometry: Odometry
+    decision: Recorded | None
+
+
+@dataclass(frozen=True)
+class Halted:
+    """The node stopped the robot by itself."""
+
+    decision: Recorded
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A decision on odometry that is not in the bag."""
+
+    decision: Recorded
+
+
+Input = Began | Changed | Reset | Heard | Halted | Lost
+
+
+class Inputs:
+    """The inputs of a recorded guidance law; to be iterated over once.
+
+    Attributes:
+        values: Parameters that the recorder found.
+        skipped: Decisions before the first that begins a run: what the law then knew is not in
+            the bag.
+    """
+
+    def __init__(self, bag: Bag, names: Names) -> None:
+        """Read the parameters and look for the topics.
+
+        Raises:
+            BagError: A topic or the parameters are missing, or cannot be used.
+        """
+        self._bag, self._node = bag, names.node
+        self.values = recorded_values(bag, names.node)
+        self.skipped = 0
+        self._recording = Recording(bag, names, self.values['frame_id'])
+        self._time = TimeJump()
+
+    def __iter__(self) -> Iterator[Input]:
+        """Read on.
+
+        Raises:
+            BagError: The bag is damaged, or does not tell all that the law was told.
+        """
+        before: Recorded | None = None
+        # Whether all odometry since the last decision was heard, or some may have been refused.
+        heard = False
+        for decision in self._recording.decisions():
+            if before is None and decision.step > 0:
+                self.skipped += 1
+                continue
+            begins = before is None or _began_anew(before, decision)
+            odometry = None if decision.halted else self._find(decision)
+            if odometry is not None:
+                yield from self._between(odometry, heard=heard and not begins)
+            if before is None or begins:
+                yield from self._began(decision)
+            else:
+                yield from self._beforehand(before, decision)
+            if decision.halted:
+                yield Halted(decision)
+            elif odometry is None:
+                yield self._lost(decision)
+            else:
+                yield from self._heard(odometry, decision)
+            before, heard = decision, not decision.halted
+        if before is None:
+            raise BagError(
+                f'{self._bag.path}: found {self.skipped} decisions of {self._node}, wanted one'
+                ' that begins a run (step 0): what a law knew before cannot be replayed'
+            )
+
+    def _find(self, decision: Recorded) -> Odometry | None:
+        waiting, stamp = self._recording.odometry, decision.stamp
+        return next((each for each in waiting if each.stamp == stamp), None)
+
+    def _between(self, wanted: Odometry, *, heard: bool) -> Iterator[Input]:
+        """Odometry that came before the one wanted, and was not decided on."""
+        waiting = self._recording.odometry
+        while (each := waiting.popleft()) is not wanted:
+            if heard:
+                yield from self._heard(each, None)
+
+    def _heard(self, odometry: Odometry, decision: Recorded | None) -> Iterator[Input]:
+        if self._time.back(odometry.stamp) > self.values['odom_timeout']:
+            yield Reset()
+        yield Heard(odometry, decision)
+
+    def _began(self, decision: Recorded) -> Iterator[Input]:
+        while self._has_change(until=decision.received):
+            self._change()
+        yield Began(self.values)
+
+    def _beforehand(self, before: Recorded, decision: Recorded) -> Iterator[Input]:
+        """What happened to the law since the decision before, apart from odometry."""
+        if decision.revision is None or before.revision is None:
+            self._refuse_to_guess(decision)
+        else:
+            for _ in range(decision.revision - before.revision):
+                if not self._has_change():
+                    raise BagError(
+                        f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
+                        f' change {decision.revision} of the parameters of {self._node}, wanted'
+                        ' that change in /parameter_events'
+                    )
+                self._change()
+                yield Changed(self.values)
+        if decision.run != before.run or decision.step < before.step:
+            yield Reset()
+
+    def _has_change(self, until: int | None = None) -> bool:
+        waiting = self._recording.changes
+        return bool(waiting) and (until is None or waiting[0][0] <= until)
+
+    def _change(self) -> None:
+        received, said = self._recording.changes.popleft()
+        try:
+            self.values = TABLE.reconfigure(self.values, said)
+        except ParameterError as error:
+            raise BagError(
+                f'{self._bag.path}: change of parameters at {received} ns: {error.problems[0]}'
+            ) from error
+
+    def _refuse_to_guess(self, decision: Recorded) -> None:
+        if self._has_change(until=decision.received):
+            raise BagError(
+                f'{self._bag.path}: found parameters of {self._node} that were changed live,'
+                f' wanted decisions that say from which on (this recording is of version'
+                f' {self._bag.version}, before they did)'
+            )
+
+    def _lost(self, decision: Recorded) -> Lost:
+        if not self._recording.odometry and self._recording.unusable:
+            raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
+        return Lost(decision)
+
+
+def recorded_values(bag: Bag, node: str) -> Values:
+    """The parameters of a guidance node as the recorder found them, complete.
+
+    Raises:
+        BagError: There are none, or they cannot be used.
+    """
+    if node not in bag.parameters:
+        there = ', '.join(sorted(bag.parameters)) or 'no node'
+        raise BagError(f'{bag.path}: no parameters of {node}; there are those of {there}')
+    given: Mapping[str, Any] = bag.parameters[node]
+    try:
+        return TABLE.resolve(given)
+    except ParameterError as error:
+        raise BagError(f'{bag.path}: parameters of {node}: {error.problems[0]}') from error
+
+
+def _began_anew(before: Recorded, decision: Recorded) -> bool:
+    """Whether another law than before decides: the node was configured or started again."""
+    if before.run is None or decision.run is None:
+        return False
+    if before.revision is None or decision.revision is None:
+        return False
+    again = decision.run == before.run and decision.step < before.step
+    return decision.run < before.run or decision.revision < before.revision or again

@@ -1,0 +1,61 @@
+"""Decisions as messages in a bag, without ROS."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.guidance.decision import Decision, Plan
+from cmpsp_ros.guidance.facts import facts, severity, waypoints
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
+TWIST = 'geometry_msgs/msg/Twist'
+PATH = 'nav_msgs/msg/Path'
+
+
+def decision_message(decision: Decision, name: str) -> bytes:
+    """Everything about a decision but its plan, serialised as a `STATUS`."""
+    pairs = [_make('diagnostic_msgs/msg/KeyValue', *item) for item in facts(decision).items()]
+    status = _make(STATUS, severity(decision), name, decision.reason, '', pairs)
+    return _raw(status, STATUS)
+
+
+def command_message(decision: Decision) -> bytes:
+    """The command of a decision, serialised as a `TWIST`."""
+    speed, rate = decision.twist.tolist()
+    vector = jazzy().types['geometry_msgs/msg/Vector3']
+    return _raw(_make(TWIST, vector(speed, 0.0, 0.0), vector(0.0, 0.0, rate)), TWIST)
+
+
+def path_message(plan: Plan, frame_id: str, stamp: int) -> bytes:
+    """A plan that begins at a time [ns], serialised as a `PATH`."""
+    stamps = plan.horizon.edges - plan.horizon.edges[0] + np.int64(stamp)
+    poses = [
+        _make(
+            'geometry_msgs/msg/PoseStamped',
+            _header(frame_id, when),
+            _make(
+                'geometry_msgs/msg/Pose',
+                _make('geometry_msgs/msg/Point', x, y, 0.0),
+                _make('geometry_msgs/msg/Quaternion', 0.0, 0.0, z, w),
+            ),
+        )
+        for (x, y, z, w), when in zip(waypoints(plan), stamps.tolist(), strict=True)
+    ]
+    return _raw(_make(PATH, _header(frame_id, stamp), poses), PATH)
+
+
+def _header(frame_id: str, stamp: int) -> Any:
+    time = _make('builtin_interfaces/msg/Time', *divmod(stamp, NANOSECONDS))
+    return _make('std_msgs/msg/Header', time, frame_id)
+
+
+def _make(name: str, *fields: Any) -> Any:
+    return jazzy().types[name](*fields)
+
+
+def _raw(message: Any, name: str) -> bytes:
+    return bytes(jazzy().serialize_cdr(message, name))

@@ -1,0 +1,277 @@
+"""What the guidance node heard and said, read from its bag in one go."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
+
+Array = NDArray[np.float64]
+Waypoint = tuple[float, float, float, float]
+T = TypeVar('T', int, float)
+
+_SLACK = 1_000_000_000
+"""By how much messages that belong together may lie apart in a bag [ns]."""
+
+_LATE = 50_000_000
+"""By how much a command may come into the bag after its decision [ns]."""
+
+_MOST = 10_000
+"""Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
+
+_VALUES = (
+    'bool_value',
+    'integer_value',
+    'double_value',
+    'string_value',
+    'byte_array_value',
+    'bool_array_value',
+    'integer_array_value',
+    'double_array_value',
+    'string_array_value',
+)
+"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Topics and node of a recorded guidance node, by full name."""
+
+    odom: str
+    cmd_vel: str
+    node: str
+
+    @classmethod
+    def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
+        """The names in a namespace, where odometry or commands are not remapped."""
+        prefix = namespace.rstrip('/')
+        return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
+
+    @property
+    def decision(self) -> str:
+        """Topic of the decisions."""
+        return f'{self.node}/decision'
+
+    @property
+    def path(self) -> str:
+        """Topic of the predicted paths."""
+        return f'{self.node}/predicted_path'
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One decision, with everything that was published on it.
+
+    Attributes:
+        source: Bag and topic, for errors.
+        received: When the recorder got it [ns].
+        reason: Its sentence.
+        facts: Everything else in its message, as text by key.
+        command: Speed and turn rate on the command's topic [m/s, rad/s]; None where not recorded.
+        path: The predicted path; None where not recorded.
+    """
+
+    source: str
+    received: int
+    reason: str
+    facts: Mapping[str, str]
+    command: tuple[float, float] | None = None
+    path: tuple[Waypoint, ...] | None = None
+
+    @classmethod
+    def of(cls, source: str, received: int, message: Any) -> Recorded:
+        """A message of `~/decision`, without what else was published."""
+        try:
+            facts = {str(each.key): str(each.value) for each in message.values}
+            return cls(source, received, str(message.message), facts)
+        except (AttributeError, TypeError) as error:
+            raise BagError(
+                f'{source}: found a message that is none of its type, wanted a decision'
+            ) from error
+
+    def text(self, key: str) -> str:
+        """A fact.
+
+        Raises:
+            BagError: There is none of this key.
+        """
+        if key not in self.facts:
+            raise BagError(
+                f'{self.source}: found a decision without {key}, wanted one of this package'
+            )
+        return self.facts[key]
+
+    def number(self, key: str) -> float:
+        """A fact that is a number.
+
+        Raises:
+            BagError: There is none of this key, or it is no number.
+        """
+        return self._parsed(key, float)
+
+    @property
+    def step(self) -> int:
+        """Number of the control step."""
+        return self._parsed('step', int)
+
+    @property
+    def stamp(self) -> int:
+        """Time stamp of the odometry that it answers [ns]."""
+        return self._parsed('stamp', int)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the final time had passed."""
+        return self.text('finished') == 'true'
+
+    @property
+    def halted(self) -> bool:
+        """Whether it answers no odometry. Recordings that do not say so show it by the miss."""
+        if 'halted' in self.facts:
+            return self.facts['halted'] == 'true'
+        return self.text('rung') == 'stop' and self.facts.get('miss') == 'nan'
+
+    @property
+    def run(self) -> int | None:
+        """How often the law had been reset; None where that was not recorded."""
+        return self._parsed('run', int) if 'run' in self.facts else None
+
+    @property
+    def revision(self) -> int | None:
+        """How often the law had been given new settings; None where that was not recorded."""
+        return self._parsed('revision', int) if 'revision' in self.facts else None
+
+    def _parsed(self, key: str, kind: type[T]) -> T:
+        text = self.text(key)
+        try:
+            return kind(text)
+        except ValueError:
+            raise BagError(
+                f'{self.source}: found {key} {text[:40]!r} in a decision, wanted a number'
+            ) from None
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Odometry that a decision can be made on.
+
+    Attributes:
+        received: When the recorder got it [ns].
+        stamp: Its own time stamp [ns].
+        pose: Pose, shape ``(3,)`` [m, m, rad].
+    """
+
+    received: int
+    stamp: int
+    pose: Array
+
+
+class Recording:
+    """The messages of one guidance node, each kept only as long as it may be needed.
+
+    Attributes:
+        odometry: Read already and not yet used, in order.
+        unusable: Why the first unusable odometry is so; empty when there was none.
+        changes: When a live change of parameters was received [ns], and what it says; not yet
+            used, in order.
+    """
+
+    def __init__(self, bag: Bag, names: Names, frame_id: str) -> None:
+        """Check that the bag has what a guidance node hears and says.
+
+        Args:
+            bag: An open bag.
+            names: Names of node and topics.
+            frame_id: Frame in which odometry is usable.
+
+        Raises:
+            BagError: A topic is missing.
+        """
+        optional = ('/parameter_events', names.cmd_vel, names.path)
+        self._bag, self._names, self._frame_id = bag, names, frame_id
+        there = (topic for topic in optional if topic in bag.topics)
+        self._topics = [names.odom, names.decision, *there]
+        self.odometry: deque[Odometry] = deque(maxlen=_MOST)
+        self.unusable = ''
+        self.changes: deque[tuple[int, dict[str, Any]]] = deque()
+        self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
+        self._paths: dict[int, tuple[Waypoint, ...]] = {}
+        self._first = True
+
+    def decisions(self) -> Iterator[Recorded]:
+        """Iterate over the decisions; odometry and changes are read ahead of each.
+
+        Raises:
+            BagError: The bag is damaged, or no recording of a guidance node.
+        """
+        pending: deque[Recorded] = deque()
+        for topic, received, message in self._bag.together(self._topics):
+            while pending and received > pending[0].received + _SLACK:
+                yield self._complete(pending.popleft())
+            if topic == self._names.decision:
+                pending.append(Recorded.of(f'{self._bag.path}: {topic}', received, message))
+            else:
+                try:
+                    self._take(topic, received, message)
+                except (AttributeError, TypeError, ValueError) as error:
+                    raise BagError(
+                        f'{self._bag.path}: {topic}: found a message that is none of its type at'
+                        f' {received} ns: {error}'
+                    ) from error
+            if max(len(pending), len(self._paths), len(self.changes)) > _MOST:
+                raise BagError(f'{self._bag.path}: found over {_MOST} decisions within a second')
+        while pending:
+            yield self._complete(pending.popleft())
+
+    def _take(self, topic: str, received: int, message: Any) -> None:
+        if topic == self._names.odom:
+            try:
+                pose = pose_of(message, self._frame_id)
+            except OdometryError as error:
+                self.unusable = self.unusable or str(error)
+            else:
+                self.odometry.append(Odometry(received, stamp_of(message), pose))
+        elif topic == self._names.cmd_vel:
+            twist = getattr(message, 'twist', message)
+            self._commands.append((received, (twist.linear.x, twist.angular.z)))
+        elif topic == self._names.path:
+            poses = (each.pose for each in message.poses)
+            self._paths[stamp_of(message)] = tuple(
+                (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
+                for each in poses
+            )
+        elif message.node == self._names.node and message.changed_parameters:
+            said = {each.name: _value(each.value) for each in message.changed_parameters}
+            self.changes.append((received, said))
+
+    def _complete(self, decision: Recorded) -> Recorded:
+        if self._first:
+            # Commands whose decisions the recorder came too late for.
+            while len(self._commands) > 1 and self._commands[1][0] < decision.received:
+                self._commands.popleft()
+            self._first = False
+        # The clock may show the time of odometry that a plan is made on a moment later.
+        path = None if decision.halted else self._paths.pop(decision.stamp, None)
+        return replace(decision, command=self._command_of(decision), path=path)
+
+    def _command_of(self, decision: Recorded) -> tuple[float, float] | None:
+        """The command sent just before a decision was published."""
+        if not self._commands or self._commands[0][0] > decision.received + _LATE:
+            return None
+        return self._commands.popleft()[1]
+
+
+def _value(message: Any) -> Any:
+    """Value of a `rcl_interfaces/msg/ParameterValue`; None when it has none."""
+    if not 1 <= message.type <= len(_VALUES):
+        return None
+    value = getattr(message, _VALUES[message.type - 1])
+    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -1,0 +1,220 @@
+"""What is in a bag as tables: one a kind of topic, with named columns and units."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from math import atan2
+from typing import Any, Literal
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+
+Kind = Literal['int', 'float', 'bool', 'text']
+Cell = int | float | bool | str | None
+Row = tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column.
+
+    Attributes:
+        name: Its name.
+        kind: What is in it; any of them may be missing in a row.
+        unit: Unit, empty where there is none.
+    """
+
+    name: str
+    kind: Kind
+    unit: str = ''
+
+
+@dataclass(frozen=True)
+class Table:
+    """One table, its rows read as they are asked for.
+
+    Attributes:
+        name: Its name.
+        columns: Its columns.
+        rows: Iterates over the rows, in order of reception.
+    """
+
+    name: str
+    columns: tuple[Column, ...]
+    rows: Callable[[], Iterator[Row]]
+
+
+_WHERE = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('stamp', 'int', 'ns'))
+_POSE = (Column('x', 'float', 'm'), Column('y', 'float', 'm'), Column('heading', 'float', 'rad'))
+_TWIST = (Column('speed', 'float', 'm/s'), Column('turn_rate', 'float', 'rad/s'))
+
+_ODOMETRY = (*_WHERE, Column('frame', 'text'), *_POSE, *_TWIST)
+_COMMANDS = (*_WHERE, *_TWIST)
+_WHEELS = (*_WHERE, Column('right', 'float', 'rad/s'), Column('left', 'float', 'rad/s'))
+_PLAN = (*_WHERE, Column('point', 'int'), Column('at', 'int', 'ns'), *_POSE)
+
+# What a decision says of itself; anything else in it becomes a column of text.
+_FACTS = {
+    each.name: each
+    for each in (
+        Column('step', 'int'),
+        Column('stamp', 'int', 'ns'),
+        Column('rung', 'text'),
+        Column('time_left', 'float', 's'),
+        Column('wheel_speed_right', 'float', 'rad/s'),
+        Column('wheel_speed_left', 'float', 'rad/s'),
+        Column('miss', 'float', 'm'),
+        Column('margin', 'float', 'm'),
+        Column('worst_margin', 'float', 'm'),
+        Column('slack', 'float', 'm'),
+        Column('iterations', 'int'),
+        Column('qp_iterations', 'int'),
+        Column('active_rows', 'int'),
+        Column('failures', 'int'),
+        Column('finished', 'bool'),
+        Column('halted', 'bool'),
+        Column('run', 'int'),
+        Column('revision', 'int'),
+    )
+}
+_BEFORE_FACTS = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('reason', 'text'))
+
+_MAX_KEYS = 200
+
+_TRUTH = {'true': True, 'false': False}
+
+
+def tables(bag: Bag) -> list[Table]:
+    """The tables of a bag: those for which it has topics.
+
+    Odometry and commands are told by their types; wheel speeds, decisions and plans by their
+    names, too, so that joints and paths of other nodes are not taken for ours.
+
+    Raises:
+        BagError: There is none, or the bag is damaged.
+
+    """
+    found = []
+    for name, types, ending, columns, rows in (
+        ('odometry', ('nav_msgs/msg/Odometry',), '', _ODOMETRY, _odometry),
+        (
+            'commands',
+            ('geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'),
+            '',
+            _COMMANDS,
+            _commands,
+        ),
+        ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
+        ('decisions', ('diagnostic_msgs/msg/DiagnosticStatus',), '/decision', (), _decisions),
+        ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
+    ):
+        topics = [
+            topic
+            for topic, about in sorted(bag.topics.items())
+            if about.msgtype in types and topic.endswith(ending)
+        ]
+        if topics:
+            wide = columns or _decision_columns(bag, topics)
+            found.append(Table(name, wide, _reading(bag, topics, wide, rows)))
+    if not found:
+        there = ', '.join(sorted(bag.topics)) or 'no topic at all'
+        msg = f'{bag.path}: no topic that makes a table; there is {there}'
+        raise BagError(msg)
+    return found
+
+
+def _reading(
+    bag: Bag,
+    topics: list[str],
+    columns: tuple[Column, ...],
+    rows: Callable[[Any, tuple[Column, ...]], Iterator[Row]],
+) -> Callable[[], Iterator[Row]]:
+    def read() -> Iterator[Row]:
+        for topic, received, message in bag.together(topics):
+            try:
+                for row in rows(message, columns):
+                    yield received, topic, *row
+            except (ValueError, LookupError) as error:
+                msg = f'{bag.path}: message of {topic} at {received} ns: {error}'
+                raise BagError(msg) from error
+
+    return read
+
+
+def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    twist = message.twist.twist
+    yield (
+        _stamp(message),
+        message.header.frame_id,
+        *_pose(message.pose.pose),
+        twist.linear.x,
+        twist.angular.z,
+    )
+
+
+def _commands(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    stamped = hasattr(message, 'header')
+    twist = message.twist if stamped else message
+    yield _stamp(message) if stamped else None, twist.linear.x, twist.angular.z
+
+
+def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    if len(message.velocity) != 2:
+        msg = f'found {len(message.velocity)} wheel speeds, wanted right and left'
+        raise ValueError(msg)
+    right, left = map(float, message.velocity)
+    yield _stamp(message), right, left
+
+
+def _plan(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    for point, each in enumerate(message.poses):
+        yield _stamp(message), point, _stamp(each), *_pose(each.pose)
+
+
+def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
+    values = {each.key: each.value for each in message.values}
+    facts = columns[len(_BEFORE_FACTS) :]
+    yield message.message, *(_fact(each, values.get(_key(each))) for each in facts)
+
+
+def _fact(column: Column, text: str | None) -> Cell:
+    if text is None:
+        return None
+    if column.kind == 'int':
+        return int(text)
+    if column.kind == 'float':
+        return float(text)
+    return _TRUTH[text] if column.kind == 'bool' else text
+
+
+def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
+    """Columns of decisions: not all of them say the same, so that all have to be asked."""
+    keys: dict[str, None] = {}
+    for _, _, message in bag.together(topics):
+        keys.update(dict.fromkeys(each.key for each in message.values))
+        if len(keys) > _MAX_KEYS:
+            msg = f'{bag.path}: over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions'
+            raise BagError(msg)
+    return (*_BEFORE_FACTS, *map(_fact_column, keys))
+
+
+def _fact_column(key: str) -> Column:
+    if key.endswith('_ms'):
+        return Column(f'{key.removesuffix("_ms")}_time', 'float', 'ms')
+    return _FACTS.get(key, Column(key, 'text'))
+
+
+def _key(column: Column) -> str:
+    return f'{column.name.removesuffix("_time")}_ms' if column.unit == 'ms' else column.name
+
+
+def _pose(pose: Any) -> tuple[float, float, float]:
+    q = pose.orientation
+    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
+    return pose.position.x, pose.position.y, heading
+
+
+def _stamp(message: Any) -> int:
+    stamp = message.header.stamp
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

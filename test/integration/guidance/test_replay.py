@@ -1,0 +1,112 @@
+"""Bags of real nodes: replayed to the last bit, and played to a live node that decides the same."""
+
+from __future__ import annotations
+
+import signal
+import sys
+
+import numpy as np
+import pytest
+from std_srvs.srv import Trigger
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names, Recorded
+from cmpsp_ros.bags.replay import replay
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 100.0
+NAMES = Names.under('')
+COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recorder', '--ros-args']
+
+
+def facts(values):
+    """What of a decision must repeat."""
+    told = ('run', 'revision', 'reason', 'level')
+    return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
+
+
+def is_forced(decision):
+    """Whether the law itself left the best rung of its ladder."""
+    return decision['halted'] == 'false' and decision['rung'] != 'nominal'
+
+
+def recorded(bag):
+    with Bag(bag) as opened:
+        topic = NAMES.decision
+        return [Recorded.of(topic, stamp, each) for stamp, each in opened.messages(topic)]
+
+
+def test_a_run_in_real_time_is_identical(spawn, tmp_path):
+    demo = spawn([*COMMAND, 'demo', 'case3', '--output', tmp_path / 'run'])
+    assert demo.wait(LIMIT) == 0, demo.stderr
+    again = spawn([*COMMAND, 'replay', tmp_path / 'run' / 'bag'])
+    assert again.wait(LIMIT) == 0, again.stdout + again.stderr
+    count = len(recorded(tmp_path / 'run' / 'bag'))
+    assert again.stdout.splitlines()[0] == f'identical: {count} decisions'
+    assert f'{count} commands' in again.stdout
+    assert count > 50
+
+
+def test_a_run_with_faults_is_identical(start_node, client, spawn, tmp_path):
+    bag = tmp_path / 'bag'
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    start_node('guidance_node', {'autostart': False})
+    assert client.change_state('configure')
+    client.connect()
+    listeners = client.node.get_subscriptions_info_by_topic
+    for topic in ('/odom', '/cmd_vel', '/parameter_events', NAMES.decision, NAMES.path):
+        client.until(
+            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
+        )
+    assert client.change_state('activate')
+    client.drive()
+    client.until_driving()
+    # An obstacle appears in front of the robot.
+    x, y, heading = client.pose
+    ahead = [float(x + 0.75 * np.cos(heading)), float(y + 0.75 * np.sin(heading))]
+    assert client.set_parameter('obstacles.a.center', ahead).successful
+    client.until(lambda: any(is_forced(each) for each in client.decisions))
+    assert client.set_parameter('obstacles.a.center', [8.0, -6.0]).successful
+    client.until(lambda: client.decisions[-1]['revision'] == '2')
+    # Odometry drops out, for three control periods beyond its time-out.
+    client.park()
+    halted = len(client.decisions)
+    client.until(lambda: sum(each['halted'] == 'true' for each in client.decisions[halted:]) > 3)
+    client.drive()
+    client.until_driving()
+    assert client.reset().success
+    client.until(lambda: client.decisions[-1]['run'] == '2')
+    count = len(client.decisions)
+    client.until(lambda: len(client.decisions) > count + 5)
+    assert client.change_state('deactivate')
+    client.park()
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(LIMIT) == 0
+    outcome = replay(bag, NAMES)
+    assert outcome.first is None, outcome.first
+    assert outcome.decisions == outcome.commands == len(client.decisions)
+    assert outcome.stops > 4
+    assert outcome.plans > 6
+
+
+def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):
+    bag = tmp_path / 'run' / 'bag'
+    demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
+    assert demo.wait(LIMIT) == 0, demo.stderr
+    before = [facts(each.facts) for each in recorded(bag) if not each.halted]
+    player = spawn([*COMMAND, 'play', bag, '--topics', '/odom', '--topics', '/clock', '--paused'])
+    # A slow machine must not make odometry late, in the time of the recording.
+    start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
+    assert client.change_state('configure')
+    client.until(lambda: client.node.count_publishers(NAMES.decision))
+    assert client.change_state('activate')
+    client.until_health(state='active')
+    resume = client.node.create_client(Trigger, '/player/resume')
+    client.until(resume.service_is_ready)
+    answer = resume.call_async(Trigger.Request())
+    client.until(answer.done)
+    client.until(lambda: len(client.decisions) >= len(before), LIMIT)
+    assert player.wait(LIMIT) == 0
+    assert [facts(each) for each in client.decisions] == before

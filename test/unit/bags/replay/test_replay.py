@@ -1,0 +1,414 @@
+"""Replay: the same decisions from the same odometry, or the first that is another."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.writer import BagWriter
+
+NAMES = Names.under('')
+DECISIONS = '/guidance/decision'
+
+
+def bits(number):
+    return struct.unpack('<q', struct.pack('<d', number))[0]
+
+
+def next_double(text):
+    return repr(math.nextafter(float(text), math.inf))
+
+
+def said(message, key):
+    return next(each for each in message.values if each.key == key)
+
+
+def setting(number, **facts):
+    """A change of one decision's facts."""
+
+    def change(topic, index, message):
+        if topic == DECISIONS and index == number:
+            for key, value in facts.items():
+                said(message, key).value = value
+        return message
+
+    return change
+
+
+def without(*keys):
+    """A change that makes decisions those of a version which did not say so."""
+
+    def change(topic, _index, message):
+        if topic == DECISIONS:
+            message.values = [each for each in message.values if each.key not in keys]
+        return message
+
+    return change
+
+
+def test_a_run_with_every_fault_is_identical(faulty):
+    bag, decisions = faulty
+    assert {each.rung.name for each in decisions} >= {'NOMINAL', 'STOP'}
+    assert len({each.run for each in decisions}) == 2
+    assert [each.revision for each in decisions][-1] == 3
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    assert outcome.decisions == outcome.commands == len(decisions)
+    assert outcome.stops == sum(each.halted for each in decisions) == 4
+    assert outcome.plans == sum(each.plan is not None for each in decisions) > 20
+    assert outcome.skipped == 0
+
+
+def test_two_replays_are_one(faulty):
+    bag, _ = faulty
+    assert replay(bag, NAMES) == replay(bag, NAMES)
+
+
+def test_the_last_bit_of_every_number_of_a_decision_counts(drive, alter, bag):
+    with drive() as run:
+        run.go(0.5)
+    keys = ('wheel_speed_right', 'wheel_speed_left', 'miss', 'margin', 'worst_margin', 'time_left')
+    for key in keys:
+        with Bag(bag) as recorded:
+            _, message = list(recorded.messages(DECISIONS))[1]
+        value = next_double(said(message, key).value)
+        copy = alter(setting(1, **{key: value}))
+        outcome = replay(copy, NAMES)
+        assert (outcome.differences, outcome.differing) == (1, 1)
+        first = outcome.first
+        assert (first.number, first.field, first.recorded) == (2, key, value)
+        assert first.stamp == run.decisions[1].stamp
+        assert bits(float(first.replayed)) == bits(float(said(message, key).value))
+        assert replay(copy, NAMES, 1e-12).differences == 0
+        for each in sorted(copy.rglob('*'), reverse=True):
+            each.unlink()
+        copy.rmdir()
+
+
+@pytest.mark.parametrize(
+    'facts',
+    [
+        {'rung': 'elastic'},
+        {'iterations': '3'},
+        {'qp_iterations': '1000'},
+        {'active_rows': '1000'},
+        {'failures': '1'},
+        {'step': '7'},
+        {'slack': '0.1'},
+        {'finished': 'true'},
+    ],
+    ids=lambda facts: next(iter(facts)),
+)
+@pytest.mark.parametrize('tolerance', [None, 1e-6])
+def test_every_other_fact_counts_with_and_without_tolerance(drive, alter, facts, tolerance):
+    with drive() as run:
+        run.go(0.5)
+    outcome = replay(alter(setting(1, **facts)), NAMES, tolerance)
+    assert outcome.first.field == next(iter(facts))
+    assert outcome.first.number == 2
+
+
+def test_a_wrong_command_is_caught(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        if topic == '/cmd_vel' and index == 2:
+            message.angular.z += 1e-9
+        return message
+
+    outcome = replay(alter(change), NAMES)
+    assert (outcome.first.number, outcome.first.field) == (3, 'command.angular.z')
+    assert outcome.differences == 1
+
+
+def test_a_wrong_plan_is_caught(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        if topic == '/guidance/predicted_path' and index == 1:
+            message.poses[5].pose.position.y += 1e-9
+        return message
+
+    outcome = replay(alter(change), NAMES)
+    assert (outcome.first.number, outcome.first.field) == (2, 'plan.poses[5].y')
+    assert outcome.differences == 1
+
+
+def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(drive, alter):
+    with drive() as run:
+        run.pose = np.array([0.0, -11.5, 0.0])
+        run.go(0.5)
+
+    def reword(old, new):
+        def change(topic, _index, message):
+            if topic == DECISIONS:
+                message.message = message.message.replace(old, new)
+            return message
+
+        return change
+
+    reason = run.decisions[0].reason
+    assert any(character.isdigit() for character in reason)
+    number = next(word for word in reason.split() if word[0].isdigit())
+    copy = alter(reword(number, f'{number}1'))
+    assert replay(copy, NAMES).first.field == 'reason'
+    assert replay(copy, NAMES, 1e-6).differences == 0
+
+
+def test_a_decision_taken_out_is_missed_and_the_rest_still_compared(drive, alter):
+    with drive() as run:
+        run.go(1.0)
+
+    def change(topic, index, message):
+        return None if topic == DECISIONS and index == 2 else message
+
+    outcome = replay(alter(change), NAMES)
+    assert (outcome.first.field, outcome.first.recorded) == ('decision', 'nothing')
+    assert outcome.first.stamp == run.decisions[2].stamp
+
+
+def test_other_odometry_makes_other_decisions(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        if topic == '/odom' and index == 10:
+            message.pose.pose.position.x += 1e-6
+        return message
+
+    outcome = replay(alter(change), NAMES)
+    assert outcome.first.number == 2
+    assert outcome.differing == 2
+
+
+def test_odometry_between_two_decisions_does_not_matter(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        if topic == '/odom' and index == 11:
+            message.pose.pose.position.x += 1.0
+        return message
+
+    assert replay(alter(change), NAMES).differences == 0
+
+
+def test_a_decision_without_its_odometry_is_a_difference(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        return None if topic == '/odom' and index == 10 else message
+
+    outcome = replay(alter(change), NAMES)
+    assert outcome.first.number == 2
+    assert 'not in the bag' in outcome.first.replayed
+
+
+def test_a_robot_in_a_namespace(drive, bag):
+    with drive(prefix='/r1') as run:
+        run.go(0.5)
+    outcome = replay(bag, Names.under('/r1'))
+    assert (outcome.decisions, outcome.differences) == (3, 0)
+    with pytest.raises(BagError, match=r'no parameters of /guidance; there are those of /r1'):
+        replay(bag, NAMES)
+
+
+def test_a_node_that_was_started_again_is_another_law(drive, bag):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+        run.halt('The guidance node is shutting down.')
+        run.law = type(run.law)(run.settings)
+        run.activate()
+        run.go(0.7)
+    assert [each.revision for each in run.decisions][-1] == 0
+    assert replay(bag, NAMES).differences == 0
+
+
+@pytest.mark.parametrize('told', [(), ('halted', 'run', 'revision')], ids=['told', 'untold'])
+def test_time_that_jumps_back_begins_a_run(drive, alter, told):
+    with drive() as run:
+        run.go(0.7)
+        run.behind = 2_000_000_000
+        run.go(0.7)
+    assert [each.step for each in run.decisions] == [0, 1, 2, 3, 0, 1, 2, 3]
+    assert replay(alter(without(*told)), NAMES).differences == 0
+
+
+def test_a_recording_that_begins_in_the_middle_waits_for_the_next_run(drive, alter):
+    with drive() as run:
+        run.go(1.0)
+        run.activate()
+        run.pose = np.array([0.0, -9.25, 0.0])
+        run.go(1.0)
+
+    def late(topic, index, message):
+        return None if topic == DECISIONS and index < 2 else message
+
+    outcome = replay(alter(late), NAMES)
+    assert (outcome.skipped, outcome.decisions) == (3, len(run.decisions) - 5)
+    assert outcome.differences == 0
+    assert 'left out: 3 decisions' in str(outcome)
+
+
+def test_a_recording_of_the_middle_only_is_refused(drive, alter):
+    with drive() as run:
+        run.go(1.0)
+
+    def late(topic, index, message):
+        return None if topic == DECISIONS and index == 0 else message
+
+    with pytest.raises(BagError, match=r'found 4 decisions of /guidance, wanted one that begins'):
+        replay(alter(late), NAMES)
+
+
+def test_a_bag_of_a_version_that_did_not_say_what_the_law_was_told(drive, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.halt()
+        run.go(0.7)
+        run.activate()
+        run.go(0.7)
+    outcome = replay(alter(without('halted', 'run', 'revision')), NAMES)
+    assert (outcome.differences, outcome.stops) == (0, 1)
+    assert outcome.decisions == len(run.decisions)
+
+
+def test_a_bag_of_such_a_version_with_live_changes_is_refused(drive, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(without('halted', 'run', 'revision'))
+    with pytest.raises(BagError, match='parameters of /guidance that were changed live'):
+        replay(copy, NAMES)
+
+
+def test_a_live_change_that_was_not_recorded_is_refused(drive, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+
+    def change(topic, _index, message):
+        return None if topic == '/parameter_events' else message
+
+    with pytest.raises(BagError, match='live change 1 of the parameters of /guidance'):
+        replay(alter(change), NAMES)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({}, 'no parameters of /guidance; there are those of no node'),
+        ({'/sim': {}}, 'there are those of /sim'),
+        ({'/guidance': {'weights.roadcenter': 1.0}}, 'weights.roadcenter: found an unknown'),
+        ({'/guidance': {'final_time': 'soon'}}, 'final_time: found'),
+        ({'/guidance': {'final_time': 0.01}}, 'final_time: found'),
+    ],
+)
+def test_parameters_that_cannot_be_used(drive, alter, parameters, reason):
+    with drive() as run:
+        run.go(0.5)
+    with pytest.raises(BagError, match=reason):
+        replay(alter(parameters=parameters), NAMES)
+
+
+@pytest.mark.parametrize(
+    ('change', 'reason'),
+    [
+        (without('step'), 'without step, wanted one of this package'),
+        (setting(0, stamp='soon'), "found stamp 'soon' in a decision, wanted a number"),
+        (setting(1, run='x'), "found run 'x'"),
+        (setting(1, revision='9' * 5000), 'found revision'),
+        (setting(1, revision=str(10**18)), 'wanted that change in /parameter_events'),
+    ],
+    ids=['no step', 'stamp', 'run', 'long', 'large'],
+)
+def test_decisions_that_are_none(drive, alter, change, reason):
+    with drive() as run:
+        run.go(0.5)
+    with pytest.raises(BagError, match=reason):
+        replay(alter(change), NAMES)
+
+
+def test_odometry_in_another_frame(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, _index, message):
+        if topic == '/odom':
+            message.header.frame_id = 'map'
+        return message
+
+    with pytest.raises(BagError, match="no usable odometry: Odometry is in frame 'map'"):
+        replay(alter(change), NAMES)
+
+
+@pytest.mark.parametrize('missing', ['/odom', DECISIONS])
+def test_a_topic_that_is_not_there_is_named(drive, bag, tmp_path, missing):
+    with drive() as run:
+        run.go(0.5)
+    with Bag(bag) as whole, BagWriter(tmp_path / 'part') as part:
+        for topic in whole.topics.keys() - {missing}:
+            part.topic(topic, whole.topics[topic].msgtype)
+        part.set_parameters('/guidance', whole.parameters['/guidance'])
+    with pytest.raises(BagError, match=f'no topic {missing}; there is .*/guidance/predicted_path'):
+        replay(tmp_path / 'part', NAMES)
+
+
+@pytest.mark.parametrize('topic', ['/odom', '/cmd_vel', DECISIONS])
+def test_a_topic_of_another_type_is_refused(drive, bag, tmp_path, topic):
+    with drive() as run:
+        run.go(0.5)
+    kind = 'std_msgs/msg/String'
+    raw = bytes(jazzy().serialize_cdr(jazzy().types[kind]('Well.'), kind))
+    with Bag(bag) as whole, BagWriter(tmp_path / 'other') as other:
+        for name, there in whole.topics.items():
+            other.topic(name, kind if name == topic else there.msgtype)
+            for stamp, message in whole.raw(name):
+                other.write(name, stamp, raw if name == topic else message)
+        other.set_parameters('/guidance', whole.parameters['/guidance'])
+    with pytest.raises(BagError, match=f'{topic}: found a message that is none of its type'):
+        replay(tmp_path / 'other', NAMES)
+
+
+def test_an_empty_bag(tmp_path):
+    BagWriter(tmp_path / 'empty').close()
+    with pytest.raises(BagError, match='no parameters of /guidance'):
+        replay(tmp_path / 'empty', NAMES)
+
+
+def test_a_robot_beyond_all_bounds_is_a_difference_and_no_crash(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, index, message):
+        if topic == '/odom' and index == 0:
+            message.pose.pose.position.x = 1e300
+        return message
+
+    with np.errstate(all='ignore'):
+        assert replay(alter(change), NAMES).first.number == 1
+
+
+def test_what_is_said_of_it(drive, alter, bag):
+    with drive() as run:
+        run.go(0.5)
+    assert str(replay(bag, NAMES)).splitlines()[0] == 'identical: 3 decisions'
+    said_of_it = str(replay(alter(setting(1, margin='0.5')), NAMES))
+    assert 'decision 2 (stamp' in said_of_it
+    assert 'margin: recorded 0.5, replayed ' in said_of_it
+    assert 'different: 1 fields in 1 of 3 decisions' in said_of_it

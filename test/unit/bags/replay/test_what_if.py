@@ -1,0 +1,105 @@
+"""What if: another law on the same odometry, in a bag and a picture of its own."""
+
+from __future__ import annotations
+
+import pytest
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.what_if import Change, what_if
+from cmpsp_ros.bags.what_if_picture import draw_what_if
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import load_parameter_file
+
+NAMES = Names.under('')
+WEIGHT = Change(None, {'weights.road_center': 30.0})
+
+
+def said(bag, topic):
+    with Bag(bag) as opened:
+        messages = [message for _, message in opened.messages(topic)]
+    return [{each.key: each.value for each in message.values} for message in messages]
+
+
+def test_nothing_changed_is_what_was_recorded(faulty, tmp_path):
+    bag, decisions = faulty
+    result = what_if(bag, NAMES, Change(None, {}), tmp_path / 'new')
+    assert len(result.decisions) == len(result.recorded) == len(decisions)
+    before = said(tmp_path / 'new', '/guidance/decision')
+    after = said(tmp_path / 'new', '/what_if/guidance/decision')
+    for one, other in zip(before, after, strict=True):
+        told = {'run', 'revision'}
+        assert {k: v for k, v in one.items() if k not in told} == {
+            k: v for k, v in other.items() if k not in told
+        }
+
+
+def test_a_changed_law_is_beside_the_recorded_one_in_a_new_bag(faulty, tmp_path):
+    bag, decisions = faulty
+    result = what_if(bag, NAMES, WEIGHT, tmp_path / 'new')
+    with Bag(bag) as old, Bag(tmp_path / 'new') as new:
+        for topic in old.topics:
+            assert list(new.raw(topic)) == list(old.raw(topic))
+        assert new.parameters['/guidance'] == old.parameters['/guidance']
+        assert new.parameters['/what_if/guidance']['weights.road_center'] == 30.0
+        twists = [(each.linear.x, each.angular.z) for _, each in new.messages('/what_if/cmd_vel')]
+        stamps = [stamp for stamp, _ in new.raw('/what_if/guidance/decision')]
+        plans = new.topics['/what_if/guidance/predicted_path'].count
+    assert twists == [tuple(each.twist.tolist()) for _, each in result.decisions]
+    assert twists != [tuple(each.twist.tolist()) for each in decisions]
+    assert stamps == [received for received, _ in result.decisions] == sorted(stamps)
+    assert plans == sum(each.plan is not None for _, each in result.decisions) > 0
+    # What was recorded can still be replayed from it.
+    assert replay(tmp_path / 'new', NAMES).differences == 0
+
+
+def test_a_live_change_does_not_undo_what_was_asked_for(faulty, tmp_path):
+    bag, _ = faulty
+    # The recording sets this weight under way.
+    result = what_if(bag, NAMES, WEIGHT, tmp_path / 'new')
+    always = {**load_parameter_file('case3'), 'weights.road_center': 30.0}
+    again = what_if(bag, NAMES, Change(always, {}), tmp_path / 'again')
+    before = [each for _, each in result.decisions if each.revision == 0]
+    after = [each for _, each in again.decisions if each.revision == 0]
+    assert [each.twist.tolist() for each in before] == [each.twist.tolist() for each in after]
+
+
+def test_a_parameter_that_is_fixed_while_a_node_runs_may_change(drive, bag, tmp_path):
+    with drive() as run:
+        run.go(1.0)
+    result = what_if(bag, NAMES, Change(None, {'control_period': 0.1}), tmp_path / 'new')
+    assert (len(result.recorded), len(result.decisions)) == (5, 9)
+
+
+@pytest.mark.parametrize('changes', [{'weights.roadcenter': 1.0}, {'goal.position': [0.0, 0.0]}])
+def test_parameters_that_cannot_be_used_leave_nothing_behind(faulty, tmp_path, changes):
+    bag, _ = faulty
+    with pytest.raises(ParameterError, match=next(iter(changes))):
+        what_if(bag, NAMES, Change(None, changes), tmp_path / 'new')
+    assert not (tmp_path / 'new').exists()
+
+
+def test_an_existing_bag_is_not_overwritten(faulty, tmp_path):
+    bag, _ = faulty
+    (tmp_path / 'new').mkdir()
+    with pytest.raises(BagError, match='exists already'):
+        what_if(bag, NAMES, WEIGHT, tmp_path / 'new')
+    assert list((tmp_path / 'new').iterdir()) == []
+
+
+def test_the_picture(faulty, tmp_path):
+    bag, _ = faulty
+    result = what_if(bag, NAMES, WEIGHT, tmp_path / 'new')
+    draw_what_if(result, 'weights.road_center=30', tmp_path / 'it.png')
+    assert (tmp_path / 'it.png').read_bytes()[:8] == b'\x89PNG\r\n\x1a\n'
+    assert (tmp_path / 'it.png').stat().st_size > 20_000
+
+
+def test_what_is_said_of_it(faulty, tmp_path):
+    bag, decisions = faulty
+    recorded, changed = str(what_if(bag, NAMES, WEIGHT, tmp_path / 'new')).splitlines()
+    assert recorded.startswith(f'recorded: {len(decisions)} decisions, ')
+    assert changed.startswith('changed: ')
+    assert ' stop' in recorded

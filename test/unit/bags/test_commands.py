@@ -1,0 +1,68 @@
+"""`cmpsp record`, `recover` and `export`: exit codes, and one clear line when things go wrong."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.cli import app
+
+TWIST = 'geometry_msgs/msg/Twist'
+
+
+@pytest.fixture
+def invoke():
+    """Run the command: `invoke('recover', path)`."""
+    env = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
+    return lambda *args: CliRunner().invoke(app, [str(each) for each in args], env=env)
+
+
+@pytest.fixture
+def bag(tmp_path):
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.topic('/cmd_vel', TWIST)
+        bag.write('/cmd_vel', 1, b'\x00\x01\x00\x00' + bytes(48))
+    return tmp_path / 'bag'
+
+
+def test_recover(invoke, bag, tmp_path):
+    (bag / 'metadata.yaml').unlink()
+    done = invoke('recover', bag)
+    assert done.exit_code == 0
+    assert done.stdout == f'{tmp_path}/bag_recovered: 1 messages of 1 topics\n'
+    assert done.stderr == ''
+
+
+@pytest.mark.parametrize('form', ['csv', 'parquet'])
+def test_export(invoke, bag, tmp_path, form):
+    folder = tmp_path / 'tables'
+    done = invoke('export', bag, '--output', folder, '--format', form)
+    assert done.exit_code == 0
+    assert done.stdout == f'{folder}/commands.{form}: 1 rows\n'
+    assert (folder / f'commands.{form}').exists()
+
+
+@pytest.mark.parametrize(
+    ('args', 'reason'),
+    [
+        (('recover', 'nothing'), 'nothing: no such bag'),
+        (('recover', 'bag', '--output', 'bag'), 'bag: exists already'),
+        (('export', 'nothing', '--output', 'tables'), 'nothing: no such bag'),
+        (('export', 'bag', '--output', 'bag'), 'bag: exists already'),
+        (('record', '--output', 'bag'), 'bag: exists already'),
+        (('record', '--all', '--topic', '/a'), '--all and --topic: wanted one or the other'),
+        (
+            ('record', '--storage', 'sqlite3', '--compression', 'zstd'),
+            '--compression zstd: only mcap can be compressed, not sqlite3',
+        ),
+        (('record', '--storage', 'rosbag1'), "'rosbag1' is not one of 'mcap', 'sqlite3'"),
+    ],
+)
+def test_refused(invoke, bag, monkeypatch, args, reason):
+    monkeypatch.chdir(bag.parent)
+    done = invoke(*args)
+    assert done.exit_code == 2
+    assert reason in done.stderr
+    assert 'Traceback' not in done.output
+    assert [each.name for each in bag.parent.iterdir()] == ['bag']

@@ -10,10 +10,16 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
+from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
+from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
 
 Array = NDArray[np.float64]
 
@@ -32,6 +38,7 @@ def prepare(settings: GuidanceSettings) -> None:
     """
     warm_up(settings)
     _meet_trouble(settings)
+    _bend_a_step(settings)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
@@ -62,3 +69,19 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     law.halt(5 * period, 'A rehearsal.')
     law.update(final - period // 2, on)
     law.update(final, on)
+
+
+def _bend_a_step(settings: GuidanceSettings) -> None:
+    """Correct a step of the general iteration, which it seldom needs."""
+    planner, road = BackEndPlanner(Task(settings)), settings.road
+    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
+    horizon = remaining(0, period, final)
+    pose = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
+    guess = along_road(settings, pose, horizon.durations)
+    problem = planner.problem(pose, np.zeros(2), guess, horizon)
+    iteration = CMPSP(problem, planner.options(problem))
+    iterate = iteration.init(guess)
+    subproblem = iteration.subproblem(iterate)
+    unmoved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
+    after = iterate.evaluation
+    second_order_correction(subproblem, unmoved, after.output_error, after.g)

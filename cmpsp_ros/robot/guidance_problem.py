@@ -103,6 +103,7 @@ class GuidanceProblem(OptimalControlProblem):
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of (95) without its proximal term, miss and constraint violations."""
         output_error, g = np.empty(2), np.empty((self.size.horizon + 1, self.size.path))
+        X = np.ascontiguousarray(X)
         cost = guidance_functions.evaluate(self.data, X, U, output_error, g)
         return Evaluation(cost, output_error, g)
 
@@ -110,7 +111,8 @@ class GuidanceProblem(OptimalControlProblem):
         """Analytic derivatives; see `guidance_functions.linearise`."""
         size = self.size
         qp = empty_qp(size.horizon, size.state, size.control, size.output, size.path)
-        guidance_functions.linearise(self.data._replace(hessian=_HESSIANS[hessian]), X, U, qp)
+        data = self.data._replace(hessian=_HESSIANS[hessian])
+        guidance_functions.linearise(data, np.ascontiguousarray(X), U, qp)
         return Linearisation(
             A=qp.A,
             B=qp.B,

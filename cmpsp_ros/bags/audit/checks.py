@@ -1,0 +1,91 @@
+"""The list of checks, and going through it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from cmpsp_ros.bags.audit import command_checks, ladder_checks, path_checks
+from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
+from cmpsp_ros.bags.audit.record import Record, read_record
+from cmpsp_ros.bags.audit.sources import Sources
+
+_ROAD: Final = ('road.center', 'road.inner_radius', 'road.outer_radius')
+_WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
+
+
+@dataclass(frozen=True)
+class _Check:
+    name: str
+    title: str
+    judge: Callable[[Record], Verdict]
+    needs: tuple[str, ...] = ()
+
+
+CHECKS: Final = (
+    _Check('road', 'Path: inside the road', path_checks.road, _ROAD),
+    _Check('obstacles', 'Path: clear of obstacles', path_checks.obstacles, ('obstacles.names',)),
+    _Check('margin', 'Path: margin kept', path_checks.margin, (*_ROAD, 'safety.margin')),
+    _Check(
+        'goal',
+        'Path: goal at the final time',
+        path_checks.goal,
+        ('goal.position', 'goal.tolerance', 'final_time'),
+    ),
+    _Check('jumps', 'Odometry: no jumps', path_checks.jumps, _WHEELS),
+    _Check('finite', 'Commands: finite', command_checks.finite),
+    _Check('wheel_limits', 'Commands: wheel limits', command_checks.wheel_limits, _WHEELS),
+    _Check(
+        'commanded',
+        'Commands: safe to drive',
+        path_checks.commanded,
+        (*_ROAD, 'control_period'),
+    ),
+    _Check('as_decided', 'Commands: as decided', command_checks.as_decided, _WHEELS[:2]),
+    _Check('obeyed', 'Commands: obeyed', command_checks.obeyed, (*_WHEELS, 'control_period')),
+    _Check(
+        'rate',
+        'Commands: in time',
+        command_checks.rate,
+        ('control_period', 'final_time'),
+    ),
+    _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
+    _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
+    _Check('stop_at_end', 'Stop: at the end', command_checks.stop_at_end, ('control_period',)),
+    _Check('reasons', 'Ladder: reasons given', ladder_checks.reasons),
+    _Check('shifted', 'Ladder: old plans dropped', ladder_checks.shifted, ('failure_tolerance',)),
+    _Check('nominal', 'Ladder: nominal is clear', ladder_checks.nominal, _ROAD),
+)
+
+
+def audit(path: Path, sources: Sources | None = None) -> tuple[Finding, ...]:
+    """Audit a bag, trusting nothing but its odometry and the parameters.
+
+    Args:
+        path: The bag.
+        sources: Topics and parameters, where they are not the usual ones.
+
+    Returns:
+        One finding a check, in the order of `CHECKS`.
+
+    Raises:
+        BagError: The bag cannot be audited.
+        ParameterError: The parameters cannot be used.
+    """
+    return audit_record(read_record(path, sources))
+
+
+def audit_record(record: Record) -> tuple[Finding, ...]:
+    """Audit what has been read already."""
+    return tuple(
+        Finding(check=each.name, title=each.title, **vars(_judge(each, record))) for each in CHECKS
+    )
+
+
+def _judge(check: _Check, record: Record) -> Verdict:
+    missing = [key for key in check.needs if key not in record.history.given]
+    if missing:
+        return skipped(f'The parameters do not say {", ".join(missing)}.')
+    return check.judge(record)

@@ -1,0 +1,60 @@
+"""Clearance of the path driven, between samples too, from what was there at the time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit.history import History
+from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.clear_space import ClearSpace
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+EDGES = 2
+"""The first columns of a clearance are the outer and the inner road edge."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Arcs with their clearance, the robot's own radius taken off.
+
+    Attributes:
+        settings: What was in force meanwhile.
+        stamps: Beginning of each arc [ns], shape ``(K,)``.
+        clearance: From outer edge, inner edge and each obstacle, shape ``(K, 2 + M)`` [m].
+    """
+
+    settings: GuidanceSettings
+    stamps: Stamps
+    clearance: Array
+
+    def name(self, column: int) -> str:
+        """What a column of the clearance is about."""
+        if column < EDGES:
+            return ('the outer road edge', 'the inner road edge')[column]
+        return f'obstacle {self.settings.obstacles[column - EDGES].name}'
+
+
+def space_of(settings: GuidanceSettings) -> ClearSpace:
+    """Where the robot's centre may be, without any margin."""
+    return ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+
+
+def sweep(path: Driven, history: History) -> Iterator[Sweep]:
+    """The arcs of a path, by the parameters in force at the beginning of each."""
+    begins = path.stamps[:-1]
+    edges = np.searchsorted(begins, [each.since for each in history.epochs[1:]])
+    for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
+        if len(index):
+            space = space_of(epoch.settings)
+            ways = reach(
+                path.poses[index], path.twists[index], path.durations[index], space.centers
+            )
+            yield Sweep(epoch.settings, begins[index], space.clearance(*ways))

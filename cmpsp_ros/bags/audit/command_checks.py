@@ -1,0 +1,269 @@
+"""Checks of the commands: could they be driven, did they come in time, were they obeyed?"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit.commands import agreeing
+from cmpsp_ros.bags.audit.decisions import wheel_speeds
+from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
+from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
+from cmpsp_ros.bags.audit.record import Leg, Record
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+Array = NDArray[np.float64]
+
+
+_ROUNDING = 1e-9
+"""Part of a wheel speed that is lost on the way to a twist and back."""
+
+_LATE = 1.5
+"""Control periods after which the next command is missing."""
+
+_SLACK = 0.15
+"""What may lie between a node's clock and its timers, and a recorder's [s]."""
+
+_SAME_CLOCK = 10.0
+"""Difference from which times of reception are taken for those of another clock [s]."""
+
+_SETTLED = 2.0 / 3.0
+"""Part of the time for which a command holds after which the robot has to obey it."""
+
+_OBEYED = 0.1
+"""Part of the largest wheel speed by which a wheel may differ from its command."""
+
+_SIGMAS = 3.0 * math.sqrt(2.0)
+
+
+def finite(record: Record) -> Verdict:
+    """Whether every command is a number."""
+    wrong = ~np.all(np.isfinite(record.commands.twists), axis=1)
+    count = int(wrong.sum())
+    at = record.seconds(int(record.commands.stamps[wrong.argmax()])) if count else None
+    sentence = (
+        f'{count} of {len(wrong)} commands are not finite.'
+        if count
+        else f'All {len(wrong)} commands are finite.'
+    )
+    return passed_if(not count, sentence, worst=float(count), limit=0.0, at=at)
+
+
+def wheel_limits(record: Record) -> Verdict:
+    """Whether the wheels can turn as fast as commanded."""
+    robot = record.history.epochs[0].settings.robot
+    if not math.isfinite(robot.max_wheel_speed):
+        return skipped('The wheels have no limit (robot.max_wheel_speed is 0).')
+    worst, limit, at = -1.0, robot.max_wheel_speed, record.start
+    for stamp, twist in zip(record.commands.stamps, record.commands.twists, strict=True):
+        robot = record.history.at(int(stamp)).robot
+        speed = float(np.abs(robot.wheel_speeds(twist)).max())
+        if speed / robot.max_wheel_speed > worst / limit:
+            worst, limit, at = speed, robot.max_wheel_speed, int(stamp)
+    passed = worst <= limit * (1.0 + _ROUNDING)
+    sentence = (
+        'Every command is within what the wheels can do.'
+        if passed
+        else f'A command asks {worst:.4g} rad/s of a wheel.'
+    )
+    return passed_if(
+        passed, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
+    )
+
+
+def as_decided(record: Record) -> Verdict:
+    """Whether what was sent is what was decided."""
+    if not record.decisions:
+        return skipped(f'The bag has no decision in {record.places.decision}.')
+    said = record.history.epochs[0].settings.robot.twist(wheel_speeds(record.decisions))
+    pairs = record.pairs
+    wrong = ~agreeing(record.commands, said, pairs)
+    count = int(wrong.sum())
+    if not count:
+        return passed_if(
+            True, f'All {pairs.count} commands are what was decided.', worst=0.0, limit=0.0
+        )
+    where = int(wrong.argmax())
+    sent, wanted = record.commands.twists[pairs.commands + where], said[pairs.decisions + where]
+    return passed_if(
+        False,
+        f'{count} of {pairs.count} commands are not what was decided; the first is'
+        f' {sent[0]:.4g} m/s, {sent[1]:.4g} rad/s instead of'
+        f' {wanted[0]:.4g} m/s, {wanted[1]:.4g} rad/s.',
+        worst=float(count),
+        limit=0.0,
+        at=record.seconds(int(record.commands.stamps[pairs.commands + where])),
+    )
+
+
+def obeyed(record: Record) -> Verdict:
+    """Whether the robot drives what is commanded, once it had time to."""
+    robot = record.history.epochs[0].settings.robot
+    if not math.isfinite(robot.max_wheel_speed):
+        return skipped('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
+    period = record.history.epochs[0].settings.control_period
+    worst, limit, at, ratio = 0.0, _OBEYED * robot.max_wheel_speed, record.start, -1.0
+    for leg in record.legs:
+        begins, ends, twists = _held(leg, period)
+        if not len(begins):
+            continue
+        duration = (ends - begins) / NANOSECONDS
+        driven = robot.wheel_speeds(_mean_twists(leg, begins, ends))
+        off = np.abs(driven - robot.wheel_speeds(twists)).max(axis=1)
+        spread = leg.odometry.spreads.max(axis=0)
+        noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
+        allowed = _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius
+        index = int((off / allowed).argmax())
+        if off[index] / allowed[index] > ratio:
+            ratio = float(off[index] / allowed[index])
+            worst, limit, at = float(off[index]), float(allowed[index]), int(begins[index])
+    if ratio < 0.0:
+        return skipped('No command was held for long enough.')
+    sentence = (
+        'The robot drives what is commanded.'
+        if ratio <= 1.0
+        else f'A wheel turns {worst:.3g} rad/s slower or faster than commanded.'
+    )
+    return passed_if(
+        ratio <= 1.0, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
+    )
+
+
+def rate(record: Record) -> Verdict:
+    """Whether a command comes each control period while the robot is on its way.
+
+    Where odometry drops out there is nothing to answer, and after a stop nothing is missing.
+    """
+    limit = _LATE * record.history.epochs[0].settings.control_period
+    worst, at = 0.0, record.start
+    for leg in record.legs:
+        for run in leg.runs:
+            final = record.history.at(run.start).final_time * NANOSECONDS
+            end = min(run.end, run.start + round(final))
+            inside = (leg.commands.stamps >= run.start) & (leg.commands.stamps < end)
+            stamps, moving = leg.commands.stamps[inside], leg.commands.moving[inside]
+            times = np.concatenate([[run.start], stamps, [end]])
+            for index, gap in enumerate(np.diff(times) / NANOSECONDS):
+                stopped = 0 < index <= len(moving) and not moving[index - 1]
+                begin = int(times[index])
+                if gap > worst and not stopped and not _drops_out(leg, begin, gap, limit):
+                    worst, at = float(gap), begin
+    sentence = (
+        'A command comes each control period.'
+        if worst <= limit
+        else f'No command comes for {worst:.3g} s while the robot is on its way.'
+    )
+    return passed_if(
+        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
+    )
+
+
+def age(record: Record) -> Verdict:
+    """How old the newest odometry is when the robot is commanded to move."""
+    limit = record.history.epochs[0].settings.odom_timeout + _SLACK
+    worst, at = -math.inf, record.start
+    for leg in record.legs:
+        odometry, commands = leg.odometry, leg.commands.chosen(leg.commands.moving)
+        latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
+        known = latest >= 0
+        if not known.any():
+            continue
+        offset = float(np.median(odometry.received - odometry.stamps)) / NANOSECONDS
+        ages = (commands.received - odometry.stamps[latest])[known] / NANOSECONDS
+        ages -= offset if abs(offset) > _SAME_CLOCK else 0.0
+        if ages.max() > worst:
+            worst = float(ages.max())
+            at = int(commands.stamps[known][ages.argmax()])
+    if worst == -math.inf:
+        return skipped('No command to move comes after any odometry.')
+    sentence = (
+        'Every command to move rests on fresh odometry.'
+        if worst <= limit
+        else f'A command to move rests on odometry that is {worst:.3g} s old.'
+    )
+    return passed_if(
+        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
+    )
+
+
+def silence(record: Record) -> Verdict:
+    """How long the robot is left moving while there is no odometry."""
+    limit = record.history.epochs[0].settings.odom_timeout + _SLACK
+    worst, at, longest = 0.0, record.start, 0.0
+    for leg in record.legs:
+        heard, commands = leg.odometry.received, leg.commands
+        gaps = np.diff(heard) / NANOSECONDS
+        longest = max(longest, float(gaps.max()))
+        for index in np.flatnonzero(gaps > limit):
+            times = (commands.received - heard[index]) / NANOSECONDS
+            before = int(np.searchsorted(times, 0.0, side='right')) - 1
+            moving = before >= 0 and bool(commands.moving[before])
+            during = (times > 0.0) & (times <= gaps[index])
+            stops = times[during & ~commands.moving]
+            # A stop holds only until the next command to move.
+            left = float(gaps[index]) if not len(stops) else float(stops[0])
+            restarts = times[during & commands.moving]
+            if len(stops) and len(restarts) and restarts[-1] > stops[-1]:
+                left = float(gaps[index])
+            if (moving or len(restarts)) and left > worst:
+                worst, at = left, int(leg.odometry.stamps[index])
+    if worst > limit:
+        sentence = f'Odometry is silent, and the robot left moving, for {worst:.3g} s.'
+    elif longest > limit:
+        sentence = f'Odometry is silent for {longest:.3g} s, and the robot is stopped in time.'
+    else:
+        sentence = 'Odometry is never silent for long.'
+    return passed_if(
+        worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
+    )
+
+
+def stop_at_end(record: Record) -> Verdict:
+    """Whether the last command of all is a stop."""
+    leg = record.legs[-1]
+    last, heard = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
+    run = leg.runs[-1]
+    settings = record.history.at(run.start)
+    speed, turn = leg.commands.twists[-1]
+    figures = {'worst': math.hypot(speed, turn), 'limit': 0.0, 'at': record.seconds(last)}
+    if not leg.commands.moving[-1]:
+        return passed_if(True, 'The last command is a stop.', **figures)
+    final = run.start + round(settings.final_time * NANOSECONDS)
+    if heard < final and heard - last <= _LATE * settings.control_period * NANOSECONDS:
+        return skipped('The recording ends while the robot is on its way.')
+    sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
+    return passed_if(False, sentence, **figures)
+
+
+def _held(leg: Leg, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+    """The last part of the time for which each command holds, and the command."""
+    stamps, twists = leg.commands.stamps, leg.commands.twists
+    begins, ends = stamps[:-1], stamps[1:]
+    durations = ends - begins
+    chosen = (durations > 0) & (durations <= _LATE * period * NANOSECONDS)
+    chosen &= (begins >= leg.path.stamps[0]) & (ends <= leg.path.stamps[-1])
+    chosen &= np.isfinite(twists[:-1]).all(axis=1)
+    settled = begins + np.round(_SETTLED * durations).astype(np.int64)
+    return settled[chosen], ends[chosen], twists[:-1][chosen]
+
+
+def _mean_twists(leg: Leg, begins: NDArray[np.int64], ends: NDArray[np.int64]) -> Array:
+    """Speed and turn rate, shape ``(M, 2)``, with which the robot goes from instant to instant."""
+    first, last = (interpolated(leg.odometry, each) for each in (begins, ends))
+    chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
+    middles = first[:, 2] + turns / 2.0
+    along = chords[:, 0] * np.cos(middles) + chords[:, 1] * np.sin(middles)
+    lengths = along / np.sinc(turns / (2.0 * np.pi))
+    twists: Array = np.column_stack([lengths, turns]) * NANOSECONDS / (ends - begins)[:, None]
+    return twists
+
+
+def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
+    """Whether odometry is missing in a gap for as long as makes a command late."""
+    end = begin + round(gap * NANOSECONDS)
+    stamps = leg.odometry.stamps
+    inside = stamps[(stamps > begin) & (stamps < end)]
+    times = np.concatenate([[begin], inside, [end]])
+    return bool(np.diff(times).max() > (1.0 - 1.0 / _LATE) * limit * NANOSECONDS)

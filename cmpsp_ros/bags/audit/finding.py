@@ -1,0 +1,73 @@
+"""What an audit finds, one check at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+
+class Outcome(Enum):
+    """How a check ended."""
+
+    PASSED = 'passed'
+    FAILED = 'failed'
+    SKIPPED = 'skipped'
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What a check says.
+
+    Attributes:
+        outcome: How it ended.
+        sentence: What was found, or why nothing could be.
+        worst: The worst value; None where there is none.
+        limit: What it must not pass, in the same unit.
+        unit: Their unit.
+        at: When the worst was, counted from time 0 of the first run [s].
+    """
+
+    outcome: Outcome
+    sentence: str
+    worst: float | None = None
+    limit: float | None = None
+    unit: str = ''
+    at: float | None = None
+
+    @property
+    def worst_text(self) -> str:
+        """The worst value with its unit, empty where there is none."""
+        return self._text(self.worst)
+
+    @property
+    def limit_text(self) -> str:
+        """The limit with its unit, empty where there is none."""
+        return self._text(self.limit)
+
+    def _text(self, value: float | None) -> str:
+        return '' if value is None else f'{value:.4g} {self.unit}'.rstrip()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding(Verdict):
+    """A verdict with the name of its check.
+
+    Attributes:
+        check: Short name, for machines.
+        title: What was checked, for people.
+    """
+
+    check: str
+    title: str
+
+
+def passed_if(passed: bool, sentence: str, **figures: Any) -> Verdict:
+    """A verdict; `figures` as in `Verdict`."""
+    outcome = Outcome.PASSED if passed else Outcome.FAILED
+    return Verdict(outcome=outcome, sentence=sentence, **figures)
+
+
+def skipped(reason: str) -> Verdict:
+    """No verdict, and why."""
+    return Verdict(outcome=Outcome.SKIPPED, sentence=reason)

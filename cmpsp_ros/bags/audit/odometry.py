@@ -1,0 +1,145 @@
+"""Recorded odometry, and the path through it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_TYPE = 'nav_msgs/msg/Odometry'
+
+_FARTHEST = 1e8
+"""Coordinates beyond which squares and differences mean nothing [m]."""
+
+
+@dataclass(frozen=True)
+class Odometry:
+    """Odometry in the order in which it was received.
+
+    Attributes:
+        received: When [ns], shape ``(K,)``.
+        stamps: What it says about its own time [ns], shape ``(K,)``.
+        poses: Shape ``(K, 3)`` [m, m, rad].
+        spreads: Standard deviations of position and heading that it states, ``(K, 2)`` [m, rad].
+    """
+
+    received: Stamps
+    stamps: Stamps
+    poses: Array
+    spreads: Array
+
+    def legs(self, backwards: float) -> list[Odometry]:
+        """Parts in which time does not jump back.
+
+        Args:
+            backwards: Smallest step back that counts as a jump [s]; what is less late than that
+                only came out of order.
+        """
+        jumps = np.flatnonzero(np.diff(self.stamps) < -backwards * NANOSECONDS) + 1
+        legs = []
+        for leg in np.split(np.arange(len(self.stamps)), jumps):
+            stamps = self.stamps[leg]
+            legs.append(self._part(leg[stamps >= np.maximum.accumulate(stamps)]))
+        return legs
+
+    def _part(self, chosen: NDArray[np.intp]) -> Odometry:
+        return Odometry(
+            self.received[chosen], self.stamps[chosen], self.poses[chosen], self.spreads[chosen]
+        )
+
+
+def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> Odometry:
+    """Odometry of a topic.
+
+    Args:
+        bag: The bag.
+        topic: Full name.
+        frame_id: Frame that it has to be in; None for any.
+
+    Raises:
+        BagError: It is of another type, in another frame, or not finite.
+    """
+    found = bag.topics[topic].msgtype
+    if found != _TYPE:
+        raise BagError(f'{bag.path}: found {found} in {topic}, wanted {_TYPE} (--odom)')
+    rows = list(_rows(bag, topic, frame_id))
+    if not rows:
+        raise BagError(f'{bag.path}: found no message in {topic}, wanted odometry (--odom)')
+    received, stamps, figures = zip(*rows, strict=True)
+    table = np.array(figures)
+    return Odometry(
+        np.array(received, dtype=np.int64),
+        np.array(stamps, dtype=np.int64),
+        table[:, :3],
+        table[:, 3:],
+    )
+
+
+def path_through(odometry: Odometry) -> Driven:
+    """The path driven, as the arcs that lead from each sample to the next.
+
+    Nothing but poses is trusted: an arc turns as much as the heading does between two samples and
+    has their distance for its chord. It starts along the measured heading where the wheels did not
+    slip and nothing changed in between.
+    """
+    # Of two at one instant the later counts: the robot was set back there.
+    last = np.append(np.diff(odometry.stamps) > 0, True)
+    stamps, poses = odometry.stamps[last], odometry.poses[last].copy()
+    durations = np.diff(stamps) / NANOSECONDS
+    chords, turns = np.diff(poses[:, :2], axis=0), wrapped(np.diff(poses[:, 2]))
+    lengths = np.hypot(*chords.T) / np.sinc(turns / (2.0 * np.pi))
+    courses = np.arctan2(chords[:, 1], chords[:, 0])
+    middles = poses[:-1, 2] + turns / 2.0
+    backwards = np.cos(courses - middles) < 0.0
+    moved = lengths > 0.0
+    starts = np.where(backwards, courses + np.pi, courses) - turns / 2.0
+    poses[:-1, 2] = np.where(moved, starts, poses[:-1, 2])
+    lengths = np.where(backwards, -lengths, lengths)
+    twists = np.zeros((len(stamps), 2))
+    twists[:-1] = np.column_stack([lengths, turns]) / durations[:, None]
+    return Driven(stamps, poses, twists)
+
+
+def interpolated(odometry: Odometry, stamps: Stamps) -> Array:
+    """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between the samples.
+
+    The headings stay the measured ones: between noisy samples that are close, arcs have others.
+    """
+    # Stamps count from 1970, and floats have no nanoseconds left there.
+    times, wanted = odometry.stamps - odometry.stamps[0], stamps - odometry.stamps[0]
+    columns = odometry.poses[:, 0], odometry.poses[:, 1], np.unwrap(odometry.poses[:, 2])
+    return np.column_stack([np.interp(wanted, times, each) for each in columns])
+
+
+def wrapped(angles: Array) -> Array:
+    """Angles [rad] between -pi and pi."""
+    turned: Array = np.mod(angles + np.pi, 2.0 * np.pi) - np.pi
+    return turned
+
+
+def _rows(bag: Bag, topic: str, frame_id: str | None) -> Iterator[tuple[int, int, list[float]]]:
+    for received, message in bag.messages(topic):
+        frame = message.header.frame_id
+        try:
+            pose = pose_of(message, frame if frame_id is None else frame_id)
+        except OdometryError as error:
+            raise BagError(f'{bag.path}: {topic}, received at {received} ns: {error}') from error
+        if max(abs(pose[0]), abs(pose[1])) > _FARTHEST:
+            raise BagError(
+                f'{bag.path}: {topic}, received at {received} ns: found a position of'
+                f' {pose[0]:.3g}, {pose[1]:.3g} m, wanted one on Earth'
+            )
+        variances = np.nan_to_num(message.pose.covariance[[0, 7, 35]]).clip(min=0.0)
+        spread = np.sqrt([variances[:2].max(), variances[2]])
+        yield received, stamp_of(message), [*pose.tolist(), *spread.tolist()]

@@ -1,0 +1,193 @@
+"""Checks of the path: was it clear, could it be driven, did it end where it should?"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit.clearance import EDGES, space_of
+from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
+from cmpsp_ros.bags.audit.odometry import wrapped
+from cmpsp_ros.bags.audit.record import Leg, Record
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.arcs import arc_ends, reach
+
+Array = NDArray[np.float64]
+
+
+_ROUNDING = 1e-6
+"""What rounding may take from a clearance [m]."""
+
+_SAMPLE_TOLERANCE = 1e-3
+"""What a linearised constraint may be short of at a sample [m]; see `guidance.audit`."""
+
+_JUMP = (0.01, 0.05)
+"""Way and turn beyond what can be driven that odometry may show between two samples [m, rad]."""
+
+_SIGMAS = 3.0 * math.sqrt(2.0)
+"""Standard deviations by which the difference of two measurements may be off."""
+
+
+def road(record: Record) -> Verdict:
+    """Clearance from both road edges."""
+    return _clear(record, slice(0, EDGES), 0.0)
+
+
+def obstacles(record: Record) -> Verdict:
+    """Clearance from all obstacles."""
+    if not any(each.settings.obstacles for each in record.sweeps):
+        return skipped('There is no obstacle among the parameters.')
+    return _clear(record, slice(EDGES, None), 0.0)
+
+
+def margin(record: Record) -> Verdict:
+    """Whether the margin asked for was kept as well."""
+    wanted = max(each.settings.safety.margin for each in record.sweeps)
+    if wanted == 0.0:
+        return skipped('No margin was asked for (safety.margin is 0).')
+    return _clear(record, slice(None), wanted)
+
+
+def commanded(record: Record) -> Verdict:
+    """What each command leads to, held for a control period from the pose that it answers.
+
+    A robot that is too close already may only be commanded not to get closer.
+    """
+    worst, at, nearest = math.inf, record.start, ''
+    for leg in record.legs:
+        commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
+        poses = _measured(leg, commands.stamps)
+        for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
+            stamp = int(commands.stamps[index])
+            settings = record.history.at(stamp)
+            period = settings.control_period
+            if index + 1 < len(commands.stamps):
+                held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
+                period = min(max(held, 0.0), period)
+            spare = _spare(settings, pose, twist, period)
+            if spare.min() < worst:
+                worst, at = float(spare.min()), stamp
+                column = int(spare.argmin())
+                names = ('the outer road edge', 'the inner road edge')
+                nearest = (*names, *(f'obstacle {o.name}' for o in settings.obstacles))[column]
+    if worst == math.inf:
+        return skipped('No command is finite.')
+    passed = worst >= -_ROUNDING
+    sentence = (
+        f'No command leads off the road or into an obstacle; nearest is {nearest}.'
+        if passed
+        else f'A command leads {-worst:.3g} m too close to {nearest} before the next is due.'
+    )
+    return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+
+
+def jumps(record: Record) -> Verdict:
+    """Whether odometry only shows what the robot can drive."""
+    robot = record.history.epochs[0].settings.robot
+    if not math.isfinite(robot.max_wheel_speed):
+        return skipped('The wheels have no limit (robot.max_wheel_speed is 0).')
+    fastest = np.array([robot.max_speed, robot.max_speed / robot.half_track])
+    worst: tuple[float, float, float, str, int] = (-math.inf, 0.0, 0.0, '', record.start)
+    for leg in record.legs:
+        odometry = leg.odometry
+        durations = np.diff(odometry.stamps) / NANOSECONDS
+        moved = np.column_stack(
+            [
+                np.hypot(*np.diff(odometry.poses[:, :2], axis=0).T),
+                np.abs(wrapped(np.diff(odometry.poses[:, 2]))),
+            ]
+        )
+        # Of two at one instant the later counts, as when the robot is put somewhere else.
+        slack = np.array(_JUMP) + _SIGMAS * odometry.spreads[1:]
+        allowed = durations[:, None] * fastest + slack
+        excess = np.where(durations[:, None] > 0.0, (moved - allowed) / slack, -np.inf)
+        row, column = np.unravel_index(int(excess.argmax()), excess.shape)
+        found = float(moved[row, column]), float(allowed[row, column])
+        stamp = int(odometry.stamps[row])
+        worst = max(worst, (float(excess[row, column]), *found, ('m', 'rad')[column], stamp))
+    excess_of_worst, value, limit, unit, stamp = worst
+    passed = excess_of_worst <= 0.0
+    sentence = (
+        'Odometry shows no more than the robot can drive.'
+        if passed
+        else f'Between two samples odometry jumps by {value:.3g} {unit}, more than can be driven.'
+    )
+    return passed_if(
+        passed, sentence, worst=value, limit=limit, unit=unit, at=record.seconds(stamp)
+    )
+
+
+def goal(record: Record) -> Verdict:
+    """Miss at the final time of each run that was not begun again before."""
+    misses = []
+    remaining = math.inf
+    for leg in record.legs:
+        for run in leg.runs:
+            settings = record.history.at(run.start)
+            final = run.start + round(settings.final_time * NANOSECONDS)
+            goal_then = record.history.at(final)
+            remaining = min(remaining, (final - run.end) / NANOSECONDS)
+            if final <= run.end:
+                miss = math.dist(leg.path.at(final)[:2], goal_then.goal)
+                misses.append((miss / goal_then.goal_tolerance, miss, goal_then, final))
+    if not misses:
+        return skipped(f'The recording ends {remaining:.3g} s before the final time.')
+    ratio, miss, settings, stamp = max(misses, key=lambda each: each[0])
+    passed = ratio <= 1.0
+    sentence = (
+        f'At the final time the robot is {miss:.3g} m from the goal'
+        f'{"." if passed else ", which is beyond its tolerance."}'
+    )
+    return passed_if(
+        passed,
+        sentence,
+        worst=miss,
+        limit=settings.goal_tolerance,
+        unit='m',
+        at=record.seconds(stamp),
+    )
+
+
+def _clear(record: Record, columns: slice, wanted: float) -> Verdict:
+    worst, at, nearest, radius = math.inf, record.start, '', 0.0
+    for each in record.sweeps:
+        part = each.clearance[:, columns]
+        if part.size and part.min() < worst:
+            row, column = np.unravel_index(int(part.argmin()), part.shape)
+            worst, at = float(part[row, column]), int(each.stamps[row])
+            nearest = each.name(int(column) + (columns.start or 0))
+            radius = each.settings.robot_radius
+    passed = worst >= wanted - _ROUNDING
+    around = f'the robot (radius {radius:.3g} m)' if radius else 'the robot'
+    sentence = (
+        f'Between samples too, {around} keeps {worst:.3g} m from {nearest}.'
+        if worst >= 0.0
+        else f'Along the path driven, {around} cuts {nearest} by {-worst:.3g} m.'
+    )
+    return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
+
+
+def _measured(leg: Leg, stamps: NDArray[np.int64]) -> Array:
+    """The latest poses measured at some instants, shape ``(M, 3)``."""
+    index = np.searchsorted(leg.odometry.stamps, stamps, side='right') - 1
+    return leg.odometry.poses[np.maximum(index, 0)]
+
+
+def _spare(settings: GuidanceSettings, pose: Array, twist: Array, period: float) -> Array:
+    """Clearance of an arc beyond what must be asked of it, ``(2 + M,)`` [m]."""
+    space = space_of(settings)
+    here = np.linalg.norm(space.centers - pose[:2], axis=1)[None]
+    floor = np.minimum(space.clearance(here, here)[0], 0.0)
+    start, held = pose[None], np.array([period])
+    if settings.safety.between_samples:
+        arc = reach(start, twist[None], held, space.centers)
+    else:
+        floor = floor - _SAMPLE_TOLERANCE
+        there = arc_ends(start, twist[None], held)[0, :2]
+        distance = np.linalg.norm(space.centers - there, axis=1)[None]
+        arc = distance, distance
+    spare: Array = space.clearance(*arc)[0] - floor
+    return spare

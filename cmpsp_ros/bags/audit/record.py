@@ -1,0 +1,164 @@
+"""All that is audited of a recording: odometry, commands, parameters, and what was said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+from cmpsp_ros.bags.audit.clearance import Sweep, sweep
+from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
+from cmpsp_ros.bags.audit.decisions import Said, read_decisions, wheel_speeds
+from cmpsp_ros.bags.audit.history import History, read_history
+from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
+from cmpsp_ros.bags.audit.sources import Places, Sources, find
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+
+@dataclass(frozen=True)
+class Run:
+    """From one beginning of time to the next.
+
+    Attributes:
+        start: Time 0 [ns].
+        end: Beginning of the next run, or end of the recording [ns].
+    """
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Part of a recording in which time does not jump back.
+
+    Attributes:
+        odometry: In order of time.
+        commands: In order of time.
+        runs: In order of time; none before the first command.
+    """
+
+    odometry: Odometry
+    commands: Commands
+    runs: tuple[Run, ...]
+
+    @cached_property
+    def path(self) -> Driven:
+        """The path through all odometry."""
+        return path_through(self.odometry)
+
+    @cached_property
+    def guided(self) -> Driven:
+        """The path since the beginning of the first run."""
+        first = max(self.runs[0].start, int(self.path.stamps[0]))
+        return self.path.between(first, int(self.path.stamps[-1]))
+
+
+@dataclass(frozen=True)
+class Record:
+    """What an audit has before it.
+
+    Attributes:
+        path: The bag.
+        places: Names of what was read.
+        history: Parameters over time.
+        odometry: All of it.
+        commands: All of them.
+        decisions: All of them; none in the bag of another program.
+        pairs: Which command belongs to which decision.
+        legs: Parts in which time does not jump back and commands were sent.
+    """
+
+    path: Path
+    places: Places
+    history: History
+    odometry: Odometry
+    commands: Commands
+    decisions: tuple[Said, ...]
+    pairs: Pairs
+    legs: tuple[Leg, ...]
+
+    @cached_property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        """The path driven since the beginning of each leg's first run, with its clearance."""
+        return tuple(each for leg in self.legs for each in sweep(leg.guided, self.history))
+
+    @property
+    def start(self) -> int:
+        """Time 0 of the first run [ns]."""
+        return self.legs[0].runs[0].start
+
+    @property
+    def end(self) -> float:
+        """Time of the last odometry since then [s]."""
+        return self.seconds(int(self.legs[-1].odometry.stamps[-1]))
+
+    def seconds(self, stamp: int) -> float:
+        """Time since then [s]."""
+        return (stamp - self.start) / NANOSECONDS
+
+
+def read_record(path: Path, sources: Sources | None = None) -> Record:
+    """Read what is audited.
+
+    Raises:
+        BagError: Not a bag, a topic is missing, or what is in it cannot be used.
+        ParameterError: The parameters cannot be used.
+    """
+    sources = sources or Sources()
+    with Bag(path) as bag:
+        try:
+            return _record(bag, sources)
+        except OverflowError as error:
+            raise BagError(f'{path}: found times that no clock can have: {error}') from error
+
+
+def _record(bag: Bag, sources: Sources) -> Record:
+    places = find(bag, sources)
+    history = read_history(bag, places, sources)
+    settings = history.epochs[0].settings
+    frame_id = settings.frame_id if 'frame_id' in history.given else None
+    odometry = read_odometry(bag, places.odom, frame_id)
+    commands = read_commands(bag, places.cmd_vel)
+    decisions = read_decisions(bag, places.decision)
+    said = settings.robot.twist(wheel_speeds(decisions))
+    pairs = pair(commands, said)
+    commands = timed(commands, odometry, pairs, decisions)
+    legs = tuple(_legs(odometry.legs(settings.odom_timeout), commands, decisions))
+    if not legs:
+        raise BagError(
+            f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
+            ' wanted a drive'
+        )
+    return Record(bag.path, places, history, odometry, commands, decisions, pairs, legs)
+
+
+def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[Said]) -> list[Leg]:
+    begins = [int(each.received[0]) for each in odometry]
+    legs = []
+    for each, begin, end in zip(odometry, [0, *begins[1:]], [*begins[1:], None], strict=True):
+        inside = commands.received >= begin
+        if end is not None:
+            inside &= commands.received < end
+        some = commands.chosen(inside)
+        said = [one for one in decisions if one.received >= begin]
+        said = [one for one in said if end is None or one.received < end]
+        if len(some.stamps) and each.stamps[-1] > each.stamps[0]:
+            legs.append(Leg(each, some, _runs(some, said, int(each.stamps[-1]))))
+    return legs
+
+
+def _runs(commands: Commands, decisions: Sequence[Said], end: int) -> tuple[Run, ...]:
+    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
+    answers = [each for each in decisions if not each.halted]
+    starts = [answers[0].stamp] if answers else [int(commands.stamps[0])]
+    for before, after in pairwise(answers):
+        if after.run != before.run or after.step < before.step:
+            starts.append(after.stamp)
+    starts = sorted({min(start, end) for start in starts})
+    return tuple(Run(start, stop) for start, stop in zip(starts, [*starts[1:], end], strict=True))

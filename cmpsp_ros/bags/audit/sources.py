@@ -1,0 +1,94 @@
+"""Where in a bag an audit looks: which node's parameters and which topics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+
+_NODE = 'guidance'
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What the user says about a bag; None leaves it to the bag.
+
+    Attributes:
+        odom: Topic of the odometry.
+        cmd_vel: Topic of the commands.
+        params_file: Parameter file or preset to judge by, instead of the parameters in the bag.
+    """
+
+    odom: str | None = None
+    cmd_vel: str | None = None
+    params_file: str | Path | None = None
+
+
+@dataclass(frozen=True)
+class Places:
+    """Full names in one bag.
+
+    Attributes:
+        node: Guidance node whose parameters are in the bag; empty when none are.
+        odom: Topic of the odometry.
+        cmd_vel: Topic of the commands.
+        decision: Topic of the decisions; the bag may lack it.
+        plan: Topic of the plans; the bag may lack it.
+    """
+
+    node: str
+    odom: str
+    cmd_vel: str
+    decision: str
+    plan: str
+
+
+def find(bag: Bag, sources: Sources) -> Places:
+    """Full names of all that an audit reads.
+
+    Raises:
+        BagError: The bag has no parameters of a guidance node and no file replaces them, several
+            nodes' and none is chosen, or odometry or commands are missing.
+    """
+    node = _node(bag, sources)
+    namespace = node.rpartition('/')[0]
+    return Places(
+        node,
+        _topic(bag, sources.odom or f'{namespace}/odom', '--odom'),
+        _topic(bag, sources.cmd_vel or f'{namespace}/cmd_vel', '--cmd-vel'),
+        f'{node}/decision',
+        f'{node}/predicted_path',
+    )
+
+
+def _node(bag: Bag, sources: Sources) -> str:
+    nodes = sorted(name for name in bag.parameters if name.rpartition('/')[2] == _NODE)
+    if sources.odom is not None:
+        # The odometry's namespace says which robot is meant.
+        beside = f'{sources.odom.rpartition("/")[0]}/{_NODE}'
+        nodes = [beside] if beside in nodes else nodes
+    if len(nodes) > 1:
+        raise BagError(
+            f'{bag.path}: found parameters of {", ".join(nodes)}, wanted one of them:'
+            f' choose a robot by its odometry, as in --odom {nodes[0].rpartition("/")[0]}/odom'
+        )
+    if nodes:
+        return nodes[0]
+    if sources.params_file is None:
+        raise BagError(
+            f'{bag.path}: found no parameters of a guidance node, wanted them in the bag'
+            ' or in a file (--params-file)'
+        )
+    return ''
+
+
+def _topic(bag: Bag, name: str, option: str) -> str:
+    if name in bag.topics and bag.topics[name].count:
+        return name
+    found = 'no message in' if name in bag.topics else 'no topic'
+    there = ', '.join(sorted(topic for topic, each in bag.topics.items() if each.count))
+    raise BagError(
+        f'{bag.path}: found {found} {name}, wanted one of {there or "no topic at all"} ({option})'
+    )

@@ -1,0 +1,49 @@
+"""The report on one or several bags: a page that opens from disk, and a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from cmpsp_ros.bags.audit import Sources, read_record
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.report.page import page
+from cmpsp_ros.bags.report.picture import draw
+from cmpsp_ros.bags.report.view import View, labels, view
+
+__all__ = ['View', 'write_report']
+
+
+def write_report(
+    paths: Sequence[Path], output: Path, sources: Sources | None = None, *, force: bool = False
+) -> tuple[Path, Path]:
+    """Write the report of bags, side by side where there are several.
+
+    Args:
+        paths: The bags.
+        output: The page; the picture is beside it.
+        sources: Topics and parameters, where they are not the usual ones.
+        force: Whether an earlier report may be replaced.
+
+    Returns:
+        Page and picture.
+
+    Raises:
+        BagError: A bag cannot be used, or the report not written.
+        ParameterError: The parameters cannot be used.
+    """
+    picture = output.with_suffix('.png')
+    for each in (output, picture):
+        if each.exists() and not force:
+            raise BagError(f'{each}: exists already; --force replaces it')
+    views = [
+        view(path, label, read_record(path, sources))
+        for path, label in zip(paths, labels(paths), strict=True)
+    ]
+    text = page(views)
+    try:
+        output.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
+    draw(views, picture)
+    return output, picture

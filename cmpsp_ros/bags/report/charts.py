@@ -1,0 +1,274 @@
+"""The charts of a report, as plotly figures in plain data."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.report.palette import GRID, LIMIT, RUNGS, TEXT, bag_color
+from cmpsp_ros.bags.report.view import View
+
+Array = NDArray[np.float64]
+Figure = dict[str, Any]
+
+_BINS = 40
+_DIGITS = 6
+"""Digits after the point: a micrometre, a microsecond."""
+
+
+def rungs(views: Sequence[View]) -> Figure:
+    """Bands of the ladder over time, one row a bag."""
+    traces: list[Figure] = []
+    for rung, color in RUNGS.items():
+        bands = [(view, each) for view in views for each in view.bands if each.rung == rung]
+        if not bands:
+            continue
+        traces.append(
+            {
+                'type': 'bar',
+                'orientation': 'h',
+                'name': rung,
+                'y': [escaped(view.label) for view, _ in bands],
+                'base': [_number(each.begin) for _, each in bands],
+                'x': [_number(each.end - each.begin) for _, each in bands],
+                'text': [
+                    f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
+                    f'<br>{escaped(_wrapped(each.reason))}'
+                    for _, each in bands
+                ],
+                'textposition': 'none',
+                'hovertemplate': f'<b>{rung}</b> %{{text}}<extra></extra>',
+                'marker': {'color': color, 'line': {'color': '#ffffff', 'width': 1}},
+                'width': 0.6,
+            }
+        )
+    figure = _over_time(views, traces, {'autorange': 'reversed', 'automargin': True}, 'ladder')
+    figure['layout'] |= {'barmode': 'overlay', 'height': 130 + 34 * len(views)}
+    figure['layout']['hovermode'] = 'closest'
+    return figure
+
+
+def wheel_speeds(views: Sequence[View]) -> Figure:
+    """Commanded wheel speeds with their limits; driven ones can be switched on."""
+    traces = []
+    for number, view in enumerate(views):
+        for (times, speeds), kind, shown in (
+            (view.commands, 'commanded', True),
+            (view.driven, 'driven', 'legendonly'),
+        ):
+            for side, dash in ((0, 'solid'), (1, 'dash')):
+                name = f'{("right", "left")[side]} wheel, {kind}'
+                line = {
+                    'color': bag_color(number),
+                    'dash': dash if kind == 'commanded' else 'dot',
+                    'shape': 'hv',
+                    'width': 1.6 if kind == 'commanded' else 1.0,
+                }
+                trace = _line(_named(views, view, name), times, speeds[:, side], line)
+                traces.append(trace | {'visible': shown})
+    figure = _over_time(views, traces, {'title': {'text': 'wheel speed [rad/s]'}})
+    slowest = min(
+        (float(np.nanmin(v.commands[1], initial=0.0)) for v in views if len(v.commands[1])),
+        default=0.0,
+    )
+    for limit in sorted({view.settings.robot.max_wheel_speed for view in views}):
+        if math.isfinite(limit):
+            _mark(figure, limit, f'limit {limit:g} rad/s')
+            if slowest < 0.0:
+                _mark(figure, -limit, f'limit {-limit:g} rad/s')
+    return figure
+
+
+def clearance(views: Sequence[View]) -> Figure:
+    """Clearance of the path driven from road edges and from obstacles."""
+    traces = []
+    for number, view in enumerate(views):
+        times, *values = view.clearance
+        for what, dash, value in zip(
+            ('road edges', 'obstacles'), ('solid', 'dash'), values, strict=True
+        ):
+            if np.isfinite(value).any():
+                line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+                traces.append(_line(_named(views, view, what), times, value, line))
+    figure = _over_time(views, traces, {'title': {'text': 'clearance [m]'}, 'rangemode': 'tozero'})
+    _mark(figure, 0.0, 'contact')
+    for margin in sorted({view.settings.safety.margin for view in views} - {0.0}):
+        _mark(figure, margin, f'margin {margin:g} m')
+    return figure
+
+
+def position(views: Sequence[View]) -> Figure:
+    """Position and heading, in two panels."""
+    traces = []
+    for number, view in enumerate(views):
+        for column, (name, dash) in enumerate(
+            (('x', 'solid'), ('y', 'dash'), ('heading', 'solid'))
+        ):
+            line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+            trace = _line(_named(views, view, name), view.times, view.poses[:, column], line)
+            traces.append(trace | ({'yaxis': 'y2'} if name == 'heading' else {}))
+    figure = _over_time(views, traces, {'title': {'text': 'position [m]'}, 'domain': [0.46, 1.0]})
+    figure['layout']['yaxis2'] = axis({'title': {'text': 'heading [rad]'}, 'domain': [0.0, 0.38]})
+    figure['layout']['xaxis']['anchor'] = 'y2'
+    figure['layout']['height'] = 430
+    return figure
+
+
+def step_times(views: Sequence[View]) -> Figure:
+    """Time from odometry to command, against the deadline."""
+    traces = []
+    for number, view in enumerate(views):
+        times, taken = view.steps
+        if len(times):
+            line = {'color': bag_color(number), 'width': 1.0}
+            trace = _line(_named(views, view, 'step time'), times, taken, line)
+            traces.append(trace | {'mode': 'lines+markers', 'marker': {'size': 4}})
+    axis = {'title': {'text': 'step time [ms]'}, 'type': 'log', 'dtick': 1}
+    figure = _over_time(views, traces, axis)
+    for deadline in sorted({1e3 * view.settings.control_period for view in views}):
+        _mark(figure, deadline, f'deadline {deadline:g} ms', log=True)
+    return figure
+
+
+def step_histogram(views: Sequence[View]) -> Figure:
+    """How often a control step took how long."""
+    everything = np.concatenate([view.steps[1] for view in views])
+    positive = everything[(everything > 0.0) & np.isfinite(everything)]
+    traces: list[Figure] = []
+    ends = (float(positive.min()), float(positive.max())) if len(positive) else (1.0, 10.0)
+    edges = np.geomspace(ends[0] * 0.95, ends[1] * 1.05, _BINS + 1)
+    for number, view in enumerate(views):
+        taken = view.steps[1]
+        counts = np.histogram(taken[taken > 0.0], edges)[0]
+        traces.append(
+            {
+                'type': 'bar',
+                'name': escaped(view.label),
+                'x': numbers(np.sqrt(edges[:-1] * edges[1:])),
+                'width': numbers(np.diff(edges)),
+                'y': counts.tolist(),
+                'marker': {'color': bag_color(number)},
+                'opacity': 0.85 if len(views) == 1 else 0.55,
+                'hovertemplate': '%{x:.3g} ms: %{y} steps<extra></extra>',
+            }
+        )
+    shape = layout() | {
+        'barmode': 'overlay',
+        'xaxis': axis({'title': {'text': 'step time [ms]'}, 'type': 'log'}),
+        'yaxis': axis({'title': {'text': 'control steps'}, 'rangemode': 'tozero'}),
+        'showlegend': len(views) > 1,
+    }
+    return {'data': traces, 'layout': shape}
+
+
+def escaped(text: str) -> str:
+    """Text from a bag as plotly, which knows some HTML, will show it."""
+    return html.escape(text, quote=True)
+
+
+def layout() -> Figure:
+    """What all charts share."""
+    return {
+        'font': {'family': 'system-ui, sans-serif', 'size': 13, 'color': TEXT},
+        'paper_bgcolor': '#ffffff',
+        'plot_bgcolor': '#ffffff',
+        'margin': {'l': 70, 'r': 24, 't': 36, 'b': 48},
+        'height': 300,
+        'legend': {'orientation': 'h', 'x': 0, 'y': 1.02, 'yanchor': 'bottom'},
+        'hovermode': 'x unified',
+        'hoverlabel': {'align': 'left', 'bgcolor': '#ffffff'},
+        'shapes': [],
+        'annotations': [],
+    }
+
+
+def axis(more: Figure) -> Figure:
+    """An axis in the report's style, with what is particular about it."""
+    style = {
+        'gridcolor': GRID,
+        'zerolinecolor': GRID,
+        'linecolor': '#9aa2af',
+        'ticks': 'outside',
+        'tickcolor': '#9aa2af',
+        'showline': True,
+    }
+    return style | more
+
+
+def _over_time(
+    views: Sequence[View], traces: list[Figure], y: Figure, kind: str = 'curves'
+) -> Figure:
+    """A chart over time, with the slider's cursor as its first shape."""
+    figure: Figure = {'data': traces, 'layout': layout()}
+    end = max(view.end for view in views)
+    figure['layout'] |= {
+        'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, _number(end)]}),
+        'yaxis': axis(y),
+        'showlegend': True,
+        'meta': {'kind': kind},
+        'shapes': [
+            {
+                'type': 'line',
+                'x0': 0.0,
+                'x1': 0.0,
+                'yref': 'paper',
+                'y0': 0.0,
+                'y1': 1.0,
+                'line': {'color': TEXT, 'width': 1, 'dash': 'dot'},
+            }
+        ],
+    }
+    return figure
+
+
+def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
+    return {
+        'type': 'scatter',
+        'mode': 'lines',
+        'name': name,
+        'x': numbers(times),
+        'y': numbers(values),
+        'line': line,
+        'hovertemplate': '%{y:.4g}',
+    }
+
+
+def _mark(figure: Figure, value: float, text: str, *, log: bool = False) -> None:
+    """A horizontal line at a limit, with its name."""
+    line = {'color': LIMIT, 'width': 1.4, 'dash': 'dash'}
+    shape = {'type': 'line', 'xref': 'paper', 'x0': 0, 'x1': 1, 'y0': value, 'y1': value}
+    figure['layout']['shapes'].append(shape | {'line': line})
+    figure['layout']['annotations'].append(
+        {
+            'xref': 'paper',
+            'x': 1.0,
+            'xanchor': 'right',
+            'y': math.log10(value) if log else value,
+            'yanchor': 'bottom',
+            'text': text,
+            'showarrow': False,
+            'font': {'color': LIMIT, 'size': 12},
+        }
+    )
+
+
+def _named(views: Sequence[View], view: View, name: str) -> str:
+    return name if len(views) == 1 else f'{escaped(view.label)}: {name}'
+
+
+def _wrapped(text: str, width: int = 90) -> str:
+    return text if len(text) <= width else f'{text[: width - 1]}…'
+
+
+def _number(value: float) -> float | None:
+    return round(float(value), _DIGITS) if math.isfinite(value) else None
+
+
+def numbers(values: Array) -> list[float | None]:
+    """Numbers for JSON, which knows no NaN."""
+    return [_number(each) for each in values.tolist()]

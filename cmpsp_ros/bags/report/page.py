@@ -1,0 +1,102 @@
+"""The page: one HTML file that needs nothing else, on a disk without network.
+
+Nothing in it runs but the two scripts whose hashes its Content-Security-Policy names. What comes
+from a bag is text in the page and data in its JSON.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import hashlib
+import json
+from collections.abc import Sequence
+from html import escape
+from importlib.resources import files
+from string import Template
+from typing import Any
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.report import charts, tables
+from cmpsp_ros.bags.report.path_chart import moving, path
+from cmpsp_ros.bags.report.view import View
+
+
+def page(views: Sequence[View]) -> str:
+    """The report of one or several bags as HTML.
+
+    Raises:
+        BagError: plotly, whose script goes into the page, is not installed.
+    """
+    script, library = _asset('page.js'), _plotly()
+    return Template(_asset('page.html')).substitute(
+        policy=_policy(script, library),
+        title=escape(', '.join(view.label for view in views)),
+        style=_asset('page.css'),
+        verdicts=tables.verdicts(views),
+        summary=tables.summary(views),
+        ladder=tables.sections(views, 'ladder'),
+        audit=tables.sections(views, 'findings'),
+        parameters=tables.parameters(views),
+        end=f'{max(view.end for view in views):.3f}',
+        data=_json(_data(views)),
+        library=_packed(library),
+        script=script,
+    )
+
+
+def _data(views: Sequence[View]) -> dict[str, Any]:
+    figures = {
+        'path': path(views),
+        'rungs': charts.rungs(views),
+        'wheels': charts.wheel_speeds(views),
+        'clearance': charts.clearance(views),
+        'position': charts.position(views),
+        'steps': charts.step_times(views),
+        'histogram': charts.step_histogram(views),
+    }
+    return {
+        'figures': figures,
+        'bags': [
+            {'label': view.label, **each} for view, each in zip(views, moving(views), strict=True)
+        ],
+    }
+
+
+def _policy(*scripts: str) -> str:
+    """A policy under which these scripts run, and nothing else."""
+    allowed = ' '.join(
+        f"'sha256-{base64.b64encode(hashlib.sha256(each.encode()).digest()).decode()}'"
+        for each in scripts
+    )
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline';"
+        " img-src data: blob:; base-uri 'none'; form-action 'none'"
+    )
+
+
+def _json(value: Any) -> str:
+    """JSON that ends no element of HTML."""
+    text = json.dumps(value, allow_nan=False, separators=(',', ':'), ensure_ascii=True)
+    for character in '<>&':
+        text = text.replace(character, f'\\u{ord(character):04x}')
+    return text
+
+
+def _packed(text: str) -> str:
+    """Text as a browser unpacks it: a third of the size."""
+    return base64.b64encode(gzip.compress(text.encode(), 6, mtime=0)).decode()
+
+
+def _plotly() -> str:
+    try:
+        script = files('plotly') / 'package_data' / 'plotly.min.js'
+        return script.read_text(encoding='utf-8')
+    except (ModuleNotFoundError, OSError) as error:
+        raise BagError(
+            'report: found no plotly, wanted it for its charts: pip install "cmpsp_ros[report]"'
+        ) from error
+
+
+def _asset(name: str) -> str:
+    return (files('cmpsp_ros.bags.report') / 'assets' / name).read_text(encoding='utf-8')

@@ -1,0 +1,202 @@
+"""The chart of the road with obstacles, paths driven, and the plan at the slider's time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
+from cmpsp_ros.bags.report.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
+from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.road import Annulus
+
+Array = NDArray[np.float64]
+
+_CORNERS = 240
+_ROOM = 0.6
+"""Part of the road's width that is shown around everything that happened."""
+
+
+def path(views: Sequence[View]) -> Figure:
+    """Road, obstacles, goal, paths driven, plans and robots."""
+    figure: Figure = {'data': _traces(views), 'layout': layout()}
+    shapes, annotations = [], []
+    for road in dict.fromkeys(view.settings.road for view in views):
+        shapes += _road(road)
+    for obstacle, kept in obstacles(views).items():
+        shapes += _discs(obstacle, kept)
+        annotations.append(_name(obstacle))
+    x, y = frame(views)
+    figure['layout'] |= {
+        'shapes': shapes,
+        'annotations': annotations,
+        'height': 640,
+        'hovermode': 'closest',
+        'xaxis': axis(
+            {'title': {'text': 'x [m]'}, 'range': x, 'showgrid': False, 'zeroline': False}
+        ),
+        'yaxis': axis(
+            {
+                'title': {'text': 'y [m]'},
+                'range': y,
+                'showgrid': False,
+                'zeroline': False,
+                'scaleanchor': 'x',
+            }
+        ),
+        'showlegend': True,
+    }
+    return figure
+
+
+def moving(views: Sequence[View]) -> list[dict[str, Any]]:
+    """What the slider moves in this chart: for each bag its plans, poses, and what it said."""
+    return [
+        {
+            'plans': [
+                {'t': round(each.seconds, 6), 'x': numbers(each.points[:, 0])}
+                | {'y': numbers(each.points[:, 1])}
+                for each in view.plans
+            ],
+            't': numbers(view.times),
+            'x': numbers(view.poses[:, 0]),
+            'y': numbers(view.poses[:, 1]),
+            'heading': numbers(view.poses[:, 2]),
+            'clearance': {
+                't': numbers(view.clearance[0]),
+                'value': numbers(np.minimum(*view.clearance[1:])),
+            },
+            'said': [
+                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
+                for each in view.record.decisions
+            ],
+        }
+        for view in views
+    ]
+
+
+def _traces(views: Sequence[View]) -> list[Figure]:
+    """Paths, then plans, then robots, one of each a bag and in their order; then the goals."""
+    several = len(views) > 1
+    prefixes = [f'{escaped(view.label)}: ' if several else '' for view in views]
+    driven = [
+        {
+            'name': f'{prefix}driven',
+            'mode': 'lines',
+            'x': numbers(view.poses[:, 0]),
+            'y': numbers(view.poses[:, 1]),
+            'text': [f'{each:.2f} s' for each in view.times],
+            'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
+            'line': {'color': bag_color(number), 'width': 2.6},
+        }
+        for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
+    ]
+    plans = [
+        {
+            'name': f'{prefix}plan',
+            'mode': 'lines+markers',
+            'x': [],
+            'y': [],
+            'hoverinfo': 'skip',
+            'line': {'color': bag_color(number), 'width': 1.2, 'dash': 'dot'},
+            'marker': {'size': 5, 'symbol': 'circle-open'},
+        }
+        for number, prefix in enumerate(prefixes)
+    ]
+    robots = [
+        {
+            'name': f'{prefix}robot',
+            'mode': 'markers',
+            'x': numbers(view.poses[:1, 0]),
+            'y': numbers(view.poses[:1, 1]),
+            'hoverinfo': 'skip',
+            'showlegend': False,
+            'marker': {
+                'symbol': 'arrow-wide',
+                'size': 18,
+                'angle': 90.0 - math.degrees(view.poses[0, 2]),
+                'color': bag_color(number),
+                'line': {'color': '#ffffff', 'width': 1.5},
+            },
+        }
+        for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
+    ]
+    goals = [
+        {
+            'name': 'goal',
+            'mode': 'markers',
+            'x': [goal[0]],
+            'y': [goal[1]],
+            'hovertemplate': 'goal: %{x:.3f}, %{y:.3f} m<extra></extra>',
+            'marker': {'symbol': 'star', 'size': 15, 'color': GOAL},
+        }
+        for goal in dict.fromkeys(view.settings.goal for view in views)
+    ]
+    traces: tuple[Figure, ...] = (*driven, *plans, *robots, *goals)
+    return [{'type': 'scatter', **each} for each in traces]
+
+
+def _road(road: Annulus) -> list[Figure]:
+    rings = ' '.join(_ring(road.center, r) for r in (road.outer_radius, road.inner_radius))
+    line = {'color': EDGE, 'width': 1.2}
+    fill = {'fillcolor': ROAD, 'fillrule': 'evenodd', 'layer': 'below'}
+    ring = {'type': 'path', 'path': rings, 'line': line} | fill
+    center = _circle(road.center, road.center_radius)
+    dotted = {'line': {'color': EDGE, 'width': 1, 'dash': 'dot'}, 'layer': 'below'}
+    return [ring, center | dotted]
+
+
+def _discs(obstacle: Obstacle, kept: float) -> list[Figure]:
+    disc = _circle(obstacle.center, obstacle.radius)
+    disc |= {'fillcolor': OBSTACLE, 'opacity': 0.85, 'line': {'width': 0}, 'layer': 'below'}
+    if kept == obstacle.radius:
+        return [disc]
+    around = {'line': {'color': OBSTACLE, 'width': 1.2, 'dash': 'dash'}, 'layer': 'below'}
+    return [disc, _circle(obstacle.center, kept) | around]
+
+
+def _name(obstacle: Obstacle) -> Figure:
+    x, y = obstacle.center
+    font = {'color': '#ffffff', 'size': 13}
+    return {'x': x, 'y': y, 'text': escaped(obstacle.name), 'showarrow': False, 'font': font}
+
+
+def obstacles(views: Sequence[View]) -> dict[Obstacle, float]:
+    """All obstacles there ever were, and the radius that the robot's centre keeps out of."""
+    every = (epoch.settings for view in views for epoch in view.record.history.epochs)
+    return {
+        obstacle: obstacle.radius + settings.robot_radius + settings.safety.margin
+        for settings in every
+        for obstacle in settings.obstacles
+    }
+
+
+def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
+    """What happened, with room around it, in x and in y."""
+    points = [view.poses[:, :2] for view in views]
+    points += [np.array([view.settings.goal]) for view in views]
+    low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
+    road = views[0].settings.road
+    room = _ROOM * (road.outer_radius - road.inner_radius)
+    return [low[0] - room, high[0] + room], [low[1] - room, high[1] + room]
+
+
+def _ring(center: tuple[float, float], radius: float) -> str:
+    """A circle as a polygon: paths of plotly know no arcs."""
+    angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
+    x, y = center[0] + radius * np.cos(angles), center[1] + radius * np.sin(angles)
+    corners = ' L '.join(f'{a:.4f},{b:.4f}' for a, b in zip(x, y, strict=True))
+    return f'M {corners} Z'
+
+
+def _circle(center: tuple[float, float], radius: float) -> Figure:
+    x, y = center
+    return {'type': 'circle', 'x0': x - radius, 'x1': x + radius} | {
+        'y0': y - radius,
+        'y1': y + radius,
+    }

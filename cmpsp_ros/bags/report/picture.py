@@ -1,0 +1,126 @@
+"""The report on one sheet, as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Annulus as Ring
+from matplotlib.patches import Circle, Patch
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.report.palette import (
+    EDGE,
+    GOAL,
+    GRID,
+    LIMIT,
+    OBSTACLE,
+    ROAD,
+    RUNGS,
+    bag_color,
+)
+from cmpsp_ros.bags.report.path_chart import frame, obstacles
+from cmpsp_ros.bags.report.view import View
+
+
+def draw(views: Sequence[View], output: Path) -> None:
+    """Draw path, ladder, wheel speeds, clearance and step times.
+
+    Raises:
+        BagError: The picture cannot be written.
+    """
+    figure = Figure(figsize=(14.0, 8.0), layout='constrained')
+    grid = figure.add_gridspec(4, 2, width_ratios=[5, 6], height_ratios=[1, 3, 3, 3])
+    _draw_path(figure.add_subplot(grid[:, 0]), views)
+    shown: Axes | None = None
+    for row, draw_one in enumerate((_draw_rungs, _draw_wheels, _draw_clearance, _draw_steps)):
+        axes = figure.add_subplot(grid[row, 1], sharex=shown)
+        draw_one(axes, views)
+        axes.grid(color=GRID)
+        axes.set_axisbelow(True)
+        axes.tick_params(labelbottom=row == 3)
+        shown = axes
+    if shown is not None:
+        shown.set(xlabel='time [s]', xlim=(0.0, max(view.end for view in views)))
+    try:
+        figure.savefig(output, dpi=110)
+    except OSError as error:
+        raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
+
+
+def _draw_path(axes: Axes, views: Sequence[View]) -> None:
+    for road in dict.fromkeys(view.settings.road for view in views):
+        width = road.outer_radius - road.inner_radius
+        axes.add_patch(Ring(road.center, road.outer_radius, width, fc=ROAD, ec=EDGE, zorder=0))
+        line = {'fill': False, 'ec': EDGE, 'ls': ':', 'zorder': 1}
+        axes.add_patch(Circle(road.center, road.center_radius, **line))
+    for obstacle, kept in obstacles(views).items():
+        axes.add_patch(Circle(obstacle.center, obstacle.radius, fc=OBSTACLE, lw=0, zorder=2))
+        axes.add_patch(Circle(obstacle.center, kept, fill=False, ec=OBSTACLE, ls='--', zorder=2))
+        axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
+    for number, view in enumerate(views):
+        color = bag_color(number)
+        axes.plot(*view.poses[:, :2].T, color=color, lw=2.0, label=_plain(view.label), zorder=4)
+        axes.plot(*view.poses[0, :2], 'o', color=color, ms=7, zorder=5)
+        axes.plot(*view.settings.goal, '*', color=GOAL, ms=14, zorder=5)
+    (left, right), (bottom, top) = frame(views)
+    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+    axes.legend(loc='best')
+
+
+def _draw_rungs(axes: Axes, views: Sequence[View]) -> None:
+    for number, view in enumerate(views):
+        for band in view.bands:
+            color = RUNGS.get(band.rung, 'white')
+            axes.barh(number, band.end - band.begin, 0.6, left=band.begin, color=color)
+    there = {band.rung for view in views for band in view.bands}
+    keys = [Patch(color=color, label=rung) for rung, color in RUNGS.items() if rung in there]
+    if keys:
+        axes.legend(handles=keys, ncols=len(keys), loc='lower left', bbox_to_anchor=(0.0, 1.0))
+    axes.set_yticks(range(len(views)), [_plain(view.label) for view in views])
+    axes.invert_yaxis()
+
+
+def _draw_wheels(axes: Axes, views: Sequence[View]) -> None:
+    for number, view in enumerate(views):
+        times, speeds = view.commands
+        for column, (side, style) in enumerate((('right', '-'), ('left', '--'))):
+            name = f'{side} wheel' if not number else None
+            axes.step(
+                times, speeds[:, column], style, where='post', color=bag_color(number), label=name
+            )
+    for limit in {view.settings.robot.max_wheel_speed for view in views}:
+        if math.isfinite(limit):
+            axes.axhline(limit, color=LIMIT, ls='--', lw=1.0)
+    axes.set(ylabel='commanded [rad/s]')
+    axes.legend(loc='lower left')
+
+
+def _draw_clearance(axes: Axes, views: Sequence[View]) -> None:
+    for number, view in enumerate(views):
+        times, road, obstacle = view.clearance
+        color = bag_color(number)
+        names = ('road edges', 'obstacles') if not number else (None, None)
+        axes.plot(times, road, color=color, label=names[0])
+        if np.isfinite(obstacle).any():
+            axes.plot(times, obstacle, '--', color=color, label=names[1])
+    axes.axhline(0.0, color=LIMIT, ls='--', lw=1.0)
+    axes.set(ylabel='clearance [m]')
+    axes.legend(loc='upper right')
+
+
+def _draw_steps(axes: Axes, views: Sequence[View]) -> None:
+    for number, view in enumerate(views):
+        axes.plot(*view.steps, '.-', lw=0.8, color=bag_color(number))
+        axes.axhline(1e3 * view.settings.control_period, color=LIMIT, ls='--', lw=1.0)
+    axes.set(ylabel='step time [ms]', yscale='log')
+
+
+def _plain(text: str) -> str:
+    """Text from a bag as it is: a dollar sign begins no formula."""
+    return text.replace('$', r'\$')

@@ -1,0 +1,137 @@
+"""The tables of a report, as HTML; whatever comes from a bag is escaped."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from html import escape
+
+import numpy as np
+
+from cmpsp_ros.bags.audit import Outcome
+from cmpsp_ros.bags.report.palette import RUNGS, bag_color
+from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import describe
+
+_MOST_BANDS = 200
+
+
+def summary(views: Sequence[View]) -> str:
+    """Figures of each bag, one column each."""
+    columns = [_figures(view) for view in views]
+    rows = [[escape(name), *(escape(column[name]) for column in columns)] for name in columns[0]]
+    return _table(['', *(_swatched(views, view) for view in views)], rows)
+
+
+def findings(view: View) -> str:
+    """What the audit says."""
+    rows = [
+        [
+            f'<span class="{each.outcome.value}">{each.outcome.value}</span>',
+            escape(each.title),
+            escape(each.worst_text),
+            escape(each.limit_text),
+            '' if each.at is None else f'{each.at:.2f} s',
+            escape(each.sentence),
+        ]
+        for each in view.findings
+    ]
+    return _table(['', 'check', 'worst', 'limit', 'at', 'what was found'], rows)
+
+
+def ladder(view: View) -> str:
+    """The bands of the ladder with their sentences."""
+    rows = [
+        [
+            f'<span class="swatch" style="background:{RUNGS.get(each.rung, "#fff")}"></span>'
+            f'{escape(each.rung)}',
+            f'{each.begin:.2f} to {each.end:.2f} s',
+            str(each.steps),
+            escape(each.reason),
+        ]
+        for each in view.bands[:_MOST_BANDS]
+    ]
+    if len(view.bands) > _MOST_BANDS:
+        rows.append(['', '', '', f'and {len(view.bands) - _MOST_BANDS} more'])
+    return _table(['rung', 'time', 'steps', 'reason'], rows)
+
+
+def parameters(views: Sequence[View]) -> str:
+    """Parameters by key, those that differ between bags marked."""
+    columns = [view.record.history.epochs[0].values for view in views]
+    keys = dict.fromkeys(key for column in columns for key in column)
+    rows, marks = [], []
+    for key in keys:
+        parameter = TABLE.find(key)
+        values = [describe(column[key]) if key in column else '' for column in columns]
+        unit = '' if parameter is None else parameter.unit
+        rows.append([escape(key), *(escape(each) for each in values), escape(unit)])
+        marks.append(len(set(values)) > 1)
+    head = ['parameter', *(_swatched(views, view) for view in views), 'unit']
+    return _table(head, rows, marks)
+
+
+def sections(views: Sequence[View], table: str) -> str:
+    """One table a bag, under its name where there are several."""
+    build = {'findings': findings, 'ladder': ladder}[table]
+    if len(views) == 1:
+        return build(views[0])
+    return ''.join(f'<h3>{_swatched(views, view)}</h3>{build(view)}' for view in views)
+
+
+def verdicts(views: Sequence[View]) -> str:
+    """A word on each audit."""
+    words = []
+    for view in views:
+        skipped = sum(each.outcome is Outcome.SKIPPED for each in view.findings)
+        clean = f'{len(view.findings) - skipped} checks passed, {skipped} skipped'
+        failed = f'{view.failures} of {len(view.findings)} checks failed'
+        kind = 'failed' if view.failures else 'passed'
+        words.append(
+            f'<li class="{kind}">{_swatched(views, view)}<strong>'
+            f'{"Audit found something" if view.failures else "Audit clean"}</strong>'
+            f'<span>{failed if view.failures else clean}</span></li>'
+        )
+    return ''.join(words)
+
+
+def _figures(view: View) -> dict[str, str]:
+    taken = view.steps[1]
+    by_check = {each.check: each for each in view.findings}
+    counts = Counter[str]()
+    for band in view.bands:
+        counts[band.rung] += band.steps
+    deadline = 1e3 * view.settings.control_period
+    least = [by_check[each].worst for each in ('road', 'obstacles')]
+    known = [each for each in least if each is not None]
+    late = int((taken > deadline).sum())
+    quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []
+    return {
+        'miss at the final time': by_check['goal'].worst_text or 'unknown',
+        'least clearance': f'{min(known):.4g} m' if known else 'unknown',
+        'largest wheel speed': by_check['wheel_limits'].worst_text or 'unknown',
+        'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
+        if len(taken)
+        else 'unknown',
+        'deadlines missed': f'{late} of {len(taken)}' if len(taken) else 'unknown',
+        'rungs': ', '.join(f'{count} {rung}' for rung, count in counts.items()) or 'unknown',
+        'recorded': f'{view.end:.1f} s, {len(view.record.odometry.stamps)} odometry messages',
+        'recorded by': f'cmpsp_ros {view.version}' if view.version else 'another program',
+    }
+
+
+def _swatched(views: Sequence[View], view: View) -> str:
+    color = bag_color(views.index(view))
+    return f'<span class="swatch" style="background:{color}"></span>{escape(view.label)} '
+
+
+def _table(
+    head: Sequence[str], rows: Iterable[Sequence[str]], marks: Sequence[bool] | None = None
+) -> str:
+    cells = ''.join(f'<th scope="col">{each}</th>' for each in head)
+    lines = [f'<tr>{cells}</tr>']
+    for number, row in enumerate(rows):
+        mark = ' class="differs"' if marks and marks[number] else ''
+        lines.append(f'<tr{mark}>{"".join(f"<td>{each}</td>" for each in row)}</tr>')
+    return f'<div class="table"><table>{"".join(lines)}</table></div>'

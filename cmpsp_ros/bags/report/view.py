@@ -1,0 +1,217 @@
+"""What a report shows of one bag, as arrays over the time since its first run began."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit import Finding, Outcome, Record, audit_record
+from cmpsp_ros.bags.audit.clearance import EDGES
+from cmpsp_ros.bags.audit.decisions import Said
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.odometry import stamp_of
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+MOST_POINTS = 4000
+"""Points of a curve that are drawn; a screen shows no more."""
+
+MOST_PLANS = 600
+"""Plans that are kept for the slider."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A plan, when it was made [s], and its positions ``(N + 1, 2)`` [m]."""
+
+    seconds: float
+    points: Array
+
+
+@dataclass(frozen=True)
+class Band:
+    """Control steps in a row of the same kind.
+
+    Attributes:
+        rung: Rung of the ladder, or `arrived`.
+        begin: From when on [s].
+        end: Until when [s].
+        steps: How many.
+        reason: What the first of them said.
+    """
+
+    rung: str
+    begin: float
+    end: float
+    steps: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class View:
+    """One bag in a report.
+
+    Attributes:
+        label: Its name in the report.
+        record: What was audited.
+        findings: What the audit found.
+        plans: Some of the plans, in order of time; none where nobody recorded them.
+        version: Version of this package that recorded it, or empty.
+    """
+
+    label: str
+    record: Record
+    findings: tuple[Finding, ...]
+    plans: tuple[Plan, ...]
+    version: str
+
+    @property
+    def settings(self) -> GuidanceSettings:
+        """What was in force at the beginning."""
+        return self.record.history.at(self.record.start)
+
+    @property
+    def failures(self) -> int:
+        """Number of checks that failed."""
+        return sum(each.outcome is Outcome.FAILED for each in self.findings)
+
+    @property
+    def end(self) -> float:
+        """When the recording ends [s]."""
+        return self.record.end
+
+    @cached_property
+    def _chosen(self) -> NDArray[np.intp]:
+        odometry = self.record.odometry
+        return thinned(np.flatnonzero(odometry.stamps >= self.record.start), MOST_POINTS)
+
+    @cached_property
+    def times(self) -> Array:
+        """When each pose was measured [s], shape ``(K,)``."""
+        return self._seconds(self.record.odometry.stamps[self._chosen])
+
+    @cached_property
+    def poses(self) -> Array:
+        """Poses measured, headings without jumps, shape ``(K, 3)`` [m, m, rad]."""
+        poses = self.record.odometry.poses[self._chosen].copy()
+        poses[:, 2] = np.unwrap(poses[:, 2])
+        return poses
+
+    @cached_property
+    def commands(self) -> tuple[Array, Array]:
+        """When each command counts from [s], and its wheel speeds ``(C, 2)`` [rad/s]."""
+        commands = self.record.commands
+        chosen = thinned(np.arange(len(commands.stamps)), MOST_POINTS)
+        speeds = self.settings.robot.wheel_speeds(commands.twists[chosen])
+        return self._seconds(commands.stamps[chosen]), speeds
+
+    @cached_property
+    def driven(self) -> tuple[Array, Array]:
+        """When each arc begins [s], and the wheel speeds that drive it ``(K, 2)`` [rad/s]."""
+        paths = [leg.guided for leg in self.record.legs]
+        times = np.concatenate([self._seconds(each.stamps[:-1]) for each in paths])
+        twists = np.concatenate([each.twists[:-1] for each in paths])
+        chosen = thinned(np.arange(len(times)), MOST_POINTS)
+        return times[chosen], self.settings.robot.wheel_speeds(twists[chosen])
+
+    @cached_property
+    def clearance(self) -> tuple[Array, Array, Array]:
+        """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``."""
+        sweeps = self.record.sweeps
+        times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
+        road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])
+        obstacles = np.concatenate(
+            [each.clearance[:, EDGES:].min(axis=1, initial=np.inf) for each in sweeps]
+        )
+        return _least(times, road, obstacles)
+
+    @cached_property
+    def steps(self) -> tuple[Array, Array]:
+        """Time of each control step that was timed [s], and how long it took [ms]."""
+        timed = [each for each in self.record.decisions if each.step_ms is not None]
+        stamps = np.array([each.stamp for each in timed], dtype=np.int64)
+        return self._seconds(stamps), np.array([each.step_ms or 0.0 for each in timed])
+
+    @cached_property
+    def bands(self) -> tuple[Band, ...]:
+        """The ladder over time."""
+        decisions = self.record.decisions
+        kinds = [_kind(each) for each in decisions]
+        begins = [k for k, kind in enumerate(kinds) if not k or kind != kinds[k - 1]]
+        times = [self.record.seconds(each.stamp) for each in decisions]
+        times.append(max([self.end, *times]))
+        return tuple(
+            Band(_shown(decisions[k]), times[k], times[end], end - k, decisions[k].reason)
+            for k, end in pairwise([*begins, len(decisions)])
+        )
+
+    def _seconds(self, stamps: NDArray[np.int64]) -> Array:
+        seconds: Array = (stamps - self.record.start) / NANOSECONDS
+        return seconds
+
+
+def view(path: Path, label: str, record: Record) -> View:
+    """Everything that is shown of a bag.
+
+    Raises:
+        BagError: The bag cannot be read.
+    """
+    with Bag(path) as bag:
+        topic = record.places.plan
+        found = [
+            Plan(record.seconds(stamp_of(message)), _points(message))
+            for _, message in (bag.messages(topic) if topic in bag.topics else ())
+            if message.poses
+        ]
+        version = bag.version
+    plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
+    return View(label, record, audit_record(record), plans, version)
+
+
+def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """Some of many indices, evenly, the first and the last among them."""
+    if len(index) <= most:
+        return index
+    return index[np.linspace(0, len(index) - 1, most).round().astype(np.intp)]
+
+
+def labels(paths: Sequence[Path]) -> list[str]:
+    """Short names by which bags are told apart."""
+    short = [
+        each.parent.name if each.name == 'bag' and each.parent.name else each.name
+        for each in (path.absolute() for path in paths)
+    ]
+    if len(set(short)) == len(short):
+        return short
+    return [f'{name} ({number})' for number, name in enumerate(short, 1)]
+
+
+def _least(times: Array, *values: Array) -> tuple[Array, Array, Array]:
+    """Thinned so that the least values stay."""
+    width = -(-len(times) // MOST_POINTS)
+    begins = np.arange(0, len(times), width)
+    first, second = (np.minimum.reduceat(each, begins) for each in values)
+    return times[begins], first, second
+
+
+def _points(message: object) -> Array:
+    poses = message.poses  # type: ignore[attr-defined]
+    return np.array([(each.pose.position.x, each.pose.position.y) for each in poses])
+
+
+def _shown(said: Said) -> str:
+    return 'arrived' if said.finished else said.rung
+
+
+def _kind(said: Said) -> tuple[str, str]:
+    """Rung and sentence, without the figures in it."""
+    return _shown(said), re.sub(r'[-+]?\d[\d.e+-]*', '#', said.reason)

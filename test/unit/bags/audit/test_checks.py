@@ -1,0 +1,338 @@
+"""Every check passes a good drive and catches a bad one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import SECOND, START, drive_case
+
+from cmpsp_ros.bags.audit import Outcome, Sources, audit
+from cmpsp_ros.bags.audit.checks import CHECKS
+from cmpsp_ros.guidance.decision import Rung
+
+PASSED, FAILED, SKIPPED = Outcome
+
+
+@pytest.fixture
+def outcomes(tmp_path):
+    """Audit a drive: findings by the name of their check."""
+
+    def audited(drive, sources=None):
+        return {each.check: each for each in audit(drive.write(tmp_path / 'bag'), sources)}
+
+    return audited
+
+
+def failed(findings):
+    return {name for name, each in findings.items() if each.outcome is FAILED}
+
+
+def test_a_good_drive_passes_every_check(drive, outcomes):
+    findings = outcomes(drive)
+    assert list(findings) == [each.name for each in CHECKS]
+    assert {name for name, each in findings.items() if each.outcome is SKIPPED} == {'margin'}
+    assert failed(findings) == set()
+    assert findings['goal'].worst < 1e-6
+    assert findings['goal'].at == pytest.approx(10.0)
+    assert findings['wheel_limits'].worst == pytest.approx(51.0)
+    assert all(each.sentence.endswith('.') for each in findings.values())
+
+
+def test_it_measures_what_the_demo_measures(drive, outcomes):
+    findings = outcomes(drive)
+    assert findings['obstacles'].worst == pytest.approx(0.0634, abs=1e-3)
+    assert 'obstacle b' in findings['obstacles'].sentence
+    assert findings['road'].worst == pytest.approx(0.235, abs=1e-2)
+
+
+def test_one_wrong_command_is_caught(drive, outcomes):
+    drive.commands[drive.at(4.0)].twist += [0.0, 4.0]
+    findings = outcomes(drive)
+    assert {'as_decided', 'obeyed'} <= failed(findings)
+    assert findings['as_decided'].at == pytest.approx(4.0)
+    assert findings['as_decided'].worst == 1.0
+    assert findings['obeyed'].at == pytest.approx(4.0, abs=0.2)
+
+
+def test_a_wrong_command_is_caught_even_if_the_decision_says_the_same(drive, outcomes):
+    index = drive.at(4.0)
+    robot = drive_settings(drive).robot
+    twist = np.add(drive.commands[index].twist, [0.0, 4.0])
+    drive.commands[index].twist = twist
+    drive.decisions[index] = replace(
+        drive.decisions[index], wheel_speeds=robot.wheel_speeds(twist), twist=twist
+    )
+    findings = outcomes(drive)
+    assert 'as_decided' not in failed(findings)
+    assert 'obeyed' in failed(findings)
+
+
+def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):
+    index = drive.at(5.2)
+    drive.commands[index].twist += [0.0, -6.0]
+    findings = outcomes(drive)
+    assert 'commanded' in failed(findings)
+    assert findings['commanded'].at == pytest.approx(5.2)
+    assert 'obstacle a' in findings['commanded'].sentence
+
+
+def test_a_command_beyond_the_wheels_is_caught(drive, outcomes):
+    drive.commands[drive.at(3.0)].twist += [0.3, 0.0]
+    findings = outcomes(drive)
+    assert 'wheel_limits' in failed(findings)
+    assert findings['wheel_limits'].worst > 51.0
+
+
+@pytest.mark.parametrize('value', [np.nan, np.inf])
+def test_a_command_that_is_no_number_is_caught(drive, outcomes, value):
+    drive.commands[drive.at(3.0)].twist[1] = value
+    findings = outcomes(drive)
+    assert {'finite', 'as_decided'} <= failed(findings)
+    assert findings['finite'].at == pytest.approx(3.0)
+
+
+def test_leaving_the_road_is_caught(drive, outcomes):
+    for each in drive.odometry:
+        if 4.0 <= (each.stamp - START) / SECOND < 4.4:
+            each.pose = each.pose * [1.15, 1.15, 1.0]
+    findings = outcomes(drive)
+    assert {'road', 'jumps', 'nominal'} <= failed(findings)
+    assert findings['road'].at == pytest.approx(4.2, abs=0.25)
+    assert 'outer road edge' in findings['road'].sentence
+    assert findings['jumps'].worst > 1.0
+
+
+def test_an_obstacle_between_two_samples_is_seen(drive, outcomes):
+    path = np.array([each.pose for each in drive.odometry])
+    middle = (path[50] + path[51])[:2] / 2.0
+    drive.parameters['obstacles.a.center'] = middle.tolist()
+    drive.parameters['obstacles.a.radius'] = 0.001
+    assert np.linalg.norm(path[:, :2] - middle, axis=1).min() > 0.01
+    findings = outcomes(drive)
+    assert 'obstacles' in failed(findings)
+    assert findings['obstacles'].at == pytest.approx(1.0, abs=0.03)
+
+
+def test_the_robot_s_radius_and_the_margin_count(drive, outcomes):
+    drive.parameters['robot.radius'] = 0.05
+    drive.parameters['safety.margin'] = 0.01
+    findings = outcomes(drive)
+    assert findings['obstacles'].worst == pytest.approx(0.0134, abs=1e-3)
+    assert failed(findings) == set()
+    assert findings['margin'].outcome is PASSED
+
+
+def test_a_margin_that_is_not_kept_is_caught(drive, outcomes):
+    drive.parameters['safety.margin'] = 0.1
+    assert failed(outcomes(drive)) == {'margin'}
+
+
+def test_a_goal_that_is_missed_is_caught(drive, outcomes):
+    drive.parameters['goal.position'] = [10.0, 0.1]
+    findings = outcomes(drive)
+    assert failed(findings) == {'goal'}
+    assert findings['goal'].worst == pytest.approx(0.1)
+
+
+def test_a_recording_that_ends_early_says_nothing_about_the_end(drive, outcomes):
+    findings = outcomes(drive.until(4.1))
+    assert failed(findings) == set()
+    assert findings['goal'].outcome is findings['stop_at_end'].outcome is SKIPPED
+    assert '5.9 s before' in findings['goal'].sentence
+
+
+def test_missing_commands_are_caught(drive, outcomes):
+    first = drive.at(3.0)
+    del drive.commands[first : first + 3]
+    del drive.decisions[first : first + 3]
+    findings = outcomes(drive)
+    assert 'rate' in failed(findings)
+    assert findings['rate'].worst == pytest.approx(0.8)
+    assert findings['rate'].at == pytest.approx(2.8)
+
+
+def silent(drive, begin, end):
+    """Odometry drops out."""
+    low, high = START + round(begin * SECOND), START + round(end * SECOND)
+    drive.odometry = [each for each in drive.odometry if not low < each.stamp < high]
+    drive.commands = [each for each in drive.commands if not low < each.stamp < high]
+    drive.decisions = [each for each in drive.decisions if not low < each.stamp < high]
+    return drive
+
+
+def test_a_robot_left_moving_without_odometry_is_caught(drive, outcomes):
+    findings = outcomes(silent(drive, 3.0, 4.5))
+    assert 'silence' in failed(findings)
+    assert findings['silence'].worst == pytest.approx(1.5, abs=0.05)
+
+
+def test_a_stop_in_time_is_all_that_is_asked_when_odometry_is_silent(drive, outcomes):
+    drive = silent(drive, 3.0, 4.5)
+    stop = drive.copy().decisions[-1]
+    when = START + round(3.52 * SECOND)
+    at = drive.at(3.5)
+    said = replace(stop, stamp=when, step=16, finished=False, halted=True, reason='No odometry.')
+    drive.decisions.insert(at, said)
+    command = drive.copy().commands[-1]
+    command.stamp, command.received = when, when + 1_000_000
+    drive.commands.insert(at, command)
+    findings = outcomes(drive)
+    assert findings['silence'].outcome is PASSED
+    assert 'stopped in time' in findings['silence'].sentence
+    assert findings['rate'].outcome is PASSED
+
+
+def test_commands_on_old_odometry_are_caught(drive, outcomes):
+    for each in drive.odometry:
+        each.received += SECOND
+    findings = outcomes(drive)
+    assert 'age' in failed(findings)
+
+
+def test_another_clock_at_the_recorder_s_is_no_old_odometry(drive, outcomes):
+    for each in (*drive.odometry, *drive.commands):
+        each.received += 1000 * SECOND
+    drive.decisions = []
+    assert outcomes(drive)['age'].outcome is PASSED
+
+
+def test_a_robot_that_is_not_stopped_at_the_end_is_caught(drive, outcomes):
+    del drive.commands[-1], drive.decisions[-1]
+    while drive.commands[-1].twist[0] == 0.0:
+        del drive.commands[-1], drive.decisions[-1]
+    findings = outcomes(drive)
+    assert 'stop_at_end' in failed(findings)
+
+
+@pytest.mark.parametrize(
+    ('change', 'said'),
+    [
+        ({'reason': ' '}, 'without a reason'),
+        ({'rung': Rung.STOP}, 'with wheels that turn'),
+        ({'finished': True}, 'after the final time'),
+    ],
+)
+def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
+    drive.decisions[7] = replace(drive.decisions[7], **change)
+    findings = outcomes(drive)
+    assert 'reasons' in failed(findings)
+    assert said in findings['reasons'].sentence
+    assert findings['reasons'].at == pytest.approx(1.4)
+
+
+@pytest.mark.parametrize(('count', 'outcome'), [(3, PASSED), (4, FAILED)])
+def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
+    for index in range(10, 10 + count):
+        drive.decisions[index] = replace(drive.decisions[index], rung=Rung.SHIFTED)
+    findings = outcomes(drive)
+    assert findings['shifted'].outcome is outcome
+    assert findings['shifted'].worst == count
+
+
+def test_an_obstacle_that_comes_later_was_not_there_before(drive, outcomes):
+    behind = drive.odometry[100].pose[:2].tolist()
+    drive.changes = [(START + 5 * SECOND, 'obstacles.a.center', behind)]
+    assert failed(outcomes(drive)) == set()
+
+
+def test_an_obstacle_put_in_the_way_is_there_from_then_on(drive, outcomes):
+    ahead = drive.odometry[300].pose[:2].tolist()
+    drive.changes = [(START + 1 * SECOND, 'obstacles.a.center', ahead)]
+    findings = outcomes(drive)
+    assert 'obstacles' in failed(findings)
+    assert findings['obstacles'].at == pytest.approx(6.0, abs=0.1)
+
+
+def test_every_run_is_judged_by_its_own_goal(drive, outcomes):
+    other = drive.later(20.0, run=1)
+    bad = other.odometry[500 - 1 : 502]
+    for each in bad:
+        each.pose = np.add(each.pose, [0.05, 0.0, 0.0])
+    drive.odometry += other.odometry
+    drive.commands += other.commands
+    drive.decisions += other.decisions
+    findings = outcomes(drive)
+    assert findings['goal'].outcome is FAILED
+    assert findings['goal'].at == pytest.approx(30.0)
+    assert findings['rate'].outcome is PASSED
+
+
+def test_time_that_jumps_back_begins_a_new_leg(drive, outcomes):
+    other = drive.later(0.0, run=1)
+    for each in (*other.odometry, *other.commands):
+        each.received += 60 * SECOND
+    drive.odometry += other.odometry
+    drive.commands += other.commands
+    drive.decisions = []
+    findings = outcomes(drive)
+    assert failed(findings) - {'rate'} == set()
+    assert findings['goal'].outcome is PASSED
+
+
+def test_noise_that_odometry_admits_is_no_jump(drive, outcomes):
+    noise = np.random.default_rng(1)
+    for each in drive.odometry:
+        each.pose = each.pose + noise.normal(0.0, 0.01, 3)
+        each.spread = 0.01
+    findings = outcomes(drive)
+    assert findings['jumps'].outcome is PASSED
+    assert findings['obeyed'].outcome is PASSED
+
+
+def foreign(drive):
+    """As a robot of others would be recorded."""
+    drive = drive.without_node()
+    drive.stamped, drive.odom, drive.cmd_vel = True, 'base/odometry', 'nav/cmd_vel'
+    return drive
+
+
+def test_a_bag_of_another_robot_is_judged_by_what_is_known(drive, outcomes, tmp_path):
+    known = tmp_path / 'robot.yaml'
+    known.write_text(
+        '/**:\n  ros__parameters:\n    control_period: 0.2\n    robot:\n'
+        '      wheel_radius: 0.035\n      half_track: 0.055\n      max_wheel_speed: 51.0\n'
+    )
+    findings = outcomes(foreign(drive), Sources('/base/odometry', '/nav/cmd_vel', known))
+    assert failed(findings) == set()
+    judged = {name for name, each in findings.items() if each.outcome is PASSED}
+    assert judged == {'jumps', 'finite', 'wheel_limits', 'obeyed', 'stop_at_end'}
+    assert 'road.center' in findings['road'].sentence
+    assert '/guidance/decision' not in findings['road'].sentence
+
+
+def test_a_bag_of_another_robot_can_be_judged_by_everything(drive, outcomes, tmp_path):
+    findings = outcomes(foreign(drive), Sources('/base/odometry', '/nav/cmd_vel', 'case3'))
+    assert failed(findings) == set()
+    assert findings['goal'].outcome is PASSED
+    assert findings['commanded'].outcome is PASSED
+    skipped = {name for name, each in findings.items() if each.outcome is SKIPPED}
+    assert skipped == {'margin', 'as_decided', 'reasons', 'shifted', 'nominal'}
+
+
+def test_one_robot_of_several_is_chosen_by_its_odometry(drive, outcomes):
+    drive.namespace = '/r1'
+    assert failed(outcomes(drive)) == set()
+
+
+def test_a_start_that_the_recorder_missed_is_no_wrong_command(drive, outcomes):
+    del drive.commands[:2]
+    findings = outcomes(drive)
+    assert findings['as_decided'].outcome is PASSED
+
+
+def test_a_drive_backwards_is_followed_too(outcomes):
+    drive = drive_case()
+    for each in drive.odometry:
+        each.pose = np.add(each.pose, [0.0, 0.0, np.pi])
+    for each in drive.commands:
+        each.twist = each.twist * [-1.0, 1.0]
+    drive.decisions = []
+    assert failed(outcomes(drive)) == set()
+
+
+def drive_settings(drive):
+    from cmpsp_ros.parameters.settings import guidance_settings
+
+    return guidance_settings(drive.parameters)

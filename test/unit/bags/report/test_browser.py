@@ -1,0 +1,75 @@
+"""The page in a real browser, where there is one."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+
+import pytest
+
+from cmpsp_ros.bags.report import write_report
+
+NAMES = ('chromium', 'chromium-headless-shell', 'google-chrome', 'chrome', 'chromium-browser')
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason=f'no browser: none of {", ".join(NAMES)}')
+
+
+@pytest.fixture
+def open_page(tmp_path):
+    """Open a page at a time; what the browser makes of it, and what it complains about."""
+
+    def opened(page, seconds):
+        done = subprocess.run(
+            [
+                BROWSER,
+                '--headless',
+                '--no-sandbox',
+                '--disable-gpu',
+                f'--user-data-dir={tmp_path / "profile"}',
+                '--virtual-time-budget=20000',
+                '--enable-logging=stderr',
+                '--dump-dom',
+                f'{page.as_uri()}#t={seconds}',
+            ],
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=100,
+        )
+        return done.stdout, [line for line in done.stderr.splitlines() if 'CONSOLE' in line]
+
+    return opened
+
+
+def points(dom, trace):
+    """Points of the markers of a trace in the chart of the path."""
+    chart = dom[dom.index('id="path"') : dom.index('class="slider"')]
+    traces = re.findall(r'<g class="trace scatter [^"]*".*?</g></g>', chart)
+    assert traces
+    return chart.count('class="point"')
+
+
+def test_it_renders_without_complaint_and_moves_with_its_slider(drive, tmp_path, open_page):
+    page, _ = write_report([drive.write(tmp_path / 'bag')], tmp_path / 'report.html')
+    early, complaints = open_page(page, 1.0)
+    assert complaints == []
+    assert 'data-ready="true"' in early
+    assert early.count('class="main-svg"') >= 7
+    late, complaints = open_page(page, 8.0)
+    assert complaints == []
+    assert '>1.00 s</output>' in early
+    assert '>8.00 s</output>' in late
+    assert 'The plan meets every constraint.' in late
+    # The nearer the goal, the fewer points has the plan.
+    assert points(early, 'plan') - points(late, 'plan') == 35
+
+
+def test_texts_of_a_bag_do_not_run(hostile, tmp_path, open_page):
+    page, _ = write_report([hostile.write(tmp_path / 'bag')], tmp_path / 'report.html')
+    dom, complaints = open_page(page, 3.0)
+    assert complaints == []
+    assert 'data-ready="true"' in dom
+    assert re.search(r'<title>(.*?)</title>', dom)[1].startswith('Guidance report: ')
+    assert '<img' not in dom

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from collections.abc import Callable
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanose
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.mpsp.compiled import entry_for
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.iteration import Options
 from cmpsp_ros.mpsp.problem import Dimensions
@@ -56,6 +58,7 @@ class Planner:
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rules = self._make_rules()
         self._horizon: Horizon | None = None
+        self._improve: Callable[[Any, Packed, int, int, Rules], None] | None = None
         self._packed, self._room = self._make_room(_longest(settings))
 
     def forget(self) -> None:
@@ -81,7 +84,10 @@ class Planner:
         over = len(room.lower) if begun is None else steps_over(begun, horizon)
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
-        improve(self._data(pose, held, guess, horizon), self._packed, steps, over, self._rules)
+        data = self._data(pose, held, guess, horizon)
+        if self._improve is None:
+            self._improve = entry_for(improve, data, self._packed, steps, over, self._rules)
+        self._improve(data, self._packed, steps, over, self._rules)
         if room.counts[OUTCOME] == NO_CURVATURE:
             return self._back_end.improve(pose, held, guess, horizon)
         return _summary(room, horizon, self._rules)
@@ -91,6 +97,8 @@ class Planner:
     ) -> GuidanceData | ControlRateData:
         task = self._task
         settings, durations = task.settings, horizon.durations
+        pose = np.ascontiguousarray(pose, dtype=np.float64)
+        held = np.ascontiguousarray(held, dtype=np.float64)
         space = task.space(guess, durations)
         hessian, rate = settings.solver.hessian, settings.weights.control_rate
         data = guidance_data(settings.robot, space, task.cost, pose, task.goal, durations, hessian)

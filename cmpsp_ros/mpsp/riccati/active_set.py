@@ -45,7 +45,7 @@ from cmpsp_ros.mpsp.riccati.rows import (
 )
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
-from cmpsp_ros.mpsp.riccati.whitening import Whitening, unwhiten
+from cmpsp_ros.mpsp.riccati.whitening import Whitening, spread, unwhiten
 
 Indices = NDArray[np.int64]
 
@@ -66,7 +66,7 @@ _MANY = 64
 # Outcomes of the attempt to meet one row.
 _DONE, _CONTRADICTION, _FULL = 0, 1, 2
 
-ITERATIONS, ACTIVE, SATURATED, IMPLIED, CONFLICT = 0, 1, 2, 3, 4
+ITERATIONS, ACTIVE, SATURATED, IMPLIED, CONFLICT, SPREAD = 0, 1, 2, 3, 4, 5
 """Places in `ActiveSet.counts`."""
 
 
@@ -88,7 +88,7 @@ class ActiveSet(NamedTuple):
 
     Attributes:
         counts: Iterations done, rows active, rows at their penalty, rows implied by the active
-            ones, rows in `conflict`; shape ``(5,)``.
+            ones, rows in `conflict`, and whether lengths of rows were needed; shape ``(6,)``.
         v: The point, shape ``(q,)``.
         basis: Of the active rows.
         rows: Numbers of the active rows, shape ``(M,)``.
@@ -132,7 +132,7 @@ def active_set(N: int, n: int, r: int, m: int, l: int, capacity: int) -> ActiveS
     rows = m + (N + 1) * (l + 2 * r + 2 * n)
     M = min(q, capacity)
     return ActiveSet(
-        counts=np.zeros(5, np.int64),
+        counts=np.zeros(6, np.int64),
         v=np.zeros(q),
         basis=basis(M, q),
         rows=np.zeros(M, np.int64),
@@ -244,10 +244,11 @@ def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint:
         at.v[i] = white.optimum[i]
     for i in range(hint.length[0]):
         row = -1 - hint.rows[i]
-        if not 0 <= row < at.states.shape[0]:
+        if not 0 <= row < at.states.shape[0] or at.states[row] != _OFF:
             continue
-        _, most = limit_of(qp, penalty, row)
-        if most == math.inf:
+        bound, most = limit_of(qp, penalty, row)
+        # A row that is hard now is met like any other; one that does not apply has no multiplier.
+        if math.inf in (bound, most):
             continue
         _pull(qp, white, at, row, most)
         at.states[row] = _AT_PENALTY
@@ -333,6 +334,9 @@ def _distance(qp: StageQP, white: Whitening, at: ActiveSet, row: int, excess: fl
     if at.states[row] == _IMPLIED:
         return 0.0
     if at.lengths[row] == 0.0:
+        if at.counts[SPREAD] == 0:
+            spread(qp, white)
+            at.counts[SPREAD] = 1
         at.lengths[row] = white_length(qp, white, row)
     return excess / at.lengths[row] if at.lengths[row] > 0.0 else math.inf
 

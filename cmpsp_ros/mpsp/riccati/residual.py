@@ -1,4 +1,8 @@
-"""How far a point is from the optimality conditions, by data that no solver has touched."""
+"""How far a point is from the optimality conditions, by data that no solver has touched.
+
+The largest of several numbers is found by `numpy.maximum`: unlike `max`, it cannot lose one that
+is not a number.
+"""
 
 from __future__ import annotations
 
@@ -44,11 +48,9 @@ def kkt_residual(
     reach = 1.0
     for k in range(dU.shape[0]):
         for a in range(dimension(qp.control)):
-            reach = max(reach, 1.0 + abs(dU[k, a]))
+            reach = np.maximum(reach, 1.0 + abs(dU[k, a]))
     violation, sign, gap = _rows(qp, penalty, dU, dX, multipliers)
-    # A comparison with a number that is not one is false: sums carry it through.
-    checked = stationarity + violation + sign + gap
-    if not math.isfinite(checked):
+    if not math.isfinite(scale + reach + stationarity + violation + sign + gap):
         return math.nan
     worst = max(stationarity / scale, violation / reach)
     return max(worst, sign / scale, gap / (scale * reach))
@@ -88,12 +90,8 @@ def _stationarity(
                     cost += qp.B[k, i, a] * p[i]
                     pull += qp.B[k, i, a] * rho[i]
             bound = multipliers.bounds[k, a]
-            total = abs(cost + pull + bound)
-            if not math.isfinite(total):
-                return math.nan, 1.0
-            worst = max(worst, total)
-            largest = max(largest, abs(cost), abs(pull))
-            largest = max(largest, abs(bound))
+            worst = np.maximum(worst, abs(cost + pull + bound))
+            largest = np.maximum(largest, max(abs(cost), abs(pull), abs(bound)))
         for i in range(n):
             p_next[i], rho_next[i] = p[i], rho[i]
         for i in range(n):
@@ -113,6 +111,9 @@ def _stationarity(
                     cost += qp.A[k, j, i] * p_next[j]
                     pull += qp.A[k, j, i] * rho_next[j]
             p[i], rho[i] = cost, pull
+    # No control has a part in the first state's costate; what is not a number shows in it still.
+    for i in range(n):
+        worst += 0.0 * (p[i] + rho[i])
     return worst, 1.0 + largest
 
 
@@ -130,46 +131,46 @@ def _rows(qp: StageQP, penalty: Penalty, dU: Array, dX: Array, multipliers: Mult
             miss += qp.h_U[j, a] * dU[N, a]
         weight, multiplier = penalty.terminal[j], multipliers.terminal[j]
         if weight == np.inf:
-            violation = max(violation, abs(miss))
+            violation = np.maximum(violation, abs(miss))
         else:
-            sign = max(sign, abs(multiplier) - weight)
-            gap = max(gap, abs(abs(miss) * weight - miss * multiplier))
+            sign = np.maximum(sign, abs(multiplier) - weight)
+            gap = np.maximum(gap, abs(abs(miss) * weight - miss * multiplier))
     for k in range(N + 1):
         for j in range(qp.g.shape[1]):
-            value = qp.g[k, j]
+            value, multiplier = qp.g[k, j], multipliers.path[k, j]
             if value == -np.inf:
+                sign = np.maximum(sign, abs(multiplier))
                 continue
             for i in range(n):
                 value += qp.g_X[k, j, i] * dX[k, i]
             for a in range(r):
                 value += qp.g_U[k, j, a] * dU[k, a]
-            weight, multiplier = penalty.path[k, j], multipliers.path[k, j]
-            sign = max(sign, -multiplier)
+            weight = penalty.path[k, j]
+            sign = np.maximum(sign, -multiplier)
             if weight == np.inf:
-                violation = max(violation, value)
-                gap = max(gap, abs(multiplier * value))
+                violation = np.maximum(violation, value)
+                gap = np.maximum(gap, abs(multiplier * value))
             else:
-                sign = max(sign, multiplier - weight)
-                gap = max(gap, abs(multiplier * min(value, 0.0)))
-                gap = max(gap, abs(max(value, 0.0) * (weight - multiplier)))
-            if math.isnan(value):
-                return math.nan, sign, gap
+                sign = np.maximum(sign, multiplier - weight)
+                slack = np.maximum(value, 0.0)
+                gap = np.maximum(gap, abs(multiplier * (value - slack)))
+                gap = np.maximum(gap, abs(slack * (weight - multiplier)))
         for a in range(r):
             multiplier = multipliers.bounds[k, a]
             above, below = dU[k, a] - qp.upper[k, a], qp.lower[k, a] - dU[k, a]
-            violation = max(violation, above, below)
+            violation = np.maximum(violation, np.maximum(above, below))
             if multiplier > 0.0:
-                gap = max(gap, abs(multiplier * above))
+                gap = np.maximum(gap, abs(multiplier * above))
             elif multiplier < 0.0:
-                gap = max(gap, abs(multiplier * below))
+                gap = np.maximum(gap, abs(multiplier * below))
         if k == 0:
             continue
         for i in range(n):
             outside = abs(dX[k, i]) - qp.trust_radius[i]
-            violation = max(violation, outside)
+            violation = np.maximum(violation, outside)
             multiplier = multipliers.trust[k, i]
             if multiplier > 0.0:
-                gap = max(gap, abs(multiplier * (dX[k, i] - qp.trust_radius[i])))
+                gap = np.maximum(gap, abs(multiplier * (dX[k, i] - qp.trust_radius[i])))
             elif multiplier < 0.0:
-                gap = max(gap, abs(multiplier * (dX[k, i] + qp.trust_radius[i])))
+                gap = np.maximum(gap, abs(multiplier * (dX[k, i] + qp.trust_radius[i])))
     return violation, sign, gap

@@ -125,7 +125,6 @@ def factorise(qp: StageQP, white: Whitening) -> bool:
                 B_cl[i, a] = total
         if k:
             _cost_to_go(qp, white, k, True)
-    _spread(qp, white)
     return True
 
 
@@ -217,8 +216,11 @@ def _cost_to_go(qp: StageQP, white: Whitening, k: int, coupled: bool) -> None:
 
 
 @allocation_free
-def _spread(qp: StageQP, white: Whitening) -> None:
-    """``covariance`` of the next stage: ``A_cl covariance A_cl' + B_cl B_cl'``."""
+def spread(qp: StageQP, white: Whitening) -> None:
+    """Fill in `covariance`, by which `row_length` goes: forward over all stages.
+
+    The next one is ``A_cl covariance A_cl' + B_cl B_cl'``.
+    """
     n, r = dimension(qp.state), dimension(qp.control)
     AS = white.PA
     for k in range(qp.A.shape[0]):
@@ -247,7 +249,7 @@ def _spread(qp: StageQP, white: Whitening) -> None:
 
 @allocation_free
 def row_length(qp: StageQP, white: Whitening, k: int) -> float:
-    """Length in ``v`` of the row that `whiten_row` would make; `s` is overwritten as well."""
+    """Length in ``v`` of the row that `whiten_row` would make, after `spread`; `s` is lost."""
     n, r = dimension(qp.state), dimension(qp.control)
     s, d = white.s, white.d
     squared = 0.0

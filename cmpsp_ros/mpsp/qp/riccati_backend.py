@@ -17,13 +17,13 @@ from cmpsp_ros.mpsp.qp.solution import (
     largest_multipliers,
 )
 from cmpsp_ros.mpsp.riccati import solver
-from cmpsp_ros.mpsp.riccati.active_set import CONFLICT, Hint, no_hint
 from cmpsp_ros.mpsp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, place_of
 from cmpsp_ros.mpsp.riccati.solver import Solver
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import factorise
+from cmpsp_ros.mpsp.riccati.working_set import CONFLICT, Hint, no_hint
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 _rooms: defaultdict[Dimensions, list[Solver]] = defaultdict(list)

@@ -12,11 +12,11 @@ from cmpsp_ros.mpsp.realtime.merit import promised, weigh
 from cmpsp_ros.mpsp.realtime.packed import Packed, unpack
 from cmpsp_ros.mpsp.realtime.search import attempt, copy, search
 from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
-from cmpsp_ros.mpsp.riccati.active_set import shift_hint
 from cmpsp_ros.mpsp.riccati.outcome import NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.riccati.rows import count_rows, rows_a_stage
 from cmpsp_ros.mpsp.riccati.solver import iterations, solve
 from cmpsp_ros.mpsp.riccati.whitening import factorise
+from cmpsp_ros.mpsp.riccati.working_set import shift_hint
 
 DONE, OUTCOME, RELAXED, QP_ITERATIONS, ACTIVE_ROWS, FINITE = 0, 1, 2, 3, 4, 5
 """Places in `Workspace.counts`: iterations done; and of the last one its outcome, whether it was

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
-from cmpsp_ros.mpsp.riccati.active_set import ActiveSet, Hint
 from cmpsp_ros.mpsp.riccati.basis import Basis
 from cmpsp_ros.mpsp.riccati.size import Size, dimension
 from cmpsp_ros.mpsp.riccati.solver import Solver
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import Whitening
+from cmpsp_ros.mpsp.riccati.working_set import ActiveSet, Hint
 
 Indices = NDArray[np.int64]
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.active_set import ACTIVE
 from cmpsp_ros.mpsp.riccati.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, TRUST, number_of, place_of, white_row
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.solver import Solver
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import unwhiten
+from cmpsp_ros.mpsp.riccati.working_set import ACTIVE, IS_ACTIVE, IS_OFF
 
 
 @allocation_free
@@ -61,7 +61,7 @@ def activate(qp: StageQP, room: Solver, multipliers: Multipliers) -> None:
     """
     at = room.active
     at.counts[:] = 0
-    at.states[:] = 0
+    at.states[:] = IS_OFF
     for row in range(qp.output_error.shape[0]):
         _activate(qp, room, row)
     for k in range(qp.g.shape[0]):
@@ -80,13 +80,13 @@ def activate(qp: StageQP, room: Solver, multipliers: Multipliers) -> None:
 def _activate(qp: StageQP, room: Solver, row: int) -> None:
     at = room.active
     count = at.counts[ACTIVE]
-    if at.states[row] != 0 or count == at.rows.shape[0]:
+    if at.states[row] != IS_OFF or count == at.rows.shape[0]:
         return
     length = white_row(qp, room.white, row, at.row)
     if split(at.basis, count, at.row, length, at.inside, at.outside, at.dependence) > 0.0:
         append(at.basis, count, at.inside, at.outside, 1.0)
         at.rows[count] = row
-        at.states[row] = 1
+        at.states[row] = IS_ACTIVE
         at.counts[ACTIVE] += 1
 
 

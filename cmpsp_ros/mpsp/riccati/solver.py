@@ -8,18 +8,18 @@ import numpy as np
 
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.active_set import (
-    ITERATIONS,
-    ActiveSet,
-    Hint,
-    active_set,
-    find_active_set,
-    no_hint,
-)
+from cmpsp_ros.mpsp.riccati.active_set import find_active_set
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, SOLVED
 from cmpsp_ros.mpsp.riccati.residual import kkt_residual
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP, empty_multipliers
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, whitening
+from cmpsp_ros.mpsp.riccati.working_set import (
+    ITERATIONS,
+    ActiveSet,
+    Hint,
+    active_set,
+    no_hint,
+)
 
 TOLERANCE = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""

@@ -18,15 +18,14 @@ from rich.table import Table
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.folder import make_folder
-from cmpsp_ros.demo.scenario import Scenario, load_scenario
-from cmpsp_ros.demo.summary import Summary
-from cmpsp_ros.guidance.settings import SolverSettings
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment, preset_names
+from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 
 if TYPE_CHECKING:
     from cmpsp_ros.bags.recording import Names
+    from cmpsp_ros.demo.scenario import Scenario
+    from cmpsp_ros.demo.summary import Summary
 
 app = typer.Typer(
     help='Guidance of a differential-drive robot by C-MPSP.',
@@ -45,7 +44,7 @@ def demo(
         bool, typer.Option('--lockstep', help='As fast as the solver, and exactly repeatable.')
     ] = False,
     output: Annotated[
-        Path | None, typer.Option(help='Folder of the run [default: runs/<time>].')
+        Path | None, typer.Option(help='Folder of the run; runs/<time> when absent.')
     ] = None,
     assignments: Annotated[
         list[str] | None,
@@ -59,6 +58,8 @@ def demo(
 
     Exit code 0 only if the goal was reached within its tolerance and the path driven is clear.
     """
+    from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
+
     try:
         scenario = load_scenario(preset, assignments or [], lockstep=lockstep)
         folder = make_folder(output, force=force)
@@ -83,10 +84,10 @@ def audit(
         Path | None, typer.Option(metavar='FILE', help='Write JUnit XML, for CI, as well.')
     ] = None,
     odom: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Odometry [default: <namespace>/odom].')
+        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
     ] = None,
     cmd_vel: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Commands [default: <namespace>/cmd_vel].')
+        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
     ] = None,
     params_file: Annotated[
         str | None,
@@ -118,7 +119,9 @@ def audit(
 def bench(
     presets: Annotated[
         list[str] | None,
-        typer.Argument(metavar='PRESET', help='Presets, or parameter files [default: all].'),
+        typer.Argument(
+            metavar='PRESET', help="Presets, or parameter files; none: all, and the paper's runs."
+        ),
     ] = None,
     runs: Annotated[int, typer.Option(min=1, help='Runs of each preset and of each method.')] = 20,
     peers: Annotated[
@@ -127,6 +130,9 @@ def bench(
     latency: Annotated[
         bool, typer.Option('--latency', help='Time the node over DDS, in real time.')
     ] = False,
+    tail: Annotated[
+        int, typer.Option(min=1, metavar='COUNT', help='Steps of which the longest are shown.')
+    ] = 20_000,
     output: Annotated[
         Path | None, typer.Option(help='New file ending in .json, or new or empty folder.')
     ] = None,
@@ -138,12 +144,14 @@ def bench(
         str | None, typer.Option(metavar='ID', help='Instead, check it on the one of that name.')
     ] = None,
     qp: Annotated[
-        str | None, typer.Option(metavar='NAME', help="The back end checked [default: guidance's].")
+        str | None, typer.Option(metavar='NAME', help="The back end checked; without: guidance's.")
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help='Processes that check.')] = 1,
 ) -> None:
     """Time control steps, alone and beside other solvers, over horizons and over DDS."""
     if verify is not None or verify_case is not None:
+        from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
+
         _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
         return
     from cmpsp_ros.studies.bench import (  # noqa: PLC0415 (compiles kernels)
@@ -153,7 +161,7 @@ def bench(
         tables,
     )
 
-    order = Order(presets or preset_names(), runs, peers=peers, latency=latency, output=output)
+    order = Order(presets or (), runs, tail, peers=peers, latency=latency, output=output)
     try:
         with Progress(console=_errors) as bar:
 
@@ -316,12 +324,14 @@ def replay(
         str | None, typer.Option(metavar='FILE', help='What if: other parameters, or a preset.')
     ] = None,
     output: Annotated[
-        Path | None, typer.Option(help='What if: new folder [default: <BAG>_what_if].')
+        Path | None, typer.Option(help='What if: new folder; <BAG>_what_if when absent.')
     ] = None,
     namespace: Annotated[str, typer.Option(help='Namespace of the node, as in /r1.')] = '',
-    odom: Annotated[str, typer.Option(help='Topic of odometry [default: <namespace>/odom].')] = '',
+    odom: Annotated[
+        str, typer.Option(help='Topic of odometry; <namespace>/odom when absent.')
+    ] = '',
     cmd_vel: Annotated[
-        str, typer.Option(help='Topic of commands [default: <namespace>/cmd_vel].')
+        str, typer.Option(help='Topic of commands; <namespace>/cmd_vel when absent.')
     ] = '',
 ) -> None:
     """Decide again on recorded odometry, and compare every decision with the recorded one.
@@ -354,10 +364,10 @@ def report(
         Path, typer.Option(metavar='FILE.html', help='New page; a PNG is put beside it.')
     ] = Path('report.html'),
     odom: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Odometry [default: <namespace>/odom].')
+        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
     ] = None,
     cmd_vel: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Commands [default: <namespace>/cmd_vel].')
+        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
     ] = None,
     params_file: Annotated[
         str | None,
@@ -393,7 +403,7 @@ def play(
     ] = 0.0,
     duration: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar='SECONDS', help='How much of it [default: all].'),
+        typer.Option(min=0.0, metavar='SECONDS', help='How much of it; all when absent.'),
     ] = None,
     loop: Annotated[bool, typer.Option('--loop', help='Begin again at the end.')] = False,
     paused: Annotated[

@@ -32,13 +32,15 @@ from cmpsp_ros.mpsp.realtime.iteration import (
 )
 from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
-from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
 from cmpsp_ros.robot.guidance_problem import guidance_data
 
 Array = NDArray[np.float64]
 
 _NO_SLACK: Final = np.zeros(2)
+# What the general iteration has more means for.
+_WANTING: Final = (NO_CURVATURE, ITERATION_LIMIT)
 _STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
 
 
@@ -88,7 +90,7 @@ class Planner:
         if self._improve is None:
             self._improve = entry_for(improve, data, self._packed, steps, over, self._rules)
         self._improve(data, self._packed, steps, over, self._rules)
-        if room.counts[OUTCOME] == NO_CURVATURE:
+        if room.counts[OUTCOME] in _WANTING:
             return self._back_end.improve(pose, held, guess, horizon)
         return _summary(room, horizon, self._rules)
 

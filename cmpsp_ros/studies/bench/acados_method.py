@@ -9,7 +9,7 @@ from typing import Any
 
 import casadi
 import numpy as np
-from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver  # type: ignore[import-not-found]
+from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver
 from numpy.typing import NDArray
 
 from cmpsp_ros.studies.bench.errors import BenchError
@@ -62,7 +62,7 @@ class Acados:
             raise BenchError(str(error)) from error
         self._solvers[steps] = solver
 
-    def begin(self) -> None:
+    def begin(self, steps: int) -> None:
         """Each step starts from the controls alone; multipliers are made anew by each QP."""
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:

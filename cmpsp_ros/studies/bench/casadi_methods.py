@@ -75,7 +75,7 @@ class Sqp:
         nlp = {'x': made.w, 'p': made.p, 'f': made.cost, 'g': made.g}
         self._solvers[steps] = casadi.nlpsol('solver', 'sqpmethod', nlp, options)
 
-    def begin(self) -> None:
+    def begin(self, steps: int) -> None:
         """Each call starts from the controls alone."""
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
@@ -132,7 +132,7 @@ class Converged:
         nlp = {'x': made.w, 'p': made.p, 'f': made.cost + made.proximal, 'g': made.g}
         self._solvers[steps] = casadi.nlpsol('solver', self._solver, nlp, options)
 
-    def begin(self) -> None:
+    def begin(self, steps: int) -> None:  # noqa: ARG002 (each call is of a size of its own)
         """Forget the multipliers."""
         self._multipliers = {}
 

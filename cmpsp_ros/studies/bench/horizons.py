@@ -88,7 +88,7 @@ def _tries(task: Task, method: Method, steps: int) -> bool:
     try:
         with unheard():
             method.prepare(steps)
-            method.begin()
+            method.begin(steps)
             U = method.step(task.pose, task.guess(steps), task.durations(steps))
     except BenchError:
         return False
@@ -98,7 +98,7 @@ def _tries(task: Task, method: Method, steps: int) -> bool:
 def _step(task: Task, method: Method, steps: int) -> float:
     """Time of one first step [us]."""
     guess, durations = task.guess(steps), task.durations(steps)
-    method.begin()
+    method.begin(steps)
     began = time.perf_counter_ns()
     method.step(task.pose, guess, durations)
     return (time.perf_counter_ns() - began) * 1e-3

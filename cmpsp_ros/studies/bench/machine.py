@@ -6,7 +6,7 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
-from cmpsp_ros.studies.paper.timing import cpu_model
+from cmpsp_ros.studies.processor import cpu_model
 
 _PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'acados_template', 'rclpy')
 

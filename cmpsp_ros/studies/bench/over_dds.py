@@ -20,7 +20,7 @@ from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.memory import resident
 
 _START_TIMEOUT = 30.0
-_COMPILE_TIMEOUT = 120.0
+_COMPILE_TIMEOUT = 600.0
 _OVERTIME = 20.0
 
 

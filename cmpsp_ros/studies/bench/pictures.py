@@ -1,4 +1,4 @@
-"""Results as pictures: over horizons, of steps, of the way over DDS."""
+"""Results as pictures: over horizons, of steps and the longest, of the way over DDS."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.results import Results
-from cmpsp_ros.studies.paper.style import WIDTH
+from cmpsp_ros.studies.journal import WIDTH
 
 Array = NDArray[np.float64]
 
@@ -18,13 +18,14 @@ _BINS = 60
 _HEIGHT = 3.6
 _COLORS = (
     '#1a1a1a', '#0072b2', '#d55e00', '#009e73', '#cc79a7', '#e69f00', '#56b4e9', '#8c564b',
+    '#9467bd', '#7f7f7f', '#bcbd22', '#e377c2',
 )  # fmt: skip
-_MARKERS = 'osD^vP*X'
+_MARKERS = 'osD^vP*X<>ph'
 
 
 def pictures(results: Results) -> dict[str, Figure]:
     """All pictures, by name."""
-    drawn = {'horizons': _horizons(results), 'steps': _steps(results)}
+    drawn = {'horizons': _horizons(results), 'steps': _steps(results), 'tails': _tails(results)}
     if results.latency is not None:
         drawn['latency'] = _latency(results.latency)
     return drawn
@@ -59,6 +60,23 @@ def _steps(results: Results) -> Figure:
         axes.set_yticks([])
         axes.set_xscale('log')
     rows[-1].set_xlabel('step of the closed loop [µs]; the line is the median')
+    return figure
+
+
+def _tails(results: Results) -> Figure:
+    figure = Figure(figsize=(WIDTH, _HEIGHT), layout='constrained')
+    axes = figure.add_subplot()
+    # The baseline, which has no tail, keeps the first colour.
+    for each, color in zip(results.tails, cycle(_COLORS[1:]), strict=False):
+        longest_first = np.sort(each.times)[::-1]
+        share = np.arange(1, len(longest_first) + 1) / len(longest_first)
+        axes.loglog(longest_first, share, color=color, drawstyle='steps-pre', label=each.name)
+        axes.axvline(float(np.median(each.times)), color=color, lw=0.8, ls=':')
+    axes.set(xlabel='step of the closed loop [µs]; the dotted line is the median',
+             ylabel='share of steps that take as long')  # fmt: skip
+    axes.grid()
+    if results.tails:
+        axes.legend()
     return figure
 
 

@@ -1,7 +1,8 @@
-"""How long the control steps of the presets take, all that the guidance law does in them."""
+"""How long control steps take, all that the guidance law does in them."""
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,14 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.law import warm_up
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import check_start, guidance_settings
 from cmpsp_ros.studies.bench.quiet import collector_off
 from cmpsp_ros.studies.bench.spread import Spread
-from cmpsp_ros.studies.closed_loop import drive
+from cmpsp_ros.studies.paper.experiments import table1, table2
 
 Array = NDArray[np.float64]
 
@@ -47,6 +49,24 @@ class Preset:
         return cls(name, guidance_settings(values), np.array(values['initial_pose']))
 
 
+def chosen(names: Sequence[str]) -> list[Preset]:
+    """Presets of these names; without any, all presets and the runs of the paper's tables.
+
+    The latter are Case 3 from guesses and headings from which most first plans need slack, so that
+    a second one is made beside them.
+
+    Raises:
+        ParameterError: No such preset, or one that cannot be used.
+    """
+    if names:
+        return [Preset.load(name) for name in names]
+    of_tables = (
+        Preset(f'{each.key}, {each.label}', each.settings, np.array(each.pose))
+        for each in (*table1(), *table2())
+    )
+    return [*map(Preset.load, preset_names()), *of_tables]
+
+
 @dataclass(frozen=True)
 class PresetTiming:
     """Computing times of one preset [ms].
@@ -74,12 +94,13 @@ def measure(
         runs: Runs of each.
         progress: Told after each run.
     """
+    # One run that does not count has all compiled code loaded.
     for preset in presets:
-        warm_up(preset.settings)
+        _step_times(preset)
     times: list[list[list[float]]] = [[] for _ in presets]
     for _ in range(runs):
         for preset, of_runs in zip(presets, times, strict=True):
-            of_runs.append(_step_times(preset.settings, preset.pose))
+            of_runs.append(_step_times(preset))
             progress()
     return [
         PresetTiming(
@@ -91,15 +112,21 @@ def measure(
     ]
 
 
-def _step_times(settings: GuidanceSettings, pose: Array) -> list[float]:
-    """Computing time of each control step of one run, all of it [ms]."""
-    times = []
-    decisions = drive(settings, pose)
-    finished = False
+def _step_times(preset: Preset) -> list[float]:
+    """Computing time of each control step of one run [ms]."""
+    settings, pose = preset.settings, preset.pose
+    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    held = np.array([settings.control_period])
+    times: list[float] = []
     with collector_off():
-        while not finished:
+        for stamp in itertools.count(0, period):
             began = time.perf_counter_ns()
-            finished = next(decisions).finished
-            times.append((time.perf_counter_ns() - began) * 1e-6)
-    # The last one only says that the run is over.
-    return times[:-1]
+            decision = law.update(stamp, pose)
+            took = (time.perf_counter_ns() - began) * 1e-6
+            if decision is None:
+                continue
+            if decision.finished:
+                break
+            times.append(took)
+            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+    return times

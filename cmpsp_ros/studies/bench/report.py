@@ -13,20 +13,24 @@ from cmpsp_ros.studies.bench.pictures import pictures
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.spread import Spread
 from cmpsp_ros.studies.bench.tables import tables
-from cmpsp_ros.studies.paper.style import journal
+from cmpsp_ros.studies.bench.targets import targets
+from cmpsp_ros.studies.bench.timing import Ratios, Timed
+from cmpsp_ros.studies.journal import journal
 
 _DPI = 160
 _SUFFIX = '.json'
 _CAPTIONS = {
     'horizons': 'First step of Case 3 over the number of steps.',
     'steps': 'Steps of the closed loop, method by method.',
+    'tails': 'How many steps of the closed loop take longer than some time.',
     'latency': 'From odometry to command through the node, and how much that varies.',
 }
 _INTRODUCTION = """\
 # Performance
 
 How long a control step takes, what other solvers take for the same problem, how that grows with the
-horizon, and what becomes of it between two processes. This page is written by one command:
+horizon and with the size of the system, how long the longest steps are, and what becomes of it
+between two processes. This page is written by one command:
 
 ```sh
 {command}
@@ -95,11 +99,16 @@ def content(results: Results) -> dict[str, Any]:
     Returns:
         - `command`: command line that was given.
         - `machine`: processor, cores, kernel, versions of Python and of packages, as text.
-        - `presets_ms`: by preset `first` and `every`, each a spread.
+        - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
+          nothing was measured.
+        - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
         - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
           `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
           [m], `violation` [m] and `wheel_speed` [rad/s].
+        - `tails_us`: by method a `spread` and the `ratio` of its 99.9th percentile to its median.
         - `horizons_us`: by method `steps`, `times` and the fitted `exponent`, which may be null.
+        - `general`: by size a list of `states`, `controls`, `iterations`, `active`, `time` [us]
+          and `flops`.
         - `not_compared`: reasons by method.
         - `latency_ms`: null, or `runs`, the samples `total` and `own`, their spreads and that of
           the rest, `jitter`, and `miss` [m].
@@ -118,6 +127,7 @@ def content(results: Results) -> dict[str, Any]:
     return {
         'command': results.order.command,
         'machine': results.machine,
+        'targets': [{**asdict(each), 'holds': each.holds} for each in targets(results)],
         'presets_ms': {
             each.name: {'first': asdict(each.first), 'every': asdict(each.every)}
             for each in results.presets
@@ -125,21 +135,17 @@ def content(results: Results) -> dict[str, Any]:
         'methods': {
             'steps': comparison.steps,
             'runs': comparison.runs,
-            'timed': {
-                each.name: {
-                    'first_us': asdict(each.first),
-                    'loop_us': asdict(each.loop),
-                    'first_ratio': each.first_ratio,
-                    'loop_ratio': each.loop_ratio,
-                    'outcome': asdict(each.outcome),
-                }
-                for each in comparison.timed
-            },
+            'timed': {each.name: _timed(each, comparison.timed[0]) for each in comparison.timed},
+        },
+        'tails_us': {
+            each.name: {'spread': asdict(each.spread), 'ratio': each.ratio}
+            for each in results.tails
         },
         'horizons_us': {
             each.name: {'steps': each.steps, 'times': each.times, 'exponent': each.exponent}
             for each in results.growth
         },
+        'general': [asdict(each) for each in results.general],
         'not_compared': {**comparison.left_out, **results.missing},
         'latency_ms': None
         if latency is None
@@ -157,11 +163,22 @@ def content(results: Results) -> dict[str, Any]:
     }
 
 
+def _timed(timed: Timed, baseline: Timed) -> dict[str, Any]:
+    ratios = Ratios.of(timed.times, baseline.times)
+    return {
+        'first_us': asdict(timed.first),
+        'loop_us': asdict(timed.loop),
+        'first_ratio': ratios.first,
+        'loop_ratio': ratios.loop,
+        'outcome': asdict(timed.outcome),
+    }
+
+
 def page(results: Results) -> str:
     """Results as a page in Markdown, beside their pictures."""
     machine = '\n'.join(f'- {name}: {value}' for name, value in results.machine.items())
     parts = [_INTRODUCTION.format(command=results.order.command), f'## Machine\n\n{machine}']
     parts += [table.markdown() for table in tables(results)]
-    drawn = ('horizons', 'steps', *(['latency'] if results.latency is not None else []))
+    drawn = [name for name in _CAPTIONS if name != 'latency' or results.latency is not None]
     parts += ['## Pictures', *(f'{_CAPTIONS[name]}\n\n![{name}]({name}.png)' for name in drawn)]
     return '\n\n'.join(part.strip('\n') for part in parts) + '\n'

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from cmpsp_ros.studies.bench.general import General
 from cmpsp_ros.studies.bench.horizons import HORIZONS, Growth
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.presets import PresetTiming
+from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.timing import Comparison
 
 COMPARED_STEPS = 50
@@ -21,8 +23,10 @@ class Order:
     """What to measure, and where to write it.
 
     Attributes:
-        presets: Names of presets or parameter files whose control steps are timed.
+        presets: Names of presets or parameter files whose control steps are timed; none for all
+            presets and the runs of the paper's tables.
         runs: Runs of each of them, and of each method.
+        tail: Control steps of which the longest are looked at.
         peers: Whether other people's solvers take part.
         latency: Whether the node is timed over DDS.
         output: A file that ends in `.json`, or a folder; None to write nothing.
@@ -32,6 +36,7 @@ class Order:
 
     presets: Sequence[str]
     runs: int
+    tail: int
     peers: bool = False
     latency: bool = False
     output: Path | None = None
@@ -43,6 +48,7 @@ class Order:
         """The command line that asks for it."""
         options = [name for name in ('peers', 'latency') if getattr(self, name)]
         words = ['cmpsp', 'bench', *self.presets, '--runs', str(self.runs)]
+        words += ['--tail', str(self.tail)]
         words += [f'--{name}' for name in options]
         if self.output is not None:
             words += ['--output', str(self.output)]
@@ -58,7 +64,9 @@ class Results:
         machine: What it was measured on.
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
+        tails: Many control steps of the project's own methods.
         growth: Methods over horizons.
+        general: Programs of other sizes than the robot's.
         missing: Why other methods took no part, by name.
         latency: Over DDS; None if it was not asked.
         resident: Resident set of this process at the end [MB].
@@ -68,7 +76,9 @@ class Results:
     machine: dict[str, str]
     presets: list[PresetTiming]
     comparison: Comparison
+    tails: list[Tail]
     growth: list[Growth]
+    general: list[General]
     missing: dict[str, str]
     latency: Latency | None
     resident: float

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from cmpsp_ros.studies.bench import general, presets
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.horizons import grow
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.machine import machine
 from cmpsp_ros.studies.bench.memory import resident
-from cmpsp_ros.studies.bench.methods import OURS, Method
+from cmpsp_ros.studies.bench.methods import Method
+from cmpsp_ros.studies.bench.ours import OURS
 from cmpsp_ros.studies.bench.peers import peers
-from cmpsp_ros.studies.bench.presets import Preset, measure
 from cmpsp_ros.studies.bench.report import check_output, write
 from cmpsp_ros.studies.bench.results import Order, Results
+from cmpsp_ros.studies.bench.tail import loops, tails
 from cmpsp_ros.studies.bench.task import Task
 from cmpsp_ros.studies.bench.timing import compare
 
@@ -35,23 +37,37 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
         BenchError: The output cannot be used, or a measurement failed.
         ParameterError: No such preset, or one that cannot be used.
     """
-    presets = [Preset.load(name) for name in order.presets]
+    driven = presets.chosen(order.presets)
     if order.output is not None:
         check_output(order.output)
     found = machine()
-    timings = measure(presets, order.runs, progress('presets', order.runs * len(presets)))
+    # First what needs more than this process, so that what fails there fails soon.
+    latency = _latency(order, progress) if order.latency else None
+    timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
     task = Task.case3()
-    methods: list[Method] = [make(task) for make in OURS]
+    ours: list[Method] = [make(task) for make in OURS]
     others, missing = peers(task) if order.peers else ([], {})
-    methods += others
+    methods = [*ours, *others]
     told = progress('methods', (order.runs + 1) * len(methods))
     comparison = compare(task, methods, order.steps, order.runs, told)
     timed = {each.name for each in comparison.timed}
+    driving = [method for method in ours[1:] if method.name in timed]
+    told = progress('tail', loops(order.tail, order.steps))
+    of_tails = tails(task, driving, order.steps, order.tail, told)
     able = [method for method in methods if method.name in timed]
     told = progress('horizons', len(order.horizons))
-    growth = grow(task, able, order.horizons, order.runs, told)
-    latency = _latency(order, progress) if order.latency else None
-    results = Results(order, found, timings, comparison, growth, missing, latency, resident())
+    results = Results(
+        order=order,
+        machine=found,
+        presets=timings,
+        comparison=comparison,
+        tails=of_tails,
+        growth=grow(task, able, order.horizons, order.runs, told),
+        general=general.measure(order.runs, progress('other sizes', order.runs)),
+        missing=missing,
+        latency=latency,
+        resident=resident(),
+    )
     if order.output is not None:
         write(results, order.output)
     return results

@@ -9,9 +9,12 @@ from typing import Literal
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from cmpsp_ros.studies.bench.general import PROGRAMS
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.spread import Spread
+from cmpsp_ros.studies.bench.targets import Target, targets
+from cmpsp_ros.studies.bench.timing import Ratios
 
 _NONE = '–'
 
@@ -58,10 +61,13 @@ class Table:
 
 def tables(results: Results) -> Iterator[Table]:
     """All tables of some results."""
+    yield _targets(results)
     yield _presets(results)
     yield _comparison(results)
     yield _outcomes(results)
+    yield _tails(results)
     yield _growth(results)
+    yield _general(results)
     left_out = {**results.comparison.left_out, **results.missing}
     if left_out:
         yield Table('Not compared', ('method', 'why'), list(left_out.items()), words=2)
@@ -70,26 +76,45 @@ def tables(results: Results) -> Iterator[Table]:
     yield _memory(results)
 
 
-def _presets(results: Results) -> Table:
-    columns = ('preset', 'first', 'median', 'p99', 'p99.9', 'max')
+def _targets(results: Results) -> Table:
     rows = [
-        (each.name, _of(each.first.median, 2), *_spread(each.every, 2)) for each in results.presets
+        (each.what, f'{each.at_most:g}', _of(each.found, 3), _verdict(each))
+        for each in targets(results)
+    ]
+    note = (
+        'What this run has found beside what the project has set out to reach. Quotients are'
+        ' medians of those in the same step of the same run.'
+    )
+    return Table('Targets', ('what', 'at most', 'found', 'holds'), rows, note)
+
+
+def _verdict(target: Target) -> str:
+    if target.holds is None:
+        return 'not measured'
+    return 'yes' if target.holds else 'no'
+
+
+def _presets(results: Results) -> Table:
+    columns = ('run', 'first', 'median', 'p99', 'p99.9', 'max')
+    rows = [
+        (each.name, _of(each.first.median, 3), *_spread(each.every, 3)) for each in results.presets
     ]
     note = (
         'All that the guidance law does in a control step: warm start, two iterations with line'
         ' search, audit. *First* is the median of the first steps, which have the full horizon;'
-        ' the other columns are of every step.'
+        ' the columns after it are of every step. Where a plan needs slack, as most first ones do'
+        " in the runs of the paper's tables, a second one is made beside it."
     )
-    return Table('Control step of the presets [ms]', columns, rows, note)
+    return Table('Control step of the guidance law [ms]', columns, rows, note)
 
 
 def _comparison(results: Results) -> Table:
     found = results.comparison
     rows = []
     for each in found.timed:
-        ratios = f'{each.first_ratio:.3g}', f'{each.loop_ratio:.3g}'
-        times = _of(each.first.median, 0), ratios[0], *_spread(each.loop, 0), ratios[1]
-        rows.append((each.name, *times))
+        ratios = Ratios.of(each.times, found.timed[0].times)
+        times = _of(each.first.median, 0), f'{ratios.first:.3g}', *_spread(each.loop, 0)
+        rows.append((each.name, *times, f'{ratios.loop:.3g}'))
     columns = ('method', 'first', 'ratio', 'median', 'p99', 'p99.9', 'max', 'ratio of all')
     note = (
         f'Case 3 with {found.steps} steps, {found.runs} closed loops of each method, the methods'
@@ -120,6 +145,20 @@ def _outcomes(results: Results) -> Table:
     return Table('What the methods drive', columns, rows, note)
 
 
+def _tails(results: Results) -> Table:
+    rows = []
+    for each in results.tails:
+        spread = each.spread
+        rows.append((each.name, str(spread.count), *_spread(spread, 1), _of(each.ratio, 2)))
+    columns = ('method', 'steps', 'median', 'p99', 'p99.9', 'max', 'p99.9 / median')
+    note = (
+        f'Closed loops of {results.comparison.steps} steps in this process, the methods in turn,'
+        ' with what exists frozen and the garbage collector off, as in the guidance node. The'
+        ' first steps, with the full horizon, are among the longest.'
+    )
+    return Table('Longest control steps [µs]', columns, rows, note)
+
+
 def _growth(results: Results) -> Table:
     horizons = list(results.order.horizons)
     rows = []
@@ -131,9 +170,41 @@ def _growth(results: Results) -> Table:
     columns = ('method', *(f'N = {steps}' for steps in horizons), 'exponent')
     note = (
         'Case 3 cut into N steps, from the same guess. The exponent is that of N, fitted from 100'
-        ' steps on. Slow methods are not asked for long horizons.'
+        ' steps on. Slow methods are not asked for long horizons. The full step and the guidance'
+        ' law keep clear between samples: with few steps there is no room for that.'
     )
     return Table('First step over horizons [µs]', columns, rows, note)
+
+
+def _general(results: Results) -> Table:
+    base = results.general[0]
+    rows = [
+        (
+            f'{each.states}, {each.controls}',
+            f'{each.iterations:g}',
+            f'{each.active:g}',
+            _of(each.time, 0),
+            _of(each.time / base.time, 2),
+            _of(each.flops / base.flops, 2),
+            _of(each.flops / each.time * 1e-3, 2),
+        )
+        for each in results.general
+    ]
+    columns = (
+        'states, controls',
+        'iterations',
+        'active rows',
+        'time [µs]',
+        'ratio',
+        'ratio of work',
+        'GFLOP/s',
+    )
+    note = (
+        f'{PROGRAMS} random programs of 50 steps for each size, through the back end for any'
+        ' problem, whose sizes are not known when it is compiled. The work is that of one'
+        ' factorisation and as many iterations as were made, by count of their operations.'
+    )
+    return Table('One program of other sizes', columns, rows, note)
 
 
 def _latency(found: Latency) -> Table:

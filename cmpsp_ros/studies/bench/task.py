@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,8 @@ from cmpsp_ros.guidance.initial_guess import initial_guess
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.robot.guidance_functions import GuidanceData
+from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem, guidance_data
 from cmpsp_ros.studies.bench.presets import Preset
 
 Array = NDArray[np.float64]
@@ -78,6 +79,10 @@ class Task:
         """The preset's first control history, shape ``(N + 1, 2)`` [rad/s]."""
         return initial_guess(self.settings, self.pose, self.durations(steps))
 
+    def settings_for(self, steps: int) -> GuidanceSettings:
+        """The preset's settings with so many control periods in its time."""
+        return replace(self.settings, control_period=self.settings.final_time / steps)
+
     def problem(self, pose: Array, durations: Array) -> GuidanceProblem:
         """The problem from a pose on.
 
@@ -88,6 +93,12 @@ class Task:
         settings = self.settings
         goal = np.array(settings.goal)
         return GuidanceProblem(settings.robot, self.space, self.cost, pose, goal, durations)
+
+    def data(self, pose: Array, durations: Array) -> GuidanceData:
+        """The same for compiled code."""
+        settings = self.settings
+        goal = np.array(settings.goal)
+        return guidance_data(settings.robot, self.space, self.cost, pose, goal, durations)
 
     def outcome(self, U: Array) -> Outcome:
         """What a control history over the whole time leads to.

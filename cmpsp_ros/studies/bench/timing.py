@@ -39,15 +39,11 @@ class Timed:
         name: Of the method.
         outcome: Of its closed loop.
         times: Of every step of every run, shape ``(runs, N)`` [us].
-        first_ratio: First step beside the baseline's: median of the quotients of all runs.
-        loop_ratio: The same of all steps.
     """
 
     name: str
     outcome: Outcome
     times: Array
-    first_ratio: float
-    loop_ratio: float
 
     @property
     def first(self) -> Spread:
@@ -58,6 +54,25 @@ class Timed:
     def loop(self) -> Spread:
         """Of all steps of the shrinking horizon [us]."""
         return Spread.of(self.times)
+
+
+@dataclass(frozen=True)
+class Ratios:
+    """One method beside another: medians of quotients in the same step of the same run.
+
+    Attributes:
+        first: Of the first step.
+        loop: Of all steps.
+    """
+
+    first: float
+    loop: float
+
+    @classmethod
+    def of(cls, times: Array, below: Array) -> Ratios:
+        """From times of both, shape ``(runs, N)``."""
+        quotients = times / below
+        return cls(float(np.median(quotients[:, 0])), float(np.median(quotients)))
 
 
 @dataclass(frozen=True)
@@ -76,6 +91,13 @@ class Comparison:
     timed: list[Timed]
     left_out: dict[str, str]
 
+    def ratios(self, name: str, below: str) -> Ratios | None:
+        """How long a method takes beside another one; None if either was not timed."""
+        times = {each.name: each.times for each in self.timed}
+        if name not in times or below not in times:
+            return None
+        return Ratios.of(times[name], times[below])
+
 
 def close_loop(task: Task, method: Method, steps: int) -> Loop:
     """Let a method drive the exact model from start to end, with a horizon that shrinks.
@@ -92,9 +114,9 @@ def close_loop(task: Task, method: Method, steps: int) -> Loop:
     pose, U = task.pose, task.guess(steps)
     driven, times = np.empty((steps + 1, 2)), np.empty(steps)
     with collector_off():
-        method.begin()
+        method.begin(steps)
         method.step(pose, U, durations)
-        method.begin()
+        method.begin(steps)
         for k in range(steps):
             left = durations[k:]
             began = time.perf_counter_ns()
@@ -142,17 +164,7 @@ def compare(
             if method in able:
                 times[method.name][run] = close_loop(task, method, steps).times
             progress()
-    base = times[methods[0].name]
-    timed = [
-        Timed(
-            method.name,
-            outcomes[method.name],
-            times[method.name],
-            float(np.median(times[method.name][:, 0] / base[:, 0])),
-            float(np.median(times[method.name] / base)),
-        )
-        for method in able
-    ]
+    timed = [Timed(name, outcome, times[name]) for name, outcome in outcomes.items()]
     return Comparison(steps, runs, timed, left_out)
 
 

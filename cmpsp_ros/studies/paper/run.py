@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from cmpsp_ros.studies.journal import journal
 from cmpsp_ros.studies.paper import report, style
 from cmpsp_ros.studies.paper.cases import fig2, fig3, fig4
 from cmpsp_ros.studies.paper.claims import Artefact, Maker
@@ -67,7 +68,7 @@ def run(
     _make_folder(output)
     lab = Laboratory(progress, judge=judge)
     made: dict[str, Artefact] = {}
-    with style.journal():
+    with journal():
         for name in ARTEFACTS:
             if only and name not in only:
                 continue

@@ -1,19 +1,14 @@
-"""One look for all pictures: sizes of a journal's page, and files that repeat bit for bit."""
+"""What the paper's pictures have in common, and files that repeat bit for bit."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-import matplotlib as mpl
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-WIDTH: Final = 7.2
-"""Width of a picture across both columns of a page [in]."""
 
 LIMIT: Final = '0.35'
 """Grey of limits."""
@@ -24,37 +19,6 @@ _DPI: Final = 200
 
 _PERIOD: Final = 9.0
 """Length of a dash and its gap, in line widths."""
-
-# Of type Any: matplotlib lists every key of its settings as a literal of its own.
-_RC: Final[Any] = {
-    'font.family': 'sans-serif',
-    'font.sans-serif': ['DejaVu Sans'],
-    'font.size': 8.0,
-    'axes.titlesize': 8.0,
-    'axes.labelsize': 8.0,
-    'xtick.labelsize': 7.0,
-    'ytick.labelsize': 7.0,
-    'legend.fontsize': 7.0,
-    'legend.frameon': False,
-    'axes.linewidth': 0.6,
-    'lines.linewidth': 1.1,
-    'xtick.direction': 'in',
-    'ytick.direction': 'in',
-    'grid.linewidth': 0.4,
-    'grid.color': '0.85',
-    # Text stays text, and the names of clip paths do not change from one run to the next.
-    'svg.fonttype': 'none',
-    'svg.hashsalt': 'cmpsp',
-}
-
-
-@contextmanager
-def journal() -> Iterator[None]:
-    """Draw and save in this look, whatever matplotlib was set to."""
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(_RC)
-        yield
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:

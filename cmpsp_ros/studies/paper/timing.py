@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import platform
-from pathlib import Path
-
 import numpy as np
 
 from cmpsp_ros.studies.paper.claims import Artefact, Claim, Table, Verdict
 from cmpsp_ros.studies.paper.drives import Laboratory, run_law
 from cmpsp_ros.studies.paper.experiments import cases
+from cmpsp_ros.studies.processor import cpu_model
 
 _PAPER_MS = 150.0
 _RUNS = 5
@@ -62,13 +60,3 @@ def timing(lab: Laboratory) -> Artefact:
         'longest_ms': {n: float(each.max()) for n, each in zip(names, steps, strict=True)},
     }
     return Artefact('Computing time', numbers, claims, tables=[table])
-
-
-def cpu_model() -> str:
-    """The processor's own name for itself, where the system tells."""
-    try:
-        lines = Path('/proc/cpuinfo').read_text(encoding='utf-8').splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
-    return names[0] if names else platform.processor() or platform.machine()

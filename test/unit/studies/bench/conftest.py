@@ -14,4 +14,4 @@ def task():
 @pytest.fixture(scope='session')
 def results():
     """Two runs with four steps and every solver that is installed."""
-    return run(Order(['case3'], runs=2, peers=True, steps=4, horizons=(4, 6)))
+    return run(Order(['case3'], runs=2, tail=10, peers=True, steps=4, horizons=(4, 6)))

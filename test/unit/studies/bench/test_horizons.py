@@ -2,8 +2,8 @@
 
 import pytest
 
+from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
 from cmpsp_ros.studies.bench.horizons import Growth, grow
-from cmpsp_ros.studies.bench.methods import CondensedDaqp
 
 
 class Short(CondensedDaqp):

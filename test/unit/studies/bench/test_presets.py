@@ -1,9 +1,10 @@
 """Control steps of presets through the guidance law."""
 
+import numpy as np
 import pytest
 
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.studies.bench.presets import Preset, measure
+from cmpsp_ros.studies.bench.presets import Preset, chosen, measure
 
 
 def test_every_step_of_every_run_is_timed():
@@ -15,6 +16,15 @@ def test_every_step_of_every_run_is_timed():
     for each in timings:
         assert (each.first.count, each.every.count) == (2, 100)
         assert 0.0 < each.every.median <= each.every.p99 <= each.every.largest
+
+
+def test_without_names_it_is_all_presets_and_the_runs_of_the_tables():
+    found = {each.name: each for each in chosen(())}
+    assert len(found) == 4 + 4 + 3
+    assert {'case1', 'case2', 'case3', 'case3_45'} < found.keys()
+    assert found['table1_3, guess (18, 15)'].settings.initial_guess.wheel_speeds == (18.0, 15.0)
+    assert found['table2_1, heading 60°'].pose == pytest.approx([0.0, -9.25, np.pi / 3.0])
+    assert [each.name for each in chosen(['case2'])] == ['case2']
 
 
 def test_a_file_will_do(tmp_path):

@@ -23,7 +23,7 @@ def with_latency(results):
 def test_a_folder_has_data_pictures_and_a_page(with_latency, tmp_path):
     write(with_latency, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == {
-        'bench.json', 'performance.md', 'horizons.png', 'steps.png', 'latency.png',
+        'bench.json', 'performance.md', 'horizons.png', 'steps.png', 'tails.png', 'latency.png',
     }  # fmt: skip
     for path in tmp_path.glob('*.png'):
         assert path.read_bytes().startswith(b'\x89PNG')
@@ -41,7 +41,10 @@ def test_a_file_has_the_data_alone(results, tmp_path):
     read = json.loads(path.read_text())
     assert read['latency_ms'] is None
     assert read['methods']['timed']['condensed + daqp']['first_ratio'] == 1.0
-    assert read['command'] == 'cmpsp bench case3 --runs 2 --peers'
+    assert read['command'] == 'cmpsp bench case3 --runs 2 --tail 10 --peers'
+    assert read['tails_us']['riccati active set']['spread']['count'] == 12
+    assert [each['states'] for each in read['general']] == [3, 6, 12]
+    assert {'holds', 'found', 'at_most', 'what'} == read['targets'][0].keys()
     assert {'processor', 'cores', 'kernel', 'Python', 'numba'} <= read['machine'].keys()
 
 
@@ -49,7 +52,7 @@ def test_the_page_links_what_is_there_and_executes_nothing(with_latency, tmp_pat
     write(with_latency, tmp_path)
     text = page(with_latency)
     assert (tmp_path / 'performance.md').read_text() == text
-    assert 'cmpsp bench case3 --runs 2 --peers --latency' in text
+    assert 'cmpsp bench case3 --runs 2 --tail 10 --peers --latency' in text
     assert set(re.findall(r'^```(\w*)$', text, re.MULTILINE)) == {'sh', ''}
     links = re.findall(r'\]\(([^)]+)\)', text)
     assert links

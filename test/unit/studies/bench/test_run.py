@@ -21,6 +21,10 @@ def test_all_that_was_asked_for_is_there(results):
     assert found.timed[0].name == 'condensed + daqp'
     assert [each.name for each in results.growth] == [each.name for each in found.timed]
     assert results.growth[0].steps == [4, 6]
+    assert [(each.name, each.times.shape) for each in results.tails] == [
+        ('riccati active set', (12,))
+    ]
+    assert [(each.states, each.controls) for each in results.general] == [(3, 2), (6, 2), (12, 4)]
     assert results.latency is None
 
 
@@ -39,9 +43,10 @@ def test_progress_is_told():
         told.append(f'{part} {pieces}')
         return lambda: told.append(part)
 
-    run(Order(['case1'], runs=1, steps=3, horizons=(3,)), progress)
+    run(Order(['case1'], runs=1, tail=4, steps=3, horizons=(3,)), progress)
     assert told == [
-        'presets 1', 'presets', 'methods 2', 'methods', 'methods', 'horizons 1', 'horizons',
+        'presets 1', 'presets', 'methods 8', *['methods'] * 8, 'tail 2', 'tail', 'tail',
+        'horizons 1', 'horizons', 'other sizes 1', 'other sizes',
     ]  # fmt: skip
 
 
@@ -60,20 +65,21 @@ def test_an_existing_file_is_kept(tmp_path):
     assert 'found an existing file' in done.stderr
     assert path.read_text() == 'mine'
     with pytest.raises(BenchError, match='existing file'):
-        run(Order(['case1'], runs=1, output=path))
+        run(Order(['case1'], runs=1, tail=1, output=path))
 
 
 def test_the_command_line_of_an_order():
-    order = Order(['case1', 'my file.yaml'], 3, peers=True, latency=True, output=Path('out'))
+    order = Order(['case1', 'my file.yaml'], 3, 100, peers=True, latency=True, output=Path('out'))
     assert order.command == (
-        "cmpsp bench case1 'my file.yaml' --runs 3 --peers --latency --output out"
+        "cmpsp bench case1 'my file.yaml' --runs 3 --tail 100 --peers --latency --output out"
     )
+    assert Order((), 20, 50).command == 'cmpsp bench --runs 20 --tail 50'
 
 
 def test_the_command_writes_and_tells(tmp_path):
     path = tmp_path / 'bench.json'
-    done = invoke('case1', '--runs', 1, '--output', path)
+    done = invoke('case1', '--runs', 1, '--tail', 50, '--output', path)
     assert done.exit_code == 0, done.output
-    for said in ('case1', 'condensed + daqp', '[ms]', 'written'):
+    for said in ('case1', 'condensed + daqp', 'guidance law', '[ms]', 'not measured', 'written'):
         assert said in done.stdout
     assert json.loads(path.read_text())['presets_ms'].keys() == {'case1'}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.studies.bench.methods import CondensedDaqp
+from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
 from cmpsp_ros.studies.bench.timing import close_loop
 
 
@@ -16,6 +16,11 @@ def test_any_number_of_steps_takes_the_same_time(task, steps):
     X = task.problem(task.pose, task.durations(steps)).predict(task.guess(steps))
     once = task.problem(task.pose, task.durations(1)).predict(task.guess(1))
     np.testing.assert_allclose(X[-1], once[-1], atol=1e-9)
+
+
+def test_settings_for_any_number_of_steps(task):
+    assert task.settings_for(50) == task.settings
+    assert task.settings_for(100).control_period == pytest.approx(0.1)
 
 
 def test_outcome_is_that_of_the_path_itself(task):

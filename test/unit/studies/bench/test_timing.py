@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
 from cmpsp_ros.studies.bench.errors import BenchError
-from cmpsp_ros.studies.bench.methods import OURS, CondensedDaqp
-from cmpsp_ros.studies.bench.timing import close_loop, compare
+from cmpsp_ros.studies.bench.ours import OURS
+from cmpsp_ros.studies.bench.results import COMPARED_STEPS
+from cmpsp_ros.studies.bench.timing import Comparison, Ratios, Timed, close_loop, compare
 
 STEPS = 6
 
@@ -20,8 +22,8 @@ class Watched(CondensedDaqp):
     def prepare(self, steps):
         self.notes.append((self.name, 'prepare', steps))
 
-    def begin(self):
-        self.notes.append((self.name, 'begin', 0))
+    def begin(self, steps):
+        self.notes.append((self.name, 'begin', steps))
 
     def step(self, pose, U, durations):
         self.notes.append((self.name, 'step', len(durations)))
@@ -43,21 +45,23 @@ class Broken(Watched):
 @pytest.mark.parametrize('make', OURS)
 def test_ours_arrive(task, make):
     method = make(task)
-    for steps in range(STEPS, 0, -1):
+    for steps in range(COMPARED_STEPS, 0, -1):
         method.prepare(steps)
-    loop = close_loop(task, method, STEPS)
+    loop = close_loop(task, method, COMPARED_STEPS)
     assert task.failure(task.outcome(loop.wheel_speeds)) == ''
-    assert loop.times.shape == (STEPS,)
+    assert loop.times.shape == (COMPARED_STEPS,)
     assert (loop.times > 0.0).all()
+    again = close_loop(task, method, COMPARED_STEPS)
+    np.testing.assert_array_equal(again.wheel_speeds, loop.wheel_speeds)
 
 
 @pytest.mark.parametrize('make', OURS)
 def test_ours_leave_the_warm_start_as_it_is(task, make):
-    method, U = make(task), task.guess(STEPS)
-    method.prepare(STEPS)
-    method.begin()
-    improved = method.step(task.pose, U, task.durations(STEPS))
-    np.testing.assert_array_equal(U, task.guess(STEPS))
+    method, U = make(task), task.guess(COMPARED_STEPS)
+    method.prepare(COMPARED_STEPS)
+    method.begin(COMPARED_STEPS)
+    improved = method.step(task.pose, U, task.durations(COMPARED_STEPS))
+    np.testing.assert_array_equal(U, task.guess(COMPARED_STEPS))
     assert improved.shape == U.shape
 
 
@@ -76,7 +80,7 @@ def test_methods_take_turns(task):
     ]
     assert len(told) == 2 + 2 * 3
     assert [each.name for each in found.timed] == ['a', 'b']
-    assert found.timed[0].first_ratio == found.timed[0].loop_ratio == 1.0
+    assert found.ratios('a', 'a') == Ratios(1.0, 1.0)
     assert found.timed[1].times.shape == (3, STEPS)
     assert (found.timed[1].first.count, found.timed[1].loop.count) == (3, 18)
     assert found.timed[0].outcome == found.timed[1].outcome
@@ -93,3 +97,14 @@ def test_what_does_not_solve_the_task_is_not_timed(task):
 def test_without_a_baseline_there_is_no_comparison(task):
     with pytest.raises(BenchError, match='lazy: it misses the goal'):
         compare(task, [Lazy(task, 'lazy', []), CondensedDaqp(task)], STEPS, 1)
+
+
+def test_ratios_are_medians_of_quotients_in_the_same_step(task):
+    outcome = task.outcome(task.guess(2))
+    one = Timed('one', outcome, np.array([[1.0, 10.0], [2.0, 10.0], [3.0, 10.0]]))
+    other = Timed('other', outcome, np.array([[2.0, 5.0], [8.0, 10.0], [3.0, 50.0]]))
+    found = Comparison(2, 3, [one, other], {})
+    assert found.ratios('other', 'one') == Ratios(2.0, 1.5)
+    assert found.ratios('one', 'other') == Ratios(0.5, 0.75)
+    assert found.ratios('one', 'third') is None
+    assert found.ratios('third', 'one') is None

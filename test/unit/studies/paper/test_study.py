@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run
-from cmpsp_ros.studies.paper.timing import cpu_model
+from cmpsp_ros.studies.processor import cpu_model
 
 FIGURES = [f'fig{number}' for number in range(2, 14)]
 VERDICTS = {'holds', 'does not hold', 'depends', 'not decidable'}

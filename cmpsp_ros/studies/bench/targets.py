@@ -1,0 +1,70 @@
+"""What the project has set out to reach, and whether it does here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
+from cmpsp_ros.studies.bench.guidance_methods import FullStep, Law
+from cmpsp_ros.studies.bench.results import Results
+from cmpsp_ros.studies.bench.riccati_method import RiccatiActiveSet
+from cmpsp_ros.studies.bench.spread import Spread
+
+# Most that a bare step may take beside another method: the first step, and all steps.
+_BESIDE = {CondensedDaqp.name: (0.1, 0.2), 'sqpmethod + piqp': (0.04, 0.03)}
+_FULL = 2.5
+_EXPONENT = 1.5
+_TAIL = 3.0
+
+
+@dataclass(frozen=True)
+class Target:
+    """One figure and what it is to be.
+
+    Attributes:
+        what: What is measured, in words.
+        at_most: What it may be.
+        found: What it is; None if it was not measured.
+    """
+
+    what: str
+    at_most: float
+    found: float | None
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether it is; None if that is not known."""
+        return None if self.found is None else self.found <= self.at_most
+
+
+def targets(results: Results) -> Iterator[Target]:
+    """All targets, with what was found."""
+    bare, full = RiccatiActiveSet.name, FullStep.name
+    for below, (first, loop) in _BESIDE.items():
+        yield from _beside(results, bare, below, first, loop)
+    yield from _beside(results, full, bare, _FULL, _FULL)
+    exponents = {each.name: each.exponent for each in results.growth}
+    yield Target(f'{bare}: exponent of N from 100 steps on', _EXPONENT, exponents.get(bare))
+    ratios = {each.name: each.ratio for each in results.tails}
+    for name in (bare, full, Law.name):
+        yield Target(f'{name}: 99.9th percentile / median', _TAIL, ratios.get(name))
+    yield from _of_latency(results)
+
+
+def _beside(results: Results, name: str, below: str, first: float, loop: float) -> Iterator[Target]:
+    found = results.comparison.ratios(name, below)
+    both = (None, None) if found is None else (found.first, found.loop)
+    yield Target(f'{name} / {below}: first step', first, both[0])
+    yield Target(f'{name} / {below}: every step, median', loop, both[1])
+
+
+def _of_latency(results: Results) -> Iterator[Target]:
+    median = p99 = own = None
+    if results.latency is not None:
+        total = Spread.of(results.latency.total)
+        median, p99 = total.median, total.p99
+        own = Spread.of(results.latency.own).median
+    yield Target('odometry to command over DDS: median [ms]', 1.2, median)
+    yield Target('odometry to command over DDS: p99 [ms]', 4.0, p99)
+    yield Target('of that the node itself: median [ms]', 0.3, own)

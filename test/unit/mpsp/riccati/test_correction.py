@@ -1,0 +1,120 @@
+"""The second-order correction: what it undoes, at what cost, and to which order."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from problems import VanDerPol
+from stage_programs import dense, find, random_program
+
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.mpsp.riccati.correction import activate, correct
+from cmpsp_ros.mpsp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.riccati.rows import PATH, number_of
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+
+def after_full_step(seed):
+    """A solved program with active rows of each kind, and what curvature has made of its rows."""
+    rng = np.random.default_rng(seed)
+    qp = random_program(rng, bound=0.7)
+    qp.g[:] += 0.2
+    outcome, room = find(qp)
+    assert outcome == SOLVED
+    assert room.multipliers.path.any()
+    assert room.multipliers.bounds.any()
+    return qp, room, 0.01 * rng.normal(size=2), 0.01 * rng.normal(size=qp.g.shape) - 0.005
+
+
+def wanted(qp, room, output_error, g):
+    """The least change in the metric of the Hessian that meets the rows, by a dense system."""
+    written, numbers, excess = dense(qp), list(range(2)), list(output_error)
+    multipliers = room.multipliers
+    for k, j in np.argwhere((multipliers.path > 0.0) | (g > 0.0)):
+        numbers.append(number_of(qp, PATH, k, j))
+        excess.append(g[k, j])
+    fixed = np.eye(len(written.H))[multipliers.bounds.ravel() != 0.0]
+    rows = np.vstack([written.rows[numbers], fixed])
+    excess += [0.0] * len(fixed)
+    count = len(rows)
+    system = np.block([[written.H, rows.T], [rows, np.zeros((count, count))]])
+    right = np.concatenate([np.zeros(len(written.H)), -np.array(excess)])
+    return np.linalg.solve(system, right)[: len(written.H)]
+
+
+def corrected(qp, room, output_error, g):
+    bend = np.empty_like(room.dU)
+    correct(qp, room, output_error, g, bend)
+    return bend
+
+
+@pytest.mark.parametrize('seed', [0, 10, 13, 15, 16])
+def test_it_is_the_least_change_that_meets_the_rows(seed):
+    qp, room, output_error, g = after_full_step(seed)
+    least = wanted(qp, room, output_error, g)
+    assert np.abs(least).max() > 1e-4
+    found = corrected(qp, room, output_error, g)
+    np.testing.assert_allclose(found.ravel(), least, atol=1e-10)
+
+
+@pytest.mark.parametrize('seed', [0, 10, 13, 15, 16])
+def test_it_is_the_same_from_the_multipliers_of_any_solver(seed):
+    qp, room, output_error, g = after_full_step(seed)
+    found = corrected(qp, room, output_error, g)
+    activate(qp, room, room.multipliers)
+    again = corrected(qp, room, output_error, g)
+    np.testing.assert_allclose(again, found, atol=1e-10)
+
+
+def test_nothing_to_mend():
+    qp, room, *_ = after_full_step(0)
+    bend = corrected(
+        qp, room, np.zeros(2), np.full(qp.g.shape, -1.0) * (room.multipliers.path == 0)
+    )
+    np.testing.assert_allclose(bend, 0.0, atol=1e-14)
+
+
+def test_rows_that_contradict_each_other_are_taken_as_far_as_they_go():
+    qp, room, output_error, g = after_full_step(0)
+    # All rows of all stages are more than there are controls.
+    bend = corrected(qp, room, output_error, np.abs(g) + 0.01)
+    assert np.isfinite(bend).all()
+
+
+def value(problem, U):
+    return problem.evaluate(problem.predict(U), U)
+
+
+def program_at(problem, U, **changes):
+    """The subproblem of controls without bounds, with some derivatives replaced."""
+    linearisation = replace(problem.linearise(problem.predict(U), U), **changes)
+    free = np.full(U.shape, np.inf)
+    return Subproblem(linearisation, -free, free, np.full(2, np.inf))
+
+
+def test_a_violation_is_undone_to_second_order():
+    """Half the step leaves an eighth of the violation; by itself it would leave a fourth."""
+    U = np.full((21, 1), 0.3)
+    end = VanDerPol().predict(U)[-1]
+    missed, mended = [], []
+    # Without a gradient the step goes to 0 with the way to its target.
+    flat = {'L_X': np.zeros((21, 2)), 'L_U': np.zeros((21, 1))}
+    for length in (0.08, 0.04, 0.02, 0.01):
+        problem = VanDerPol(goal=tuple(end + length * np.array([1.0, -0.5])))
+        subproblem = program_at(problem, U, **flat)
+        solution = solve_qp(subproblem, RICCATI_ACTIVE_SET)
+        assert solution.status is QPStatus.SOLVED
+        full = value(problem, U + solution.dU)
+        bend = second_order_correction(subproblem, solution, full.output_error, full.g)
+        missed.append(np.linalg.norm(full.output_error))
+        mended.append(np.linalg.norm(value(problem, U + solution.dU + bend).output_error))
+    np.testing.assert_allclose(np.divide(missed[:-1], missed[1:]), 4.0, rtol=0.1)
+    assert (np.divide(mended[:-1], mended[1:]) > 7.0).all()
+
+
+def test_without_curvature_there_is_none():
+    subproblem = program_at(VanDerPol(horizon=3), np.zeros((4, 1)), L_UU=np.zeros((4, 1, 1)))
+    unsolved = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
+    bend = second_order_correction(subproblem, unsolved, np.ones(2), np.ones((4, 2)))
+    np.testing.assert_array_equal(bend, np.zeros((4, 1)))

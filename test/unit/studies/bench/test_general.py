@@ -1,0 +1,42 @@
+"""Programs of other sizes."""
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.mpsp.qp import solve_qp
+from cmpsp_ros.studies.bench.general import SIZES, flops, measure, program
+
+
+@pytest.mark.parametrize('size', SIZES)
+def test_programs_are_solvable_and_have_active_rows(size):
+    found = program(1, *size)
+    assert (found.size.state, found.size.control) == size
+    ours, other = (solve_qp(found, name) for name in ('riccati_active_set', 'daqp'))
+    np.testing.assert_allclose(ours.dU, other.dU, atol=1e-7)
+    assert np.count_nonzero(ours.bounds) > 0
+    assert np.count_nonzero(ours.path) > 0
+
+
+def test_programs_repeat():
+    one, other = (program(3, 3, 2).linearisation for _ in range(2))
+    np.testing.assert_array_equal(one.A, other.A)
+    assert not np.array_equal(one.A, program(4, 3, 2).linearisation.A)
+
+
+def test_every_size_is_timed():
+    told = []
+    found = measure(2, lambda: told.append(1))
+    assert [(each.states, each.controls) for each in found] == list(SIZES)
+    assert len(told) == 2
+    for each in found:
+        assert each.time > 0.0
+        assert each.iterations >= each.active > 0
+    assert found[0].flops < found[1].flops < found[2].flops
+
+
+def test_operations_grow_as_they_should():
+    scalar = flops(1, 1, 1, 0, 0)
+    assert scalar == pytest.approx(18.0 + 2.0 / 3.0)
+    assert flops(100, 6, 3, 0, 0) == pytest.approx(800.0 * flops(1, 3, 1.5, 0, 0))
+    # One iteration: half a sweep for the row, one for the states, and one for four constraints.
+    assert flops(10, 3, 2, 4, 1) - flops(10, 3, 2, 4, 0) == 10 * (15 + 42 + 40)

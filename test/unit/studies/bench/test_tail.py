@@ -1,0 +1,37 @@
+"""Many control steps, and the longest of them."""
+
+import gc
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
+from cmpsp_ros.studies.bench.tail import Tail, loops, tails
+
+
+class Watching(CondensedDaqp):
+    """Notes whether the garbage collector is on."""
+
+    def __init__(self, task, notes):
+        super().__init__(task)
+        self.notes = notes
+
+    def step(self, pose, U, durations):
+        self.notes.append((gc.isenabled(), gc.get_freeze_count() > 0))
+        return super().step(pose, U, durations)
+
+
+def test_ratio_of_the_percentile_to_the_median():
+    times = np.concatenate([np.full(1990, 2.0), np.full(10, 9.0)])
+    assert Tail('method', times).ratio == pytest.approx(4.5)
+    assert Tail('method', times[:500]).ratio is None
+
+
+def test_whole_loops_with_the_collector_off(task):
+    notes, told = [], []
+    found = tails(task, [Watching(task, notes)], 3, 7, lambda: told.append(1))
+    assert [each.times.shape for each in found] == [(9,)]
+    assert len(told) == loops(7, 3) == 3
+    assert set(notes) == {(False, True)}
+    assert gc.isenabled()
+    assert gc.get_freeze_count() == 0

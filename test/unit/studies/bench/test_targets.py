@@ -1,0 +1,60 @@
+"""Targets beside what was found."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.studies.bench.horizons import Growth
+from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.tail import Tail
+from cmpsp_ros.studies.bench.targets import targets
+from cmpsp_ros.studies.bench.timing import Timed
+
+BARE, FULL = 'riccati active set', 'riccati active set, full step'
+
+
+@pytest.fixture
+def known(task, results):
+    """Times that are known, instead of those of the run."""
+    outcome = task.outcome(task.guess(2))
+    times = {'condensed + daqp': 100.0, BARE: 8.0, FULL: 24.0, 'sqpmethod + piqp': 400.0}
+    timed = [Timed(name, outcome, np.full((3, 2), time)) for name, time in times.items()]
+    own = np.full(200, 0.25)
+    return replace(
+        results,
+        comparison=replace(results.comparison, timed=timed),
+        growth=[Growth(BARE, [100, 200], [1.0, 3.0], 1.58)],
+        tails=[Tail(BARE, np.full(2000, 8.0))],
+        latency=Latency(1, own + 1.0, own, np.diff(own), 0.0, 100.0, 100.0),
+    )
+
+
+def test_what_holds_and_what_does_not(known):
+    assert [(each.found, each.holds) for each in targets(known)] == [
+        (pytest.approx(0.08), True),
+        (pytest.approx(0.08), True),
+        (pytest.approx(0.02), True),
+        (pytest.approx(0.02), True),
+        (pytest.approx(3.0), False),
+        (pytest.approx(3.0), False),
+        (1.58, False),
+        (1.0, True),
+        (None, None),
+        (None, None),
+        (1.25, False),
+        (1.25, True),
+        (0.25, True),
+    ]
+
+
+def test_each_says_what_it_is(known):
+    said = [each.what for each in targets(known)]
+    assert len(set(said)) == len(said)
+    assert said[0] == 'riccati active set / condensed + daqp: first step'
+
+
+def test_what_was_not_measured(known):
+    bare = replace(known.comparison, timed=known.comparison.timed[:1])
+    without = replace(known, comparison=bare, growth=[], tails=[], latency=None)
+    assert {each.holds for each in targets(without)} == {None}

@@ -32,6 +32,9 @@ _SAME_CLOCK = 10.0
 _SETTLED = 2.0 / 3.0
 """Part of the time for which a command holds after which the robot has to obey it."""
 
+_BRIEF = 0.5
+"""Control periods for which a command has to hold before obedience can be told."""
+
 _OBEYED = 0.1
 """Part of the largest wheel speed by which a wheel may differ from its command."""
 
@@ -242,7 +245,8 @@ def _held(leg: Leg, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64]
     stamps, twists = leg.commands.stamps, leg.commands.twists
     begins, ends = stamps[:-1], stamps[1:]
     durations = ends - begins
-    chosen = (durations > 0) & (durations <= _LATE * period * NANOSECONDS)
+    periods = durations / (period * NANOSECONDS)
+    chosen = (periods >= _BRIEF) & (periods <= _LATE)
     chosen &= (begins >= leg.path.stamps[0]) & (ends <= leg.path.stamps[-1])
     chosen &= np.isfinite(twists[:-1]).all(axis=1)
     settled = begins + np.round(_SETTLED * durations).astype(np.int64)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.mpsp.compiled import entry_for
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.realtime.iteration import OUTCOME, Rules, improve
 from cmpsp_ros.mpsp.realtime.packed import pack
@@ -62,13 +63,14 @@ class RiccatiActiveSet:
         steps, room = len(durations), self._room
         over, self._left = self._left - steps, steps
         room.at.U[: steps + 1] = U
-        improve(self._task.data(pose, durations), self._packed, steps, over, _RULES)
+        self._improve(self._task.data(pose, durations), self._packed, steps, over, _RULES)
         if room.counts[OUTCOME] != SOLVED:
             raise BenchError('it does not solve one of its programs')
         return room.at.U[: steps + 1].copy()
 
     def _make_room(self, steps: int) -> None:
-        problem = self._task.problem(self._task.pose, self._task.durations(steps))
+        pose, durations = self._task.pose, self._task.durations(steps)
+        problem = self._task.problem(pose, durations)
         size = problem.size
         room = workspace(
             size,
@@ -78,3 +80,4 @@ class RiccatiActiveSet:
         )
         room.lower[:], room.upper[:] = problem.control_lower, problem.control_upper
         self._packed, self._room = pack(room)
+        self._improve = entry_for(improve, problem.data, self._packed, steps, 0, _RULES)

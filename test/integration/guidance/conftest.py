@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -185,6 +186,22 @@ def make_client(ros):
 def make_odometry():
     """Make a message: `make_odometry(stamp, pose, frame_id='odom')`."""
     return odometry
+
+
+@pytest.fixture
+def verdicts():
+    """What JUnit XML of an audit says: `verdicts(path)`, each outcome by its check's short name."""
+
+    def read(path):
+        suite = ET.parse(path).getroot()
+        said = {}
+        for case in suite.iter('testcase'):
+            outcome = next((each.tag for each in case), 'passed')
+            said[case.get('classname').removeprefix('audit.')] = outcome
+        assert suite.get('tests') == str(len(said))
+        return said
+
+    return read
 
 
 @pytest.fixture

@@ -38,7 +38,9 @@ def recorded(bag):
         return [Recorded.of(topic, stamp, each) for stamp, each in opened.messages(topic)]
 
 
-def test_a_run_with_faults_is_identical_and_audited_as_it_was(start_node, client, spawn, tmp_path):
+def test_a_run_with_faults_is_identical_and_audited_as_it_was(
+    start_node, client, spawn, verdicts, tmp_path
+):
     bag = tmp_path / 'bag'
     recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
     start_node('guidance_node', {'autostart': False})
@@ -49,6 +51,9 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(start_node, client
         client.until(
             lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
         )
+    # Its question for the parameters is answered: later, it would hear them changed already.
+    asked = client.node.get_client_names_and_types_by_node
+    client.until(lambda: '/guidance/get_parameters' not in dict(asked('recorder', '/')))
     assert client.change_state('activate')
     client.drive()
     client.until_driving()
@@ -79,8 +84,12 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(start_node, client
     assert outcome.stops > 4
     assert outcome.plans > 6
     audit = spawn([*COMMAND, 'audit', bag, '--junit', tmp_path / 'audit.xml'])
-    code = audit.wait(LIMIT)
-    print(audit.stdout, audit.stderr, code)
+    assert audit.wait(LIMIT) == 1, audit.stdout + audit.stderr
+    said = verdicts(tmp_path / 'audit.xml')
+    # The obstacle was put where the robot was, and the run was not driven to its end.
+    assert (said['obstacles'], said['goal']) == ('failure', 'skipped')
+    for check in ('finite', 'wheel_limits', 'as_decided', 'reasons', 'stop_at_end'):
+        assert said[check] == 'passed'
 
 
 def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import sys
-from xml.etree import ElementTree as ET
 
 import pytest
 
@@ -52,18 +51,7 @@ def with_one_wrong_command(source, target):
     return target
 
 
-def verdicts(junit):
-    """What JUnit XML says of each check, by its short name."""
-    suite = ET.parse(junit).getroot()
-    said = {}
-    for case in suite.iter('testcase'):
-        outcome = next((each.tag for each in case), 'passed')
-        said[case.get('classname').removeprefix('audit.')] = outcome
-    assert suite.get('tests') == str(len(said))
-    return said
-
-
-def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, tmp_path):
+def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, verdicts, tmp_path):
     bag = tmp_path / 'run' / 'bag'
     demo, code = cmpsp('demo', 'case3', '--output', bag.parent)
     assert code == 0, demo.stderr
@@ -87,7 +75,8 @@ def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, tmp_path):
     report, code = cmpsp('report', bag, '--output', tmp_path / 'drive.html')
     assert code == 0, report.stderr
     page = (tmp_path / 'drive.html').read_text(encoding='utf-8')
-    data = json.loads(re.search(r'<script[^>]*id="data"[^>]*>(.*?)</script>', page, re.S)[1])
+    (told,) = re.findall(r'(?s)<script[^>]* id="data">(.*?)</script>', page)
+    data = json.loads(told)
     assert data['figures'].keys() == CHARTS
     assert len(data['bags'][0]['x']) > 400
     assert 'Audit clean' in page

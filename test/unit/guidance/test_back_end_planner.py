@@ -18,9 +18,6 @@ from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.robot.obstacles import Obstacle
 
-# Once for each kind of cost the iteration has to be compiled, unless it has been before.
-pytestmark = pytest.mark.timeout(600)
-
 
 def assert_alike(compiled, general):
     # Wheel speeds are about 50 rad/s.
@@ -66,6 +63,9 @@ def test_hessians_wheels_without_limit_and_late_odometry(case, hessian):
     side_by_side(replace(CASES[case], solver=solver), START, late=15 * MS)
 
 
+# One worker compiles the iteration for this class of data, for all tests that need it.
+@pytest.mark.xdist_group('control_rate')
+@pytest.mark.timeout(600)
 def test_a_price_on_changes_of_the_command():
     given = replace(CASES['case 3'], weights=Weights(control_rate=1.0))
     side_by_side(given, START, steps=5)

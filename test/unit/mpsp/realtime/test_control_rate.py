@@ -11,9 +11,6 @@ from cmpsp_ros.mpsp.riccati.stage_qp import empty_qp
 
 HELD = np.array([40.0, 47.0])
 
-# The iteration is compiled for the class of the data, which takes a while.
-pytestmark = pytest.mark.timeout(600)
-
 
 def both(steps=12, weight=0.7):
     inner = robot_problem(steps)
@@ -54,6 +51,9 @@ def test_the_problem_that_it_is_compared_with_has_the_derivatives_of_its_cost():
     assert_derivatives(problem, controls(4), atol=1e-5)
 
 
+# One worker compiles the iteration for this class of data, for all tests that need it.
+@pytest.mark.xdist_group('control_rate')
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize('weight', [0.1, 10.0])
 def test_iterates_are_those_of_the_general_iteration(weight):
     problem, data = both(20, weight)

@@ -197,11 +197,22 @@ def test_rows_that_others_imply():
 
 
 @pytest.mark.parametrize(('weight', 'second'), [(2.0, -3.0), (1.0, -2.0), (0.25, -0.5)])
-def test_rows_that_are_implied_no_longer(weight, second):
-    """The second output is implied by the first until a later row takes that to its penalty."""
+def test_outputs_that_repeat_each_other_share_their_penalties(weight, second):
     qp = walled(doubled(3.0, 3.0), 0, 6.0)
     penalty = relaxed(qp, weight, np.inf)
     np.testing.assert_allclose(controls(qp, penalty), [6.0, second, 0.0], atol=1e-13)
+
+
+def test_a_row_that_is_implied_no_longer():
+    """The upper bound is implied, but for rounding, until the lower one leaves."""
+    qp = chain(2, path=1)
+    qp.lower[0], qp.upper[0] = 1.0 + 1e-9, 1.0
+    qp.g[:, 0], qp.g_X[2] = [-np.inf, -np.inf, 6.0], -1.0
+    upper = number_of(qp, BOUND, 0, 0)
+    outcome, room = find(qp, hint=hint_of(qp, [upper + 1, upper]))
+    assert outcome == SOLVED
+    np.testing.assert_allclose(room.dU[:, 0], [1.0, 5.0, 0.0], atol=1e-8)
+    assert room.multipliers.bounds[0, 0] > 0.0
 
 
 def test_no_point_for_the_rows_that_are_named():

@@ -68,8 +68,8 @@ def linearise(data, X, U, qp):
         qp.h_X[i, i] = 1.0
 
 
-# The iteration is compiled for the class of the data, which takes a while.
-pytestmark = pytest.mark.timeout(600)
+# The iteration is compiled for the class of the data, which takes a while: by one worker.
+pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group('oscillator')]
 
 
 def both(**changes):

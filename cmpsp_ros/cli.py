@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import math
 import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Annotated, Literal, NoReturn
+from typing import TYPE_CHECKING, Annotated, Final, Literal, NoReturn
 
 import typer
 from rich.console import Console
@@ -33,6 +34,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+_OBJECTS_BEFORE_COLLECTION: Final = 100_000
+
 _console = Console()
 _errors = Console(stderr=True)
 
@@ -560,6 +563,9 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
 
 def main() -> None:
     """Entry point of the command."""
+    # Importing makes many objects that stay: looking through them again and again takes a tenth of
+    # the time that a short command needs.
+    gc.set_threshold(_OBJECTS_BEFORE_COLLECTION)
     app()
 
 

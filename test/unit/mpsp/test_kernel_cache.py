@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -11,7 +12,8 @@ import numba
 import pytest
 
 from cmpsp_ros.mpsp import kernel_cache
-from cmpsp_ros.mpsp.kernel_cache import kernel_folder, kernel_sources, old_folders
+from cmpsp_ros.mpsp import kernel_folder as folder_module
+from cmpsp_ros.mpsp.kernel_folder import PACKAGE, kernel_folder, kernel_sources, old_folders
 
 KERNEL = """
 from cmpsp_ros.mpsp.compiled import compiled
@@ -68,16 +70,6 @@ def test_it_is_in_the_user_s_cache(environment, tmp_path):
 def test_it_goes_where_the_user_says(environment, tmp_path, name):
     environment(**{name: tmp_path / 'elsewhere'})
     assert kernel_folder().parent == tmp_path / 'elsewhere' / 'cmpsp_ros'
-
-
-def test_numba_is_told_nothing_for_good(run, environment, tmp_path):
-    before = numba.config.CACHE_DIR
-
-    def function(x):
-        return x
-
-    kernel_cache.enable_cache(numba.njit(function), function)
-    assert before == numba.config.CACHE_DIR
 
 
 def test_without_a_place_of_one_s_own_it_is_below_the_temporary_files(environment, tmp_path):
@@ -138,23 +130,44 @@ def test_a_folder_that_vanishes_in_between_does_no_harm(environment, tmp_path):
     assert dispatcher(1) == 2
 
 
+def test_a_copy_of_the_package_finds_what_another_compiled(environment, tmp_path):
+    program = 'from cmpsp_ros.robot.arcs import arc_from as f; f(0.0, 0.0, 0.0, 1.0, 1.0);'
+    program += 'print(sum(f.stats.cache_hits.values()), f.__code__.co_filename)'
+    said = []
+    for name in ('first', 'second'):
+        shutil.copytree(PACKAGE, tmp_path / name / PACKAGE.name)
+        command = [sys.executable, '-c', program]
+        done = subprocess.run(
+            command, cwd=tmp_path / name, capture_output=True, text=True, check=True
+        )
+        said.append(done.stdout.split())
+    places = [str(tmp_path / name / PACKAGE.name / 'robot/arcs.py') for name in ('first', 'second')]
+    assert said == [['0', places[0]], ['1', places[1]]]
+
+
+def test_a_changed_program_of_somebody_else_s_is_compiled_anew(run, tmp_path):
+    assert run()[:2] == ['8', '0']
+    path = tmp_path / 'kernel.py'
+    path.write_text(path.read_text().replace('2 * x', '3 * x'))
+    assert run()[:2] == ['12', '0']
+    assert run()[:2] == ['12', '1']
+
+
 def test_every_kernel_s_file_counts_and_what_it_imports():
     sources = kernel_sources()
-    package = Path(kernel_cache.__file__).parents[1]
-    for path in package.rglob('*.py'):
+    for path in PACKAGE.rglob('*.py'):
         text = path.read_text()
         if '\n@compiled\n' in text or '\n@implements(' in text:
-            assert path.relative_to(package).as_posix() in sources
-    assert {'mpsp/compiled.py', 'mpsp/kernel_cache.py', 'robot/differential_drive.py'} <= set(
-        sources
-    )
+            assert path.relative_to(PACKAGE).as_posix() in sources
+    some = {'mpsp/compiled.py', 'mpsp/kernel_cache.py', 'robot/differential_drive.py'}
+    assert some <= set(sources)
     assert not any(each.startswith('nodes/') for each in sources)
 
 
 def test_a_changed_source_is_another_folder(environment, tmp_path, monkeypatch):
     package = tmp_path / 'cmpsp_ros'
     (package / 'mpsp').mkdir(parents=True)
-    monkeypatch.setattr(kernel_cache, '_PACKAGE', package)
+    monkeypatch.setattr(folder_module, 'PACKAGE', package)
     mark = 'from cmpsp_ros.mpsp.compiled import compiled\n'
     files = {
         'mpsp/kernel.py': f'{mark}from cmpsp_ros.mpsp import constants\n',

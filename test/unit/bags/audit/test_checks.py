@@ -15,6 +15,9 @@ from cmpsp_ros.guidance.decision import Rung
 PASSED, FAILED, SKIPPED = Outcome
 
 
+CENTER = 'obstacles.a.center'
+
+
 @pytest.fixture
 def outcomes(tmp_path):
     """Audit a drive: findings by the name of their check."""
@@ -243,6 +246,15 @@ def test_an_obstacle_put_in_the_way_is_there_from_then_on(drive, outcomes):
     findings = outcomes(drive)
     assert 'obstacles' in failed(findings)
     assert findings['obstacles'].at == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize('changed_back', [False, True])
+def test_a_node_started_anew_is_judged_by_its_new_parameters(drive, outcomes, changed_back):
+    ahead = drive.odometry[300].pose[:2].tolist()
+    drive.restarts = [(START + 1 * SECOND, {**drive.parameters, CENTER: ahead})]
+    if changed_back:
+        drive.changes = [(START + 2 * SECOND, CENTER, drive.parameters[CENTER])]
+    assert ('obstacles' in failed(outcomes(drive))) == (not changed_back)
 
 
 def test_every_run_is_judged_by_its_own_goal(drive, outcomes):

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
     from rosbags.typesys.store import Typestore
 
-_STORAGE_FILES = ('*.mcap', '*.db3')
+_SUFFIXES = ('.mcap', '.db3')
 
 _MAX_REASON = 500
 
@@ -244,11 +244,15 @@ def _check_there(path: Path) -> None:
         raise BagError(msg)
     if path.is_dir() and not (path / METADATA).exists():
         raise BagError(f'{path}: {_what_is(path)}')
+    if path.is_file() and path.suffix not in _SUFFIXES:
+        raise BagError(
+            f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(_SUFFIXES)}'
+        )
 
 
 def _what_is(folder: Path) -> str:
     wanted = f'expected a {METADATA} in this folder'
-    if not any(next(folder.glob(each), None) for each in _STORAGE_FILES):
+    if not any(next(folder.glob(f'*{each}'), None) for each in _SUFFIXES):
         return f'not a bag: {wanted}'
     if is_locked(folder):
         return f'being written right now: {wanted} once it is closed'

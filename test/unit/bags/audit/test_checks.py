@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import SECOND, START, drive_case
+from drives import SECOND, START, Command, drive_case
 
 from cmpsp_ros.bags.audit import Outcome, Sources, audit
 from cmpsp_ros.bags.audit.checks import CHECKS
@@ -70,6 +70,22 @@ def test_a_wrong_command_is_caught_even_if_the_decision_says_the_same(drive, out
     findings = outcomes(drive)
     assert 'as_decided' not in failed(findings)
     assert 'obeyed' in failed(findings)
+
+
+@pytest.mark.parametrize(('held', 'judged'), [(0.08, False), (0.12, True)])
+def test_a_command_that_is_held_only_briefly_cannot_be_seen_to_be_obeyed(
+    drive, outcomes, held, judged
+):
+    index = drive.at(4.0)
+    follower = drive.commands[index]
+    before = round(held * SECOND)
+    other = Command(
+        follower.received - before, follower.stamp - before, np.add(follower.twist, [0.0, 4.0])
+    )
+    drive.commands.insert(index, other)
+    # Commands with stamps need no decisions to say what they answer.
+    drive.stamped = True
+    assert ('obeyed' in failed(outcomes(drive))) == judged
 
 
 def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):

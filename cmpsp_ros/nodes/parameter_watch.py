@@ -102,8 +102,11 @@ class ParameterWatch:
         now = self._node.get_clock().now().nanoseconds
         for name in self._present - present:
             if name not in present:
-                self._end_inquiry(name)
                 self._gone[name] = now
+                inquiry = self._inquiries.get(name)
+                # What it said before its end still counts.
+                if inquiry is not None and inquiry.answered_at is None:
+                    self._end_inquiry(name)
         for name in sorted(present - self._present):
             self._begin(name, max(self._gone.pop(name, now), 1))
         self._present = present
@@ -137,10 +140,9 @@ class ParameterWatch:
 
     def _begin(self, name: str, since: int) -> None:
         self._end_inquiry(name)
-        life = self._lives.get(name)
-        if life is None:
-            self._lives[name] = _Life()
-        elif life.values.settled:
+        life = self._lives.setdefault(name, _Life())
+        self._settle(name)
+        if life.values.settled:
             self._lives[name] = _Life(since=since, before=life.values.latest)
         if name == self._node.get_fully_qualified_name():
             # rclpy declares the values of this mapping, and returns parameters.

@@ -245,6 +245,20 @@ def test_a_node_that_was_killed_is_still_seen_beside_its_successor(watched):
     assert watched.told == {(NAME, 0): {'gain': 1.5}, (NAME, 50): {'gain': 2.0}}
 
 
+@pytest.mark.parametrize('again', [False, True])
+def test_a_node_that_ends_right_after_its_answer_has_given_it(watched, again):
+    watched.appear()
+    watched.graph.answer(gain=1.5)
+    watched.vanish(70)
+    if again:
+        watched.appear()
+        watched.graph.answer(gain=2.5)
+    watched.settle()
+    told = {(NAME, 0): {'gain': 1.5}}
+    assert watched.told == (told | {(NAME, 70): {'gain': 2.5}} if again else told)
+    assert watched.graph.clients == []
+
+
 def test_a_node_that_ends_before_it_answers_is_asked_when_it_comes_back(watched):
     watched.appear()
     watched.vanish(70)

@@ -117,6 +117,7 @@ def _watch(
                 f'no decision for {_STALL_TIMEOUT:.0f} s;'
                 f' the last was: {observer.seen.reason or "none"}'
             )
-        return decision.get('finished') == 'true'
+        # With a delay, nothing can be done any more before the final time itself.
+        return decision.get('finished') == 'true' and float(decision['time_left']) == 0.0
 
     observer.wait_until(is_over, math.inf)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.under_way import CommandsUnderWay
 
 Array = NDArray[np.float64]
 
@@ -51,10 +52,29 @@ class _Candidate:
         return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
 
 
+@dataclass(frozen=True)
+class _Start:
+    """Where a plan begins.
+
+    Attributes:
+        pose: Where the robot will be when the command decided now takes effect.
+        way: Verdict on the way there, under commands given before; None when there is none.
+    """
+
+    pose: Array
+    way: Verdict | None = None
+
+    def judge(self, plan: Verdict) -> Verdict:
+        """The verdict on a plan that begins here, and on the way to its beginning."""
+        return plan if self.way is None else self.way.followed_by(plan)
+
+
 class GuidanceLaw:
     """Clock to horizon, warm start, iterations, audit, ladder, command.
 
-    It reads no clock and no file: the same odometry gives the same decisions, bit for bit.
+    It reads no clock and no file: the same odometry gives the same decisions, bit for bit. What a
+    command of now cannot change any more, since it takes effect after `command_delay`, is foreseen
+    from the commands that the law itself has given.
     """
 
     def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
@@ -79,6 +99,7 @@ class GuidanceLaw:
         self._failures = 0
         self._plan: Plan | None = None
         self._held = np.zeros(2)
+        self._under_way = CommandsUnderWay()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
@@ -88,6 +109,7 @@ class GuidanceLaw:
         self._audit = Audit(settings)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
+        self._delay = to_nanoseconds(settings.command_delay)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -109,14 +131,18 @@ class GuidanceLaw:
             self._start = stamp
         now = stamp - self._start
         self._latest = now
-        if now >= self._final:
+        last = self._final - self._delay
+        if now >= last:
             self._due = now + self._period
-            return self._halt(stamp, pose, 'The final time has passed.', finished=True)
-        horizon = remaining(now, self._period, self._final)
+            reason = 'The final time has passed.'
+            if now < self._final:
+                reason = 'The final time will have passed when a command given now takes effect.'
+            return self._sent(self._halt(stamp, pose, reason, finished=True))
+        horizon = remaining(now, self._period, last)
         self._due = horizon.next_instant
         decision = self._decide(stamp, pose, horizon)
         self._step += 1
-        return decision
+        return self._sent(decision)
 
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.
@@ -129,11 +155,23 @@ class GuidanceLaw:
         """
         self._plan = None
         self._due = 0 if self._start is None else self._latest + 1
-        return self._halt(stamp, np.full(3, math.nan), reason, halted=True)
+        return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
+
+    def _sent(self, decision: Decision) -> Decision:
+        self._under_way.add(decision.stamp, decision.wheel_speeds)
+        return decision
+
+    def _foresee(self, stamp: int, pose: Array) -> _Start:
+        wheel_speeds, durations = self._under_way.until(stamp, self._delay)
+        if not len(durations):
+            return _Start(pose)
+        ahead = self._settings.robot.roll_out(pose, wheel_speeds, durations)[-1]
+        return _Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
 
     def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
         self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
-        candidate = self._improve(pose, horizon)
+        start = self._foresee(stamp, pose)
+        candidate = self._improve(start, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
         reason = self._describe(candidate)
@@ -142,13 +180,13 @@ class GuidanceLaw:
         else:
             self._failures += 1
             reason = verdict.reason if improvement.solved else improvement.reason
-            shifted = self._shifted(pose, horizon)
+            shifted = self._shifted(start, horizon)
             if shifted is None:
                 self._forget_after_failures()
                 return self._halt(stamp, pose, reason, improvement)
             rung, (plan, verdict) = Rung.SHIFTED, shifted
             reason += ' The last audited plan goes on.'
-        self._plan = plan
+        self._plan = plan = replace(plan, delay=self._delay)
         self._held = plan.controls[0]
         self._forget_after_failures()
         return Decision(
@@ -173,7 +211,7 @@ class GuidanceLaw:
             phases=self._phases,
         )
 
-    def _improve(self, pose: Array, horizon: Horizon) -> _Candidate:
+    def _improve(self, start: _Start, horizon: Horizon) -> _Candidate:
         """The warm-started plan; where it has a flaw, a fresh one beside it, and the better one.
 
         A warm start can be a trap, such as a plan that ends before an obstacle because it once
@@ -181,40 +219,41 @@ class GuidanceLaw:
         """
         if self._plan is None:
             self._planner.forget()
-            guess = initial_guess(self._settings, pose, horizon.durations)
+            guess = initial_guess(self._settings, start.pose, horizon.durations)
         else:
             guess = shift(self._plan.controls, self._plan.horizon, horizon)
-        warm = self._candidate(self._planner, pose, guess, horizon)
+        warm = self._candidate(self._planner, start, guess, horizon)
         if warm.flawless:
             return warm
         self._second_planner.forget()
-        guess = along_road(self._settings, pose, horizon.durations)
-        fresh = self._candidate(self._second_planner, pose, guess, horizon)
+        guess = along_road(self._settings, start.pose, horizon.durations)
+        fresh = self._candidate(self._second_planner, start, guess, horizon)
         if not fresh.beats(warm):
             return warm
         self._planner, self._second_planner = self._second_planner, self._planner
         return fresh
 
     def _candidate(
-        self, planner: Planner, pose: Array, guess: Array, horizon: Horizon
+        self, planner: Planner, start: _Start, guess: Array, horizon: Horizon
     ) -> _Candidate:
         began = self._timer()
-        improvement = planner.improve(pose, self._held, guess, horizon)
+        improvement = planner.improve(start.pose, self._held, guess, horizon)
         solved = self._timer()
-        verdict = self._audit.check(pose, improvement.plan.controls, horizon.durations)
+        controls, durations = improvement.plan.controls, horizon.durations
+        verdict = start.judge(self._audit.check(start.pose, controls, durations))
         self._phases['solve'] += (solved - began) * _MILLISECONDS
         self._phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         return _Candidate(improvement, verdict)
 
-    def _shifted(self, pose: Array, horizon: Horizon) -> tuple[Plan, Verdict] | None:
+    def _shifted(self, start: _Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
         """The last audited plan, shifted by the time that has passed, if it is still clear."""
         if self._plan is None:
             return None
         controls = shift(self._plan.controls, self._plan.horizon, horizon)
-        verdict = self._audit.check(pose, controls, horizon.durations)
+        verdict = start.judge(self._audit.check(start.pose, controls, horizon.durations))
         if not verdict.passed:
             return None
-        poses = self._settings.robot.roll_out(pose, controls, horizon.durations)
+        poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
         return Plan(horizon, controls, poses), verdict
 
     def _forget_after_failures(self) -> None:

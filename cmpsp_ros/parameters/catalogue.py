@@ -52,6 +52,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
+    yield task('command_delay', _DOUBLE, 0.0, 's',
+        'Time from the stamp of odometry to the effect of the command that answers it; the plan '
+        'begins where the robot will be then.', range=_NOT_NEGATIVE, **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper.',
         range=_POSITIVE, **_FIXED)

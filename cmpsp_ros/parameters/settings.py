@@ -39,8 +39,8 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
-            the final time comes before the first control step, or the QP back end is not
-            installed; with all of these.
+            the final time comes before the first control step or before its command has held for
+            one, or the QP back end is not installed; with all of these.
     """
     groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
@@ -51,6 +51,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         goal_tolerance=values['goal.tolerance'],
         final_time=values['final_time'],
         control_period=values['control_period'],
+        command_delay=values['command_delay'],
         obstacles=_obstacles(values),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
@@ -189,6 +190,9 @@ def _time_problems(values: Values) -> Iterator[Problem]:
     final_time, period = values['final_time'], values['control_period']
     if final_time < period:
         yield Problem('final_time', f'{final_time} s', f'at least control_period = {period} s')
+    elif final_time < period + values['command_delay']:
+        wanted = f'at most final_time - control_period = {final_time - period:.9g} s'
+        yield Problem('command_delay', f'{values["command_delay"]} s', wanted)
     if final_time > _MOST_STEPS * period:
         wanted = f'at most {_MOST_STEPS} times control_period = {period} s'
         yield Problem('final_time', f'{final_time} s', wanted)

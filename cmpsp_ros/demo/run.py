@@ -117,7 +117,6 @@ def _watch(
                 f'no decision for {_STALL_TIMEOUT:.0f} s;'
                 f' the last was: {observer.seen.reason or "none"}'
             )
-        # With a delay, nothing can be done any more before the final time itself.
-        return decision.get('finished') == 'true' and float(decision['time_left']) == 0.0
+        return decision.get('finished') == 'true'
 
     observer.wait_until(is_over, math.inf)

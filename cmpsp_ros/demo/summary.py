@@ -99,7 +99,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     clearance = space.clearance(*run.driven.between(first, last).reach(space.centers))
     miss = math.dist(run.driven.at(last)[:2], settings.goal)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
-    steps = [each for each in run.decisions if each.stamp < last and not each.finished]
+    steps = [each for each in run.decisions if each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
     p50, p99, longest = np.percentile(times, [50, 99, 100]).tolist() if times else (None,) * 3
     counts = Counter(each.rung for each in steps)

@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 # met there to the accuracy of a linearisation.
 _SAMPLE_TOLERANCE = 1e-3
 
+# A command that was good when it was given is judged again from odometry that has been rounded.
+_WAY_TOLERANCE = 1e-6
+
 _FOUND = 7
 
 
@@ -127,7 +130,7 @@ class Audit:
         if not math.isfinite(margin):
             return _refused('The way under the commands given before is not finite.')
         reason = ''
-        if shortfall > 0.0:
+        if shortfall > _WAY_TOLERANCE:
             reason = (
                 f'The commands given before come {-tightest:.3g} m too close'
                 f' to {self._names[int(short)]}.'

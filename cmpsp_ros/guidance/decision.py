@@ -74,7 +74,7 @@ class Decision:
         qp_iterations: Iterations of the QP back end in the last of them.
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
-        finished: Whether the final time has passed, or will have when the command takes effect.
+        finished: Whether the final time has passed.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.

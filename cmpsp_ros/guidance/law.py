@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
+from cmpsp_ros.guidance.candidate import Candidate, Start
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
@@ -21,52 +22,6 @@ from cmpsp_ros.guidance.under_way import CommandsUnderWay
 Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
-_CLEARLY_LESS = 0.5
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """A plan that may be followed."""
-
-    improvement: Improvement
-    verdict: Verdict
-
-    @property
-    def plan(self) -> Plan:
-        return self.improvement.plan
-
-    @property
-    def usable(self) -> bool:
-        return self.improvement.solved and self.verdict.passed
-
-    @property
-    def flawless(self) -> bool:
-        return self.usable and not self.improvement.elastic
-
-    def beats(self, other: _Candidate) -> bool:
-        """Whether to change over from another plan: only for one that is clearly better."""
-        if self.usable != other.usable:
-            return self.usable
-        if self.improvement.elastic != other.improvement.elastic:
-            return other.improvement.elastic
-        return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
-
-
-@dataclass(frozen=True)
-class _Start:
-    """Where a plan begins.
-
-    Attributes:
-        pose: Where the robot will be when the command decided now takes effect.
-        way: Verdict on the way there, under commands given before; None when there is none.
-    """
-
-    pose: Array
-    way: Verdict | None = None
-
-    def judge(self, plan: Verdict) -> Verdict:
-        """The verdict on a plan that begins here, and on the way to its beginning."""
-        return plan if self.way is None else self.way.followed_by(plan)
 
 
 class GuidanceLaw:
@@ -131,16 +86,18 @@ class GuidanceLaw:
             self._start = stamp
         now = stamp - self._start
         self._latest = now
+        if now >= self._final:
+            self._due = now + self._period
+            return self._sent(self._halt(stamp, pose, 'The final time has passed.', finished=True))
+        horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
+        self._due = horizon.next_instant
+        # A command that is given later takes effect after the final time.
         last = self._final - self._delay
         if now >= last:
-            self._due = now + self._period
-            reason = 'The final time has passed.'
-            if now < self._final:
-                reason = 'The final time will have passed when a command given now takes effect.'
-            return self._sent(self._halt(stamp, pose, reason, finished=True))
-        horizon = remaining(now, self._period, last)
-        self._due = horizon.next_instant
-        decision = self._decide(stamp, pose, horizon)
+            decision = self._go_on(stamp, pose, start)
+        else:
+            horizon = remaining(now, self._period, last) if self._delay else horizon
+            decision = self._decide(stamp, pose, start, horizon)
         self._step += 1
         return self._sent(decision)
 
@@ -161,16 +118,43 @@ class GuidanceLaw:
         self._under_way.add(decision.stamp, decision.wheel_speeds)
         return decision
 
-    def _foresee(self, stamp: int, pose: Array) -> _Start:
+    def _foresee(self, stamp: int, pose: Array) -> Start:
         wheel_speeds, durations = self._under_way.until(stamp, self._delay)
         if not len(durations):
-            return _Start(pose)
+            return Start(pose)
         ahead = self._settings.robot.roll_out(pose, wheel_speeds, durations)[-1]
-        return _Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
+        return Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
 
-    def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
+    def _go_on(self, stamp: int, pose: Array, start: Start) -> Decision:
+        """Let the last plan go on past its end, where a new command comes too late for the goal.
+
+        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
+        wheels rather lag.
+        """
+        horizon = Horizon(np.array([self._latest, self._due], dtype=np.int64))
+        shifted = self._shifted(start, horizon)
+        if self._plan is None or shifted is None:
+            return self._halt(stamp, pose, 'No plan can go on until the final time.')
+        plan, verdict = shifted
+        return Decision(
+            stamp=stamp,
+            step=self._step,
+            rung=Rung.NOMINAL,
+            reason='The plan goes on: a new command would take effect after the final time.',
+            wheel_speeds=plan.controls[0],
+            twist=self._settings.robot.twist(plan.controls[0]),
+            time_left=(self._final - self._latest) / NANOSECONDS,
+            plan=plan,
+            miss=self._miss(self._plan),
+            margin=verdict.margin,
+            worst_margin=verdict.worst_margin,
+            failures=self._failures,
+            run=self._run,
+            revision=self._revision,
+        )
+
+    def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
         self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
-        start = self._foresee(stamp, pose)
         candidate = self._improve(start, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
@@ -186,7 +170,7 @@ class GuidanceLaw:
                 return self._halt(stamp, pose, reason, improvement)
             rung, (plan, verdict) = Rung.SHIFTED, shifted
             reason += ' The last audited plan goes on.'
-        self._plan = plan = replace(plan, delay=self._delay)
+        self._plan = plan
         self._held = plan.controls[0]
         self._forget_after_failures()
         return Decision(
@@ -211,7 +195,7 @@ class GuidanceLaw:
             phases=self._phases,
         )
 
-    def _improve(self, start: _Start, horizon: Horizon) -> _Candidate:
+    def _improve(self, start: Start, horizon: Horizon) -> Candidate:
         """The warm-started plan; where it has a flaw, a fresh one beside it, and the better one.
 
         A warm start can be a trap, such as a plan that ends before an obstacle because it once
@@ -234,27 +218,37 @@ class GuidanceLaw:
         return fresh
 
     def _candidate(
-        self, planner: Planner, start: _Start, guess: Array, horizon: Horizon
-    ) -> _Candidate:
+        self, planner: Planner, start: Start, guess: Array, horizon: Horizon
+    ) -> Candidate:
         began = self._timer()
         improvement = planner.improve(start.pose, self._held, guess, horizon)
         solved = self._timer()
-        controls, durations = improvement.plan.controls, horizon.durations
-        verdict = start.judge(self._audit.check(start.pose, controls, durations))
+        verdict = self._judge(start, improvement.plan.controls, horizon)
         self._phases['solve'] += (solved - began) * _MILLISECONDS
         self._phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        return _Candidate(improvement, verdict)
+        if self._delay:
+            improvement = replace(improvement, plan=replace(improvement.plan, delay=self._delay))
+        return Candidate(improvement, verdict)
 
-    def _shifted(self, start: _Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
+    def _shifted(self, start: Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
         """The last audited plan, shifted by the time that has passed, if it is still clear."""
         if self._plan is None:
             return None
         controls = shift(self._plan.controls, self._plan.horizon, horizon)
-        verdict = start.judge(self._audit.check(start.pose, controls, horizon.durations))
+        verdict = self._judge(start, controls, horizon)
         if not verdict.passed:
             return None
         poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses), verdict
+        return Plan(horizon, controls, poses, self._delay), verdict
+
+    def _judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
+        """The verdict on a plan until its last command is replaced, and on the way to it."""
+        durations = horizon.durations
+        if self._delay and len(durations) == 1:
+            # It holds for as long after the final time as a stop takes to come into effect.
+            durations = np.array([(self._due - self._latest) / NANOSECONDS])
+        verdict = self._audit.check(start.pose, controls, durations)
+        return verdict if start.way is None else start.way.followed_by(verdict)
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:
@@ -293,7 +287,7 @@ class GuidanceLaw:
             revision=self._revision,
         )
 
-    def _describe(self, candidate: _Candidate) -> str:
+    def _describe(self, candidate: Candidate) -> str:
         improvement, verdict = candidate.improvement, candidate.verdict
         if improvement.elastic:
             where = self._audit.names(improvement.slack_where)

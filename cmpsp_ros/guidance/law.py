@@ -93,11 +93,12 @@ class GuidanceLaw:
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
         last = self._final - self._delay
-        if now >= last:
-            decision = self._go_on(stamp, pose, start)
+        if now >= last or self._is_settled(last - now):
+            decision = self._go_on(stamp, pose, start, last)
         else:
             horizon = remaining(now, self._period, last) if self._delay else horizon
             decision = self._decide(stamp, pose, start, horizon)
+        self._stop_in_time(start, decision.plan, last)
         self._step += 1
         return self._sent(decision)
 
@@ -125,22 +126,41 @@ class GuidanceLaw:
         ahead = self._settings.robot.roll_out(pose, wheel_speeds, durations)[-1]
         return Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
 
-    def _go_on(self, stamp: int, pose: Array, start: Start) -> Decision:
-        """Let the last plan go on past its end, where a new command comes too late for the goal.
+    def _is_settled(self, left: int) -> bool:
+        """Whether the last plan left no more commands for the time that is left [ns]."""
+        return self._delay > 0 and self._plan is not None and left < self._period // 2
+
+    def _stop_in_time(self, start: Start, plan: Plan | None, last: int) -> None:
+        """Decide once more if the last command may not outlast the final time.
+
+        By itself it does, by as long as a stop takes to come into effect.
+        """
+        if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
+            return
+        outlasting = np.array([(self._due - self._latest) / NANOSECONDS])
+        if (
+            self._latest < last
+            and not self._audit.check(start.pose, plan.controls, outlasting).passed
+        ):
+            self._due = last
+
+    def _go_on(self, stamp: int, pose: Array, start: Start, last: int) -> Decision:
+        """Let the last plan go on, past its end too, where a new command comes too late.
 
         Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
         wheels rather lag.
         """
-        horizon = Horizon(np.array([self._latest, self._due], dtype=np.int64))
+        end = last if self._latest < last else self._due
+        horizon = Horizon(np.array([self._latest, end], dtype=np.int64))
         shifted = self._shifted(start, horizon)
         if self._plan is None or shifted is None:
-            return self._halt(stamp, pose, 'No plan can go on until the final time.')
+            return self._halt(stamp, pose, 'No plan can go on until a stop takes effect.')
         plan, verdict = shifted
         return Decision(
             stamp=stamp,
             step=self._step,
             rung=Rung.NOMINAL,
-            reason='The plan goes on: a new command would take effect after the final time.',
+            reason='The plan goes on: a new command comes too late to change its end.',
             wheel_speeds=plan.controls[0],
             twist=self._settings.robot.twist(plan.controls[0]),
             time_left=(self._final - self._latest) / NANOSECONDS,
@@ -242,12 +262,8 @@ class GuidanceLaw:
         return Plan(horizon, controls, poses, self._delay), verdict
 
     def _judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
-        """The verdict on a plan until its last command is replaced, and on the way to it."""
-        durations = horizon.durations
-        if self._delay and len(durations) == 1:
-            # It holds for as long after the final time as a stop takes to come into effect.
-            durations = np.array([(self._due - self._latest) / NANOSECONDS])
-        verdict = self._audit.check(start.pose, controls, durations)
+        """The verdict on a plan and on the way to its beginning."""
+        verdict = self._audit.check(start.pose, controls, horizon.durations)
         return verdict if start.way is None else start.way.followed_by(verdict)
 
     def _forget_after_failures(self) -> None:

@@ -234,6 +234,7 @@ class _Lockstep:
     def __init__(self, sim: SimNode) -> None:
         self._sim = sim
         self._control_ns = round(sim.values['control_period'] * _NS)
+        self._final_ns = round(sim.values['final_time'] * _NS)
         self._awaited: Odometry | None = None
         self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0
@@ -280,10 +281,16 @@ class _Lockstep:
             self._awaited = self._sim.run_to(self._sim.next_ns)
 
     def _next_instant(self, now_ns: int) -> int:
-        """The next control instant but for one nearer than half a control period."""
-        # The guidance leaves that one out too, after an answer that came late.
-        late_ns = self._control_ns // 2 + now_ns - self._begun_ns
-        return self._begun_ns - (-late_ns // self._control_ns) * self._control_ns
+        """When the guidance will decide again, after it has decided now.
+
+        That is the next control instant but for one nearer than half a control period, and after
+        the final time, when nothing hangs on instants, a control period later.
+        """
+        elapsed_ns = now_ns - self._begun_ns
+        if elapsed_ns >= self._final_ns:
+            return now_ns + self._control_ns
+        earliest_ns = elapsed_ns + self._control_ns // 2
+        return self._begun_ns - (-earliest_ns // self._control_ns) * self._control_ns
 
     def _on_timer(self) -> None:
         if self._awaited is None:

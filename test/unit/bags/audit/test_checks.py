@@ -69,6 +69,16 @@ def test_a_wrong_command_is_caught_even_if_the_decision_says_the_same(drive, out
     assert 'obeyed' in failed(findings)
 
 
+@pytest.mark.parametrize(('said', 'least'), [(0.06, 0.064), (0.0, 0.002)])
+def test_a_command_is_judged_from_where_it_takes_effect(outcomes, said, least):
+    delayed = drive_case(actuation_delay=0.06, command_delay=0.06)
+    # Without the delay from the pose that it answers, where the robot is not any more.
+    delayed.parameters['command_delay'] = said
+    findings = outcomes(delayed)
+    assert not failed(findings)
+    assert findings['commanded'].worst == pytest.approx(least, abs=1e-3)
+
+
 def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):
     index = drive.at(5.2)
     drive.commands[index].twist += [0.0, -6.0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.audit import Verdict
+from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.improvement import Improvement
+from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
@@ -63,3 +65,25 @@ class Candidate:
         if self.improvement.elastic != other.improvement.elastic:
             return other.improvement.elastic
         return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
+
+    def describe(self, audit: Audit, settings: GuidanceSettings) -> str:
+        """What is to be said of it when it is followed, in a sentence."""
+        improvement, verdict = self.improvement, self.verdict
+        if improvement.elastic:
+            where = audit.names(improvement.slack_where)
+            parts = [where] if where else []
+            if improvement.slack_terminal:
+                parts.append('the goal')
+            return (
+                f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
+                f' {" and ".join(parts)}.'
+            )
+        miss = math.dist(self.plan.poses[-1, :2], settings.goal)
+        if verdict.worst_margin < 0.0:
+            return (
+                f'No slack was needed, but later on the plan still comes'
+                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
+            )
+        if miss > settings.goal_tolerance:
+            return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
+        return 'The plan meets every constraint.'

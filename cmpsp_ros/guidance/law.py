@@ -178,7 +178,7 @@ class GuidanceLaw:
         candidate = self._improve(start, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
-        reason = self._describe(candidate)
+        reason = candidate.describe(self._audit, self._settings)
         if candidate.usable:
             self._failures = 0
         else:
@@ -302,27 +302,6 @@ class GuidanceLaw:
             run=self._run,
             revision=self._revision,
         )
-
-    def _describe(self, candidate: Candidate) -> str:
-        improvement, verdict = candidate.improvement, candidate.verdict
-        if improvement.elastic:
-            where = self._audit.names(improvement.slack_where)
-            parts = [where] if where else []
-            if improvement.slack_terminal:
-                parts.append('the goal')
-            return (
-                f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
-                f' {" and ".join(parts)}.'
-            )
-        miss = self._miss(candidate.plan)
-        if verdict.worst_margin < 0.0:
-            return (
-                f'No slack was needed, but later on the plan still comes'
-                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
-            )
-        if miss > self._settings.goal_tolerance:
-            return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
-        return 'The plan meets every constraint.'
 
     def _miss(self, plan: Plan) -> float:
         return math.dist(plan.poses[-1, :2], self._settings.goal)

@@ -46,6 +46,7 @@ def test_every_parameter_reaches_its_place():
         'initial_guess.type': 'constant', 'initial_guess.wheel_speeds': [1, 2],
         'odom_timeout': 0.7, 'failure_tolerance': 5, 'frame_id': 'map', 'goal.tolerance': 0.02,
         'goal.position': [-10, 0], 'final_time': 12, 'control_period': 0.1,
+        'command_delay': 0.06,
         'initial_pose': [0, 10, 1], 'odom_rate': 20, 'cmd_vel_timeout': 0, 'actuation_delay': 0.03,
         'noise.position_stddev': 0.01, 'noise.heading_stddev': 0.02, 'noise.seed': 7,
         'noise.bias': [1, 2, 3], 'noise.drift': [4, 5, 6], 'noise.dropout': 0.5,
@@ -67,6 +68,7 @@ def test_every_parameter_reaches_its_place():
     assert (settings.odom_timeout, settings.failure_tolerance) == (0.7, 5)
     assert (settings.frame_id, settings.goal, settings.goal_tolerance) == ('map', (-10, 0), 0.02)
     assert (settings.final_time, settings.control_period) == (12.0, 0.1)
+    assert settings.command_delay == 0.06
     assert (plant.initial_pose, plant.odom_rate) == ((0.0, 10.0, 1.0), 20.0)
     assert (plant.cmd_vel_timeout, plant.actuation_delay) == (0.0, 0.03)
     assert (plant.actuation_jitter, plant.wheel_lag, plant.seed) == (0.01, 0.05, 7)
@@ -78,6 +80,10 @@ def test_every_parameter_reaches_its_place():
 @pytest.mark.parametrize(
     ('values', 'line'),
     [
+        (
+            {'command_delay': 9.9},
+            'command_delay: found 9.9 s, wanted at most final_time - control_period = 9.8 s',
+        ),
         (
             {'road.inner_radius': 11.0},
             'road.inner_radius: found 11.0 m, wanted less than road.outer_radius = 11.0 m',

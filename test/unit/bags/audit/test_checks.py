@@ -79,6 +79,12 @@ def test_a_command_is_judged_from_where_it_takes_effect(outcomes, said, least):
     assert findings['commanded'].worst == pytest.approx(least, abs=1e-3)
 
 
+def test_a_command_is_obeyed_when_it_has_taken_effect(outcomes):
+    findings = outcomes(drive_case(actuation_delay=0.3, command_delay=0.3, rest=0.6))
+    assert not failed(findings)
+    assert findings['obeyed'].worst < 0.1
+
+
 def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):
     index = drive.at(5.2)
     drive.commands[index].twist += [0.0, -6.0]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.facts import facts, severity, waypoints
@@ -31,8 +29,7 @@ def command_message(decision: Decision) -> bytes:
 
 
 def path_message(plan: Plan, frame_id: str, stamp: int) -> bytes:
-    """A plan that begins at a time [ns], serialised as a `PATH`."""
-    stamps = plan.horizon.edges - plan.horizon.edges[0] + np.int64(stamp)
+    """A plan that was made at a time [ns], serialised as a `PATH`."""
     poses = [
         _make(
             'geometry_msgs/msg/PoseStamped',
@@ -43,7 +40,7 @@ def path_message(plan: Plan, frame_id: str, stamp: int) -> bytes:
                 _make('geometry_msgs/msg/Quaternion', 0.0, 0.0, z, w),
             ),
         )
-        for (x, y, z, w), when in zip(waypoints(plan), stamps.tolist(), strict=True)
+        for (x, y, z, w), when in zip(waypoints(plan), plan.stamps(stamp), strict=True)
     ]
     return _raw(_make(PATH, _header(frame_id, stamp), poses), PATH)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ Array = NDArray[np.float64]
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.
 _SAMPLE_TOLERANCE = 1e-3
+
+# A command that was good when it was given is judged again from odometry that has been rounded.
+_WAY_TOLERANCE = 1e-6
 
 _FOUND = 7
 
@@ -40,6 +44,18 @@ class Verdict:
     margin: float
     worst_margin: float
     nearest: str
+
+    def followed_by(self, later: Verdict) -> Verdict:
+        """The verdict on this way and what follows it: both must pass."""
+        first = self if not self.passed or later.passed else later
+        nearer = self if self.worst_margin < later.worst_margin else later
+        return Verdict(
+            self.passed and later.passed,
+            first.reason,
+            min(self.margin, later.margin),
+            nearer.worst_margin,
+            nearer.nearest,
+        )
 
 
 class Audit:
@@ -68,23 +84,10 @@ class Audit:
             controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s].
         """
-        robot, space = self._robot, self._space
-        found = np.empty(_FOUND)
-        _sweep(
-            found,
-            np.empty(len(self._names)),
-            pose,
-            controls,
-            durations,
-            robot.wheel_radius,
-            robot.half_track,
-            self._between,
-            space.centers,
-            self._inner,
-            self._outer,
-            space.radii,
+        robot = self._robot
+        fastest, margin, worst_margin, nearest, shortfall, short, tightest = self._swept(
+            pose, controls, durations
         )
-        fastest, margin, worst_margin, nearest, shortfall, short, tightest = found.tolist()
         if not math.isfinite(fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
         if fastest > robot.max_wheel_speed:
@@ -101,6 +104,58 @@ class Audit:
                 f' to {self._names[int(short)]}.'
             )
         return Verdict(not reason, reason, margin, worst_margin, self._names[int(nearest)])
+
+    def check_way(self, pose: Array, wheel_speeds: Array, durations: Array) -> Verdict:
+        """Say whether the way is clear that commands given before will lead.
+
+        The whole of it is swept like the first command of a plan; wheel speeds are not judged
+        again.
+
+        Args:
+            pose: Where it begins, shape ``(3,)`` [m, m, rad].
+            wheel_speeds: Along it ``(K, 2)`` [rad/s], at least one pair.
+            durations: For how long each pair holds, shape ``(K,)`` [s].
+        """
+        poses = self._robot.roll_out(pose, wheel_speeds, durations)
+        arcs = (
+            self._check_arc(poses[k], wheel_speeds[k : k + 1], durations[k : k + 1])
+            for k in range(len(durations))
+        )
+        return reduce(Verdict.followed_by, arcs)
+
+    def _check_arc(self, pose: Array, wheel_speeds: Array, duration: Array) -> Verdict:
+        _, margin, _, nearest, shortfall, short, tightest = self._swept(
+            pose, wheel_speeds, duration
+        )
+        if not math.isfinite(margin):
+            return _refused('The way under the commands given before is not finite.')
+        reason = ''
+        if shortfall > _WAY_TOLERANCE:
+            reason = (
+                f'The commands given before come {-tightest:.3g} m too close'
+                f' to {self._names[int(short)]}.'
+            )
+        return Verdict(not reason, reason, margin, margin, self._names[int(nearest)])
+
+    def _swept(self, pose: Array, controls: Array, durations: Array) -> list[float]:
+        robot, space = self._robot, self._space
+        found = np.empty(_FOUND)
+        _sweep(
+            found,
+            np.empty(len(self._names)),
+            pose,
+            controls,
+            durations,
+            robot.wheel_radius,
+            robot.half_track,
+            self._between,
+            space.centers,
+            self._inner,
+            self._outer,
+            space.radii,
+        )
+        values: list[float] = found.tolist()
+        return values
 
     def at(self, pose: Array) -> Array:
         """Clearance of a pose from outer edge, inner edge and obstacles, ``(2 + M,)`` [m]."""

@@ -28,14 +28,27 @@ class Plan:
     """Controls over the horizon and the path they lead along.
 
     Attributes:
-        horizon: When each control is held.
+        horizon: When each control is given.
         controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
         poses: Predicted poses ``(N + 1, 3)`` [m, m, rad].
+        delay: Time after which a control that is given takes effect [ns]; the first pose is where
+            the robot will be then.
     """
 
     horizon: Horizon
     controls: Array
     poses: Array
+    delay: int = 0
+
+    def stamps(self, begin: int) -> list[int]:
+        """When the robot should be at each pose [ns].
+
+        Args:
+            begin: When the first control is given [ns].
+        """
+        edges = self.horizon.edges
+        stamps: list[int] = (edges + (begin + self.delay - int(edges[0]))).tolist()
+        return stamps
 
 
 @dataclass(frozen=True)
@@ -52,8 +65,8 @@ class Decision:
         time_left: Time to the final time [s]; 0 once it has passed.
         plan: The plan followed; None when stopped.
         miss: Distance of the plan's end from the goal [m]; the robot's own once stopped.
-        margin: Least clearance from obstacles and road edges during the coming control period,
-            between samples too, the robot's own radius taken off [m].
+        margin: Least clearance from obstacles and road edges until the end of the coming control
+            period, between samples too, the robot's own radius taken off [m].
         worst_margin: The same along the whole plan [m].
         slack: Largest violation the relaxation left in the linearised constraints [m]; 0 unless
             elastic.

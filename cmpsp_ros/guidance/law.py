@@ -4,57 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
+from cmpsp_ros.guidance.candidate import Candidate, Start
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.under_way import CommandsUnderWay
 
 Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
-_CLEARLY_LESS = 0.5
-
-
-@dataclass(frozen=True)
-class _Candidate:
-    """A plan that may be followed."""
-
-    improvement: Improvement
-    verdict: Verdict
-
-    @property
-    def plan(self) -> Plan:
-        return self.improvement.plan
-
-    @property
-    def usable(self) -> bool:
-        return self.improvement.solved and self.verdict.passed
-
-    @property
-    def flawless(self) -> bool:
-        return self.usable and not self.improvement.elastic
-
-    def beats(self, other: _Candidate) -> bool:
-        """Whether to change over from another plan: only for one that is clearly better."""
-        if self.usable != other.usable:
-            return self.usable
-        if self.improvement.elastic != other.improvement.elastic:
-            return other.improvement.elastic
-        return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
 
 
 class GuidanceLaw:
     """Clock to horizon, warm start, iterations, audit, ladder, command.
 
-    It reads no clock and no file: the same odometry gives the same decisions, bit for bit.
+    It reads no clock and no file: the same odometry gives the same decisions, bit for bit. What a
+    command of now cannot change any more, since it takes effect after `command_delay`, is foreseen
+    from the commands that the law itself has given.
     """
 
     def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
@@ -79,6 +54,7 @@ class GuidanceLaw:
         self._failures = 0
         self._plan: Plan | None = None
         self._held = np.zeros(2)
+        self._under_way = CommandsUnderWay()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
@@ -88,6 +64,7 @@ class GuidanceLaw:
         self._audit = Audit(settings)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
+        self._delay = to_nanoseconds(settings.command_delay)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -111,12 +88,19 @@ class GuidanceLaw:
         self._latest = now
         if now >= self._final:
             self._due = now + self._period
-            return self._halt(stamp, pose, 'The final time has passed.', finished=True)
-        horizon = remaining(now, self._period, self._final)
+            return self._sent(self._halt(stamp, pose, 'The final time has passed.', finished=True))
+        horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
         self._due = horizon.next_instant
-        decision = self._decide(stamp, pose, horizon)
+        # A command that is given later takes effect after the final time.
+        last = self._final - self._delay
+        if now >= last or self._is_settled(last - now):
+            decision = self._go_on(stamp, pose, start, last)
+        else:
+            horizon = remaining(now, self._period, last) if self._delay else horizon
+            decision = self._decide(stamp, pose, start, horizon)
+        self._stop_in_time(start, decision.plan, last)
         self._step += 1
-        return decision
+        return self._sent(decision)
 
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.
@@ -129,20 +113,78 @@ class GuidanceLaw:
         """
         self._plan = None
         self._due = 0 if self._start is None else self._latest + 1
-        return self._halt(stamp, np.full(3, math.nan), reason, halted=True)
+        return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
-    def _decide(self, stamp: int, pose: Array, horizon: Horizon) -> Decision:
+    def _sent(self, decision: Decision) -> Decision:
+        self._under_way.add(decision.stamp, decision.wheel_speeds)
+        return decision
+
+    def _foresee(self, stamp: int, pose: Array) -> Start:
+        wheel_speeds, durations = self._under_way.until(stamp, self._delay)
+        if not len(durations):
+            return Start(pose)
+        ahead = self._settings.robot.roll_out(pose, wheel_speeds, durations)[-1]
+        return Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
+
+    def _is_settled(self, left: int) -> bool:
+        """Whether the last plan left no more commands for the time that is left [ns]."""
+        return self._delay > 0 and self._plan is not None and left < self._period // 2
+
+    def _stop_in_time(self, start: Start, plan: Plan | None, last: int) -> None:
+        """Decide once more if the last command may not outlast the final time.
+
+        By itself it does, by as long as a stop takes to come into effect.
+        """
+        if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
+            return
+        outlasting = np.array([(self._due - self._latest) / NANOSECONDS])
+        if (
+            self._latest < last
+            and not self._audit.check(start.pose, plan.controls, outlasting).passed
+        ):
+            self._due = last
+
+    def _go_on(self, stamp: int, pose: Array, start: Start, last: int) -> Decision:
+        """Let the last plan go on, past its end too, where a new command comes too late.
+
+        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
+        wheels rather lag.
+        """
+        end = last if self._latest < last else self._due
+        horizon = Horizon(np.array([self._latest, end], dtype=np.int64))
+        shifted = self._shifted(start, horizon)
+        if self._plan is None or shifted is None:
+            return self._halt(stamp, pose, 'No plan can go on until a stop takes effect.')
+        plan, verdict = shifted
+        return Decision(
+            stamp=stamp,
+            step=self._step,
+            rung=Rung.NOMINAL,
+            reason='The plan goes on: a new command comes too late to change its end.',
+            wheel_speeds=plan.controls[0],
+            twist=self._settings.robot.twist(plan.controls[0]),
+            time_left=(self._final - self._latest) / NANOSECONDS,
+            plan=plan,
+            miss=self._miss(self._plan),
+            margin=verdict.margin,
+            worst_margin=verdict.worst_margin,
+            failures=self._failures,
+            run=self._run,
+            revision=self._revision,
+        )
+
+    def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
         self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
-        candidate = self._improve(pose, horizon)
+        candidate = self._improve(start, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
-        reason = self._describe(candidate)
+        reason = candidate.describe(self._audit, self._settings)
         if candidate.usable:
             self._failures = 0
         else:
             self._failures += 1
             reason = verdict.reason if improvement.solved else improvement.reason
-            shifted = self._shifted(pose, horizon)
+            shifted = self._shifted(start, horizon)
             if shifted is None:
                 self._forget_after_failures()
                 return self._halt(stamp, pose, reason, improvement)
@@ -173,7 +215,7 @@ class GuidanceLaw:
             phases=self._phases,
         )
 
-    def _improve(self, pose: Array, horizon: Horizon) -> _Candidate:
+    def _improve(self, start: Start, horizon: Horizon) -> Candidate:
         """The warm-started plan; where it has a flaw, a fresh one beside it, and the better one.
 
         A warm start can be a trap, such as a plan that ends before an obstacle because it once
@@ -181,41 +223,48 @@ class GuidanceLaw:
         """
         if self._plan is None:
             self._planner.forget()
-            guess = initial_guess(self._settings, pose, horizon.durations)
+            guess = initial_guess(self._settings, start.pose, horizon.durations)
         else:
             guess = shift(self._plan.controls, self._plan.horizon, horizon)
-        warm = self._candidate(self._planner, pose, guess, horizon)
+        warm = self._candidate(self._planner, start, guess, horizon)
         if warm.flawless:
             return warm
         self._second_planner.forget()
-        guess = along_road(self._settings, pose, horizon.durations)
-        fresh = self._candidate(self._second_planner, pose, guess, horizon)
+        guess = along_road(self._settings, start.pose, horizon.durations)
+        fresh = self._candidate(self._second_planner, start, guess, horizon)
         if not fresh.beats(warm):
             return warm
         self._planner, self._second_planner = self._second_planner, self._planner
         return fresh
 
     def _candidate(
-        self, planner: Planner, pose: Array, guess: Array, horizon: Horizon
-    ) -> _Candidate:
+        self, planner: Planner, start: Start, guess: Array, horizon: Horizon
+    ) -> Candidate:
         began = self._timer()
-        improvement = planner.improve(pose, self._held, guess, horizon)
+        improvement = planner.improve(start.pose, self._held, guess, horizon)
         solved = self._timer()
-        verdict = self._audit.check(pose, improvement.plan.controls, horizon.durations)
+        verdict = self._judge(start, improvement.plan.controls, horizon)
         self._phases['solve'] += (solved - began) * _MILLISECONDS
         self._phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        return _Candidate(improvement, verdict)
+        if self._delay:
+            improvement = replace(improvement, plan=replace(improvement.plan, delay=self._delay))
+        return Candidate(improvement, verdict)
 
-    def _shifted(self, pose: Array, horizon: Horizon) -> tuple[Plan, Verdict] | None:
+    def _shifted(self, start: Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
         """The last audited plan, shifted by the time that has passed, if it is still clear."""
         if self._plan is None:
             return None
         controls = shift(self._plan.controls, self._plan.horizon, horizon)
-        verdict = self._audit.check(pose, controls, horizon.durations)
+        verdict = self._judge(start, controls, horizon)
         if not verdict.passed:
             return None
-        poses = self._settings.robot.roll_out(pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses), verdict
+        poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
+        return Plan(horizon, controls, poses, self._delay), verdict
+
+    def _judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
+        """The verdict on a plan and on the way to its beginning."""
+        verdict = self._audit.check(start.pose, controls, horizon.durations)
+        return verdict if start.way is None else start.way.followed_by(verdict)
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:
@@ -253,27 +302,6 @@ class GuidanceLaw:
             run=self._run,
             revision=self._revision,
         )
-
-    def _describe(self, candidate: _Candidate) -> str:
-        improvement, verdict = candidate.improvement, candidate.verdict
-        if improvement.elastic:
-            where = self._audit.names(improvement.slack_where)
-            parts = [where] if where else []
-            if improvement.slack_terminal:
-                parts.append('the goal')
-            return (
-                f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
-                f' {" and ".join(parts)}.'
-            )
-        miss = self._miss(candidate.plan)
-        if verdict.worst_margin < 0.0:
-            return (
-                f'No slack was needed, but later on the plan still comes'
-                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
-            )
-        if miss > self._settings.goal_tolerance:
-            return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
-        return 'The plan meets every constraint.'
 
     def _miss(self, plan: Plan) -> float:
         return math.dist(plan.poses[-1, :2], self._settings.goal)

@@ -53,6 +53,8 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
         yield replace(settings, weights=replace(settings.weights, control_rate=rate))
     for limit in (_A_LIMIT, math.inf):
         yield replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
+    for delay in (0.0, settings.control_period / 2.0):
+        yield replace(settings, command_delay=delay)
 
 
 def _meet_trouble(settings: GuidanceSettings) -> None:

@@ -85,6 +85,8 @@ class GuidanceSettings:
         goal_tolerance: Miss up to which the goal counts as reached [m].
         final_time: Time at which to pass the goal, from the first odometry [s].
         control_period: Time between two control steps [s].
+        command_delay: Time from the stamp of odometry to the effect of the command that answers
+            it [s].
         obstacles: Obstacles to miss.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
@@ -98,6 +100,7 @@ class GuidanceSettings:
     goal_tolerance: float = 0.01
     final_time: float = 10.0
     control_period: float = 0.2
+    command_delay: float = 0.0
     obstacles: tuple[Obstacle, ...] = ()
     robot_radius: float = 0.0
     weights: Weights = field(default_factory=Weights)

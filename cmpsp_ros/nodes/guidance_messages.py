@@ -86,10 +86,9 @@ class PathMessage:
         self._poses: list[PoseStamped] = []
 
     def fill(self, plan: Plan, stamp_ns: int) -> Path:
-        """The message of a plan that begins at a time [ns], good until the next."""
+        """The message of a plan that was made at a time [ns], good until the next."""
         set_stamp(self._path.header, stamp_ns)
-        edges = plan.horizon.edges
-        stamps = (edges + (stamp_ns - int(edges[0]))).tolist()
+        stamps = plan.stamps(stamp_ns)
         while len(self._poses) < len(stamps):
             self._poses.append(PoseStamped(header=Header(frame_id=self._path.header.frame_id)))
         poses = self._poses[: len(stamps)]

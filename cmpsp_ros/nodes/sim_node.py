@@ -40,6 +40,7 @@ except ImportError:  # tf2 is not among the wheels
     TransformBroadcaster = None
 
 if TYPE_CHECKING:
+    from builtin_interfaces.msg import Time as TimeMessage
     from rclpy.parameter import Parameter
 
     from cmpsp_ros.parameters.table import Values
@@ -88,7 +89,11 @@ class SimNode(Node):
         self.add_on_set_parameters_callback(self._on_parameters)
 
     def run_to(self, stamp_ns: int) -> Odometry | None:
-        """Let the robot drive on, publishing all that falls due; the last odometry of it."""
+        """Let the robot drive on, publishing all that falls due.
+
+        Returns:
+            The last odometry of it; None if none was due, or that one is lost.
+        """
         message = None
         while self.next_ns <= stamp_ns:
             self._drive_to(self.next_ns)
@@ -107,22 +112,25 @@ class SimNode(Node):
             self.get_logger().warning(f'cmd_vel refused: {error}', throttle_duration_sec=2.0)
         self._drive_to(stamp_ns)
 
-    def measure(self) -> Odometry:
-        """Odometry of this instant, with noise."""
-        pose, twist = self.plant.measured_pose(), self.plant.twist
-        message = self._odometry(self.plant.stamp_ns, pose, twist)
+    def measure(self) -> Odometry | None:
+        """Odometry of this instant, with its errors; None if it is lost."""
+        pose = self.plant.measure()
+        if pose is None:
+            return None
+        message = self._odometry(self.plant.stamp_ns, pose, self.plant.twist)
         message.pose.covariance[0] = float(self.values['noise.position_stddev'] ** 2)
         message.pose.covariance[7] = message.pose.covariance[0]
         message.pose.covariance[35] = float(self.values['noise.heading_stddev'] ** 2)
         return message
 
-    def publish(self, message: Odometry) -> None:
-        """Publish odometry of this instant, its time before it and the truth after it."""
+    def publish(self, message: Odometry | None) -> None:
+        """Publish odometry of this instant if it is not lost, its time before, the truth after."""
         if self._clock_out is not None:
-            self._clock_out.publish(ClockMessage(clock=message.header.stamp))
-        self.odometry.publish(message)
-        if self._transforms is not None:
-            self._transforms.sendTransform(_transform(message))
+            self._clock_out.publish(ClockMessage(clock=_stamp(self.plant.stamp_ns)))
+        if message is not None:
+            self.odometry.publish(message)
+            if self._transforms is not None:
+                self._transforms.sendTransform(_transform(message))
         self._publish_truth(self.plant.motion)
 
     def _drive_to(self, stamp_ns: int) -> None:
@@ -138,7 +146,7 @@ class SimNode(Node):
 
     def _odometry(self, stamp_ns: int, pose: Array, twist: Array) -> Odometry:
         message = Odometry(child_frame_id=_BASE)
-        message.header.stamp = Time(nanoseconds=stamp_ns).to_msg()
+        message.header.stamp = _stamp(stamp_ns)
         message.header.frame_id = self.values['frame_id']
         x, y, heading = pose.tolist()
         message.pose.pose.position.x, message.pose.pose.position.y = x, y
@@ -218,12 +226,17 @@ class _RealTime:
 
 
 class _Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered."""
+    """Simulated time stands still at every control instant until its odometry is answered.
+
+    Where the odometry of a control instant is lost, it stands still at the next that is not.
+    """
 
     def __init__(self, sim: SimNode) -> None:
         self._sim = sim
         self._control_ns = round(sim.values['control_period'] * _NS)
+        self._final_ns = round(sim.values['final_time'] * _NS)
         self._awaited: Odometry | None = None
+        self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0
         self._is_heard = self._is_overdue = False
         self._timer = sim.create_timer(
@@ -244,7 +257,7 @@ class _Lockstep:
             waited = time.monotonic() - self._asked_at
             self._sim.get_logger().info(f'lockstep goes on after {waited:.1f} s')
         self._sim.obey(twist)
-        self._awaited = self._sim.run_to(now_ns + self._control_ns)
+        self._go_to(self._next_instant(now_ns))
         self._asked_at = time.monotonic()
         self._timer.reset()
 
@@ -256,10 +269,33 @@ class _Lockstep:
         if self._awaited is not None:
             self._awaited = self._sim.measure()
             self._sim.publish(self._awaited)
+            self._go_on()
+
+    def _go_to(self, stamp_ns: int) -> None:
+        self._awaited = self._sim.run_to(stamp_ns)
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Drive on while odometry is lost: nobody could answer it."""
+        while self._awaited is None:
+            self._awaited = self._sim.run_to(self._sim.next_ns)
+
+    def _next_instant(self, now_ns: int) -> int:
+        """When the guidance will decide again, after it has decided now.
+
+        That is the next control instant but for one nearer than half a control period, and after
+        the final time, when nothing hangs on instants, a control period later.
+        """
+        elapsed_ns = now_ns - self._begun_ns
+        if elapsed_ns >= self._final_ns:
+            return now_ns + self._control_ns
+        earliest_ns = elapsed_ns + self._control_ns // 2
+        return self._begun_ns - (-earliest_ns // self._control_ns) * self._control_ns
 
     def _on_timer(self) -> None:
         if self._awaited is None:
-            self._awaited = self._sim.run_to(self._sim.plant.stamp_ns)
+            self._go_to(self._sim.plant.stamp_ns)
+            self._begun_ns = self._sim.plant.stamp_ns
         else:
             self._sim.publish(self._awaited)
         if not self._is_heard:
@@ -272,6 +308,10 @@ class _Lockstep:
                 f'lockstep: no cmd_vel for {waited:.1f} s in answer to odometry of '
                 f'{self._sim.plant.stamp_ns / _NS} s; still waiting'
             )
+
+
+def _stamp(stamp_ns: int) -> TimeMessage:
+    return Time(nanoseconds=stamp_ns).to_msg()
 
 
 def _transform(odometry: Odometry) -> TransformStamped:

@@ -134,14 +134,19 @@ SIM_STAMPED_COMMAND = Topic(
     'sim', 'in', 'cmd_vel', TwistStamped, 'instead of Twist with `enable_stamped_cmd_vel`'
 )
 SIM_ODOM = Topic(
-    'sim', 'out', 'odom', Odometry, 'at `odom_rate`, with noise, on an exact time grid', depth=50
+    'sim',
+    'out',
+    'odom',
+    Odometry,
+    'at `odom_rate` on an exact time grid, with all errors of `noise`',
+    depth=50,
 )
 TRUTH = Topic(
     'sim',
     'out',
     '~/truth',
     Odometry,
-    'without noise, at every odometry and whenever the wheels change speed',
+    'the ground truth: no errors, none lost, and one more whenever the wheels change speed',
     depth=50,
 )
 SIM_WHEELS = Topic(

@@ -52,6 +52,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
+    yield task('command_delay', _DOUBLE, 0.0, 's',
+        'Time from the stamp of odometry to the effect of the command that answers it; the plan '
+        'begins where the robot will be then.', range=_NOT_NEGATIVE, **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper.',
         range=_POSITIVE, **_FIXED)
@@ -172,14 +175,39 @@ def _parameters() -> Iterator[Parameter]:
     yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
         'Wall time to wait for an answer in lockstep before an error is reported.',
         range=_POSITIVE)
-    yield sim('noise.position_stddev', _DOUBLE, 0.0, 'm',
-        'Standard deviation of the noise on each measured coordinate.', range=_NOT_NEGATIVE)
-    yield sim('noise.heading_stddev', _DOUBLE, 0.0, 'rad',
-        'Standard deviation of the noise on the measured heading.', range=_NOT_NEGATIVE)
-    yield sim('noise.seed', _INTEGER, 0, '',
-        'Seed of the noise: the same seed gives the same noise.', range=_NOT_NEGATIVE, **_FIXED)
-    yield sim('actuation_delay', _DOUBLE, 0.0, 's',
+
+    plant = _Group('Disturbances of the simulator', 'sim')
+    yield plant('actuation_delay', _DOUBLE, 0.0, 's',
         'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
+    yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
+        'Longest time that a command takes beyond that, evenly distributed; none overtakes '
+        'another.', range=_NOT_NEGATIVE)
+    yield plant('wheel_lag', _DOUBLE, 0.0, 's',
+        'Time constant with which the wheels follow a command (first order).',
+        range=_NOT_NEGATIVE)
+    yield plant('wheel_slip', _DOUBLES, [0.0, 0.0], '',
+        'Part of its turning by which each wheel (right, left) fails to move the robot.',
+        range=Range(-1.0, 1.0), **_POINT)
+    yield plant('wheel_slip_stddev', _DOUBLE, 0.0, '',
+        'Standard deviation of what is added to it at random, for each wheel and command anew.',
+        range=_NOT_NEGATIVE)
+    yield plant('noise.position_stddev', _DOUBLE, 0.0, 'm',
+        'Standard deviation of the noise on each measured coordinate.', range=_NOT_NEGATIVE)
+    yield plant('noise.heading_stddev', _DOUBLE, 0.0, 'rad',
+        'Standard deviation of the noise on the measured heading.', range=_NOT_NEGATIVE)
+    yield plant('noise.bias', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Constant error of the measured pose (x, y, heading).', length=3)
+    yield plant('noise.drift', _DOUBLES, [0.0, 0.0, 0.0], 'm/s, m/s, rad/s',
+        'Error of the measured pose that grows with time (x, y, heading).', length=3)
+    yield plant('noise.dropout', _DOUBLE, 0.0, '',
+        'Probability that an odometry message is lost.', range=Range(0.0, 1.0, high_open=True))
+    yield plant('noise.dropout_windows', _DOUBLES, [], 's',
+        'Times from which on and up to which all odometry is lost, in pairs, in order, counted '
+        'from the start of the simulator or its last reset; leave it out when there are none.',
+        range=_NOT_NEGATIVE, **_FIXED)
+    yield plant('noise.seed', _INTEGER, 0, '',
+        'Seed of all that is random here: the same seed gives the same numbers.',
+        range=_NOT_NEGATIVE, **_FIXED)
 # fmt: on
 
 

@@ -162,6 +162,7 @@ class Parameter:
         return list(self.default) if isinstance(self.default, (list, tuple)) else self.default
 
     def _convert(self, value: object) -> Any:
+        # ROS gives an empty list no type, and hands it over as nothing at all: below, None.
         match self.type:
             case ParameterType.BOOL:
                 return value if isinstance(value, bool) else None
@@ -172,9 +173,9 @@ class Parameter:
             case ParameterType.STRING:
                 return self._text(value)
             case ParameterType.DOUBLE_ARRAY:
+                value = [] if value is None else value
                 return self._all(value, [self._number(item) for item in _items(value)])
             case ParameterType.STRING_ARRAY:
-                # ROS gives an empty list no type, and hands it over as nothing at all.
                 value = [] if value is None else value
                 texts = [self._text(item) for item in _items(value)]
                 return self._all(value, texts) if len(set(texts)) == len(texts) else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import Any, Final
 
 from cmpsp_ros.guidance.settings import (
@@ -15,9 +16,10 @@ from cmpsp_ros.guidance.settings import (
 )
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
-from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.plant import PlantSettings
 from cmpsp_ros.robot.road import Annulus
@@ -37,8 +39,8 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
-            the final time comes before the first control step, or the QP back end is not
-            installed; with all of these.
+            the final time comes before the first control step or before its command has held for
+            one, or the QP back end is not installed; with all of these.
     """
     groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
@@ -49,6 +51,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         goal_tolerance=values['goal.tolerance'],
         final_time=values['final_time'],
         control_period=values['control_period'],
+        command_delay=values['command_delay'],
         obstacles=_obstacles(values),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
@@ -68,6 +71,9 @@ def plant_settings(values: Values) -> PlantSettings:
 
     Args:
         values: A set resolved by the table.
+
+    Raises:
+        ParameterError: If the times at which odometry is lost are no pairs in order.
     """
     return PlantSettings(
         robot=_robot(values),
@@ -75,8 +81,18 @@ def plant_settings(values: Values) -> PlantSettings:
         odom_rate=values['odom_rate'],
         cmd_vel_timeout=values['cmd_vel_timeout'],
         actuation_delay=values['actuation_delay'],
-        position_stddev=values['noise.position_stddev'],
-        heading_stddev=values['noise.heading_stddev'],
+        actuation_jitter=values['actuation_jitter'],
+        wheel_lag=values['wheel_lag'],
+        wheel_slip=tuple(values['wheel_slip']),
+        wheel_slip_stddev=values['wheel_slip_stddev'],
+        odometry=OdometryErrors(
+            position_stddev=values['noise.position_stddev'],
+            heading_stddev=values['noise.heading_stddev'],
+            bias=tuple(values['noise.bias']),
+            drift=tuple(values['noise.drift']),
+            dropout=values['noise.dropout'],
+            dropout_windows=_dropout_windows(values),
+        ),
         seed=values['noise.seed'],
     )
 
@@ -116,9 +132,24 @@ def check_pace(values: Values) -> None:
         # Its odometry comes in bursts of one control period.
         wanted = f'more than control_period = {values["control_period"]} s, for lockstep'
         problems.append(Problem('odom_timeout', f'{values["odom_timeout"]} s', wanted))
+    longest = max((end - begin for begin, end in _dropout_windows(values)), default=0.0)
+    bridged = values['odom_timeout'] - values['control_period']
+    if values['lockstep'] and longest > bridged:
+        # The guidance would stop by its clock then, which does not wait for the simulator.
+        wanted = f'at most odom_timeout - control_period = {bridged:.9g} s, for lockstep'
+        found = f'a window of {longest:.9g} s'
+        problems.append(Problem('noise.dropout_windows', found, wanted))
     if not 1e-3 <= factor <= 1e3:
         problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
     _raise_if_any(problems)
+
+
+def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:
+    times = values['noise.dropout_windows']
+    if len(times) % 2 or any(begin >= end for begin, end in pairwise(times)):
+        wanted = 'pairs of times, each later than the one before'
+        raise ParameterError(Problem('noise.dropout_windows', describe(times), wanted))
+    return tuple(zip(times[::2], times[1::2], strict=True))
 
 
 def _whole(seconds: float) -> int:
@@ -159,6 +190,9 @@ def _time_problems(values: Values) -> Iterator[Problem]:
     final_time, period = values['final_time'], values['control_period']
     if final_time < period:
         yield Problem('final_time', f'{final_time} s', f'at least control_period = {period} s')
+    elif final_time < period + values['command_delay']:
+        wanted = f'at most final_time - control_period = {final_time - period:.9g} s'
+        yield Problem('command_delay', f'{values["command_delay"]} s', wanted)
     if final_time > _MOST_STEPS * period:
         wanted = f'at most {_MOST_STEPS} times control_period = {period} s'
         yield Problem('final_time', f'{final_time} s', wanted)

@@ -252,6 +252,46 @@ def test_lockstep_repeats_exactly_also_with_noise_and_delay(simulate, ros):
     assert runs[0] == runs[1]
 
 
+def test_the_truth_and_the_time_go_on_while_odometry_is_lost(simulate, ros):
+    simulate(
+        {
+            **LOCKSTEP,
+            'noise.dropout_windows': '[0.0, 0.05, 0.3, 0.45]',
+            'noise.bias': '[1.0, 0.0, 0.0]',
+        }
+    )
+    client = Client(ros)
+    client.connect()
+    # It stands still at the first odometry that is not lost, and later too.
+    for instant in (60, 260, 460, 660):
+        client.until(lambda instant=instant: stamp(client.odometry[-1]) == instant * MS)
+        client.send(twist(0.5))
+    client.until(lambda: stamp(client.odometry[-1]) == 860 * MS)
+    heard = {stamp(message) // MS for message in client.odometry}
+    assert heard == {*range(60, 300, 20), *range(460, 861, 20)}
+    client.until(lambda: stamp(client.truth[-1]) == 860 * MS)
+    driven = {stamp(message) // MS: place(message)[0] for message in client.truth}
+    assert {*range(60, 861, 20)} <= set(driven)
+    assert {*range(60, 861, 20)} <= {each // MS for each in client.clocks}
+    assert driven[860] == pytest.approx(0.4, abs=1e-12)
+    assert place(client.odometry[-1])[0] == pytest.approx(1.4, abs=1e-12)
+
+
+def test_the_truth_of_lagging_and_slipping_wheels_can_be_drawn_again(simulate, ros):
+    disturbed = {'wheel_lag': 0.05, 'wheel_slip': '[0.1, 0.05]', 'actuation_delay': 0.03}
+    _, client, _ = run_lockstep(simulate, ros, 6, **disturbed)
+    client.until(lambda: stamp(client.truth[-1]) == 6 * CONTROL_NS)
+    truth = {stamp(message): message for message in client.truth}
+    robot = DifferentialDrive()
+    stamps = sorted(truth)
+    assert max(end - begin for begin, end in pairwise(stamps)) <= PERIOD_NS
+    for begin, end in pairwise(stamps):
+        moved = truth[begin].twist.twist
+        speeds = robot.wheel_speeds(np.array([moved.linear.x, moved.angular.z]))[None]
+        pose = robot.roll_out(place(truth[begin]), speeds, np.array([(end - begin) / 1e9]))[1]
+        assert np.allclose(place(truth[end]), pose, atol=1e-12)
+
+
 def test_lockstep_asks_again_complains_once_and_goes_on(simulate, ros):
     running = simulate({**LOCKSTEP, 'lockstep_timeout': 0.3})
     client = Client(ros)
@@ -329,6 +369,15 @@ def test_two_robots_live_in_namespaces(simulate, ros):
         ({'odom_rate': 1e-9}, ['odom_rate:', '1e-09']),
         ({'real_time_factor': 1e9}, ['real_time_factor:', '1000000000.0']),
         ({'noise.position_stddev': -1.0}, ['noise.position_stddev:', '-1.0']),
+        ({'noise.dropout': 1.0}, ['noise.dropout:', '1.0']),
+        ({'noise.dropout_windows': '[2.0, 1.0]'}, ['noise.dropout_windows:', 'pairs of times']),
+        ({'wheel_slip': '[0.1]'}, ['wheel_slip:', 'a list of 2 numbers']),
+        ({'wheel_lag': -0.1}, ['wheel_lag:', '-0.1']),
+        ({'actuation_jitter': -0.1}, ['actuation_jitter:', '-0.1']),
+        (
+            {'lockstep': 'true', 'noise.dropout_windows': '[1.0, 2.0]'},
+            ['noise.dropout_windows:', 'for lockstep'],
+        ),
         ({'lockstep': 'true', 'odom_rate': 30.0}, ['control_period, odom_rate:', '30.0 Hz']),
         ({'initial_pose': '[0.0, 0.0, 0.0]'}, ['initial_pose:', 'road.center']),
         ({'obstacles.names': '[rock]'}, ['obstacles.rock.center:', 'found nothing']),

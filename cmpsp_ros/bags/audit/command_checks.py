@@ -13,6 +13,7 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.bags.decisions import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
@@ -106,10 +107,10 @@ def obeyed(record: Record) -> Verdict:
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
         return skipped('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
-    period = record.history.epochs[0].settings.control_period
+    settings = record.history.epochs[0].settings
     worst, limit, at, ratio = 0.0, _OBEYED * robot.max_wheel_speed, record.start, -1.0
     for leg in record.legs:
-        begins, ends, twists = _held(leg, period)
+        begins, ends, twists = _held(leg, settings)
         if not len(begins):
             continue
         duration = (ends - begins) / NANOSECONDS
@@ -240,12 +241,15 @@ def stop_at_end(record: Record) -> Verdict:
     return passed_if(False, sentence, **figures)
 
 
-def _held(leg: Leg, period: float) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+def _held(
+    leg: Leg, settings: GuidanceSettings
+) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
     """The last part of the time for which each command holds, and the command."""
     stamps, twists = leg.commands.stamps, leg.commands.twists
-    begins, ends = stamps[:-1], stamps[1:]
+    effects = stamps + round(settings.command_delay * NANOSECONDS)
+    begins, ends = effects[:-1], effects[1:]
     durations = ends - begins
-    periods = durations / (period * NANOSECONDS)
+    periods = durations / (settings.control_period * NANOSECONDS)
     chosen = (periods >= _BRIEF) & (periods <= _LATE)
     chosen &= (begins >= leg.path.stamps[0]) & (ends <= leg.path.stamps[-1])
     chosen &= np.isfinite(twists[:-1]).all(axis=1)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.clearance import EDGES, space_of
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.odometry import wrapped
+from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -52,17 +53,19 @@ def margin(record: Record) -> Verdict:
 
 
 def commanded(record: Record) -> Verdict:
-    """What each command leads to, held for a control period from the pose that it answers.
+    """What each command leads to, held for a control period from the pose where it takes effect.
 
+    That is the pose that it answers, or with `command_delay` the one measured so much later.
     A robot that is too close already may only be commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
     for leg in record.legs:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
-        poses = _measured(leg, commands.stamps)
+        settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
+        poses = _measured(leg, commands.stamps, [each.command_delay for each in settings_of])
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
-            settings = record.history.at(stamp)
+            settings = settings_of[index]
             period = settings.control_period
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
@@ -170,10 +173,21 @@ def _clear(record: Record, columns: slice, wanted: float) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
 
 
-def _measured(leg: Leg, stamps: NDArray[np.int64]) -> Array:
-    """The latest poses measured at some instants, shape ``(M, 3)``."""
-    index = np.searchsorted(leg.odometry.stamps, stamps, side='right') - 1
-    return leg.odometry.poses[np.maximum(index, 0)]
+def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> Array:
+    """The latest poses measured when commands take effect, shape ``(M, 3)``.
+
+    Args:
+        leg: With the odometry.
+        stamps: Of the commands ``(M,)`` [ns].
+        delays: Time from each to its effect ``(M,)`` [s].
+    """
+    effects = stamps + np.round(np.multiply(delays, NANOSECONDS)).astype(np.int64)
+    index = np.searchsorted(leg.odometry.stamps, effects, side='right') - 1
+    poses = leg.odometry.poses[np.maximum(index, 0)]
+    # Between two messages the robot has moved on, and nothing was decided there.
+    late = effects > stamps
+    poses[late] = interpolated(leg.odometry, effects[late])
+    return poses
 
 
 def _spare(settings: GuidanceSettings, pose: Array, twist: Array, period: float) -> Array:

@@ -41,14 +41,19 @@ JUMPS = {
 }
 rungs = set()
 changes = product(
-    ('gauss_newton', 'projected', 'exact'), (0.0, 0.3), (0.0, 30.0, 51.0), (True, False)
+    ('gauss_newton', 'projected', 'exact'),
+    (0.0, 0.3),
+    (0.0, 30.0, 51.0),
+    (True, False),
+    (0.0, 0.13),
 )
-for hessian, rate, limit, between in changes:
+for hessian, rate, limit, between, delay in changes:
     changed = {
         'solver.hessian': hessian,
         'weights.control_rate': rate,
         'robot.max_wheel_speed': limit,
         'safety.between_samples': between,
+        'command_delay': delay,
         'obstacles.a.radius': 1.0,
     }
     law = GuidanceLaw(guidance_settings(values))

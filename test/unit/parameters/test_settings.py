@@ -10,8 +10,14 @@ from hypothesis import strategies as st
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
+from cmpsp_ros.parameters.settings import (
+    check_pace,
+    check_start,
+    guidance_settings,
+    plant_settings,
+)
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.plant import PlantSettings
 from cmpsp_ros.robot.road import Annulus
@@ -40,8 +46,12 @@ def test_every_parameter_reaches_its_place():
         'initial_guess.type': 'constant', 'initial_guess.wheel_speeds': [1, 2],
         'odom_timeout': 0.7, 'failure_tolerance': 5, 'frame_id': 'map', 'goal.tolerance': 0.02,
         'goal.position': [-10, 0], 'final_time': 12, 'control_period': 0.1,
+        'command_delay': 0.06,
         'initial_pose': [0, 10, 1], 'odom_rate': 20, 'cmd_vel_timeout': 0, 'actuation_delay': 0.03,
         'noise.position_stddev': 0.01, 'noise.heading_stddev': 0.02, 'noise.seed': 7,
+        'noise.bias': [1, 2, 3], 'noise.drift': [4, 5, 6], 'noise.dropout': 0.5,
+        'noise.dropout_windows': [1, 2, 3.5, 4], 'actuation_jitter': 0.01, 'wheel_lag': 0.05,
+        'wheel_slip': [0.1, 0.2], 'wheel_slip_stddev': 0.3,
     })  # fmt: skip
     settings, plant = guidance_settings(values), plant_settings(values)
     assert settings.robot.max_wheel_speed == plant.robot.max_wheel_speed == math.inf
@@ -58,14 +68,22 @@ def test_every_parameter_reaches_its_place():
     assert (settings.odom_timeout, settings.failure_tolerance) == (0.7, 5)
     assert (settings.frame_id, settings.goal, settings.goal_tolerance) == ('map', (-10, 0), 0.02)
     assert (settings.final_time, settings.control_period) == (12.0, 0.1)
+    assert settings.command_delay == 0.06
     assert (plant.initial_pose, plant.odom_rate) == ((0.0, 10.0, 1.0), 20.0)
     assert (plant.cmd_vel_timeout, plant.actuation_delay) == (0.0, 0.03)
-    assert (plant.position_stddev, plant.heading_stddev, plant.seed) == (0.01, 0.02, 7)
+    assert (plant.actuation_jitter, plant.wheel_lag, plant.seed) == (0.01, 0.05, 7)
+    assert (plant.wheel_slip, plant.wheel_slip_stddev) == ((0.1, 0.2), 0.3)
+    errors = ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 0.5, ((1.0, 2.0), (3.5, 4.0)))
+    assert plant.odometry == OdometryErrors(0.01, 0.02, *errors)
 
 
 @pytest.mark.parametrize(
     ('values', 'line'),
     [
+        (
+            {'command_delay': 9.9},
+            'command_delay: found 9.9 s, wanted at most final_time - control_period = 9.8 s',
+        ),
         (
             {'road.inner_radius': 11.0},
             'road.inner_radius: found 11.0 m, wanted less than road.outer_radius = 11.0 m',
@@ -144,3 +162,23 @@ def test_any_set_builds_or_gives_a_parameter_error(values):
     for build in (guidance_settings, plant_settings, check_start):
         with contextlib.suppress(ParameterError):
             build(TABLE.resolve(values))
+
+
+@pytest.mark.parametrize(
+    'times', [[1.0], [2.0, 1.0], [1.0, 1.0], [0.0, 2.0, 1.0, 3.0], [0.0, 1.0] * 2]
+)
+def test_windows_without_odometry_are_pairs_in_order(times):
+    [line] = refusal(plant_settings, {'noise.dropout_windows': times})
+    assert line.startswith('noise.dropout_windows: found [')
+    assert line.endswith('wanted pairs of times, each later than the one before')
+
+
+def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
+    values = {'noise.dropout_windows': [1.0, 1.2, 3.0, 3.4]}
+    check_pace(TABLE.resolve(values))
+    check_pace(TABLE.resolve({**values, 'lockstep': True, 'odom_timeout': 0.7}))
+    [line] = refusal(check_pace, {**values, 'lockstep': True})
+    assert line == (
+        'noise.dropout_windows: found a window of 0.4 s, wanted at most odom_timeout -'
+        ' control_period = 0.3 s, for lockstep'
+    )

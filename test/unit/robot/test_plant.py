@@ -11,6 +11,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.plant import Plant, PlantSettings, TwistError
 
 MS = 1_000_000
@@ -190,26 +191,29 @@ def test_the_past_is_refused():
 
 def test_the_same_seed_gives_the_same_noise_of_the_size_asked_for():
     settings = PlantSettings(
-        robot=LIMITED, initial_pose=(1.0, 2.0, 3.0), position_stddev=0.02, heading_stddev=0.1
+        robot=LIMITED, initial_pose=(1.0, 2.0, 3.0), odometry=OdometryErrors(0.02, 0.1)
     )
     one, other = Plant(settings), Plant(settings)
-    measured = np.array([one.measured_pose() for _ in range(4000)])
-    assert (measured == [other.measured_pose() for _ in range(4000)]).all()
+    measured = np.array([one.measure() for _ in range(4000)])
+    assert (measured == [other.measure() for _ in range(4000)]).all()
     assert np.allclose(measured.mean(axis=0), [1.0, 2.0, 3.0], atol=0.01)
     assert np.allclose(measured.std(axis=0), [0.02, 0.02, 0.1], rtol=0.1)
 
 
 def test_without_noise_the_measured_pose_is_the_true_one():
     plant = Plant(PlantSettings(robot=LIMITED, initial_pose=(1.0, -0.0, 30.0)))
-    assert (plant.measured_pose() == plant.pose).all()
+    assert (plant.measure() == plant.pose).all()
 
 
 def test_a_reset_puts_everything_back_but_time():
     settings = PlantSettings(
-        robot=LIMITED, initial_pose=(10.0, 0.0, 1.5), actuation_delay=0.1, position_stddev=0.1
+        robot=LIMITED,
+        initial_pose=(10.0, 0.0, 1.5),
+        actuation_delay=0.1,
+        odometry=OdometryErrors(0.1),
     )
     plant = Plant(settings)
-    first = plant.measured_pose()
+    first = plant.measure()
     plant.command(0, 0.5, 1.0)
     plant.advance(SECOND)
     plant.command(SECOND, 0.5, 1.0)
@@ -217,7 +221,7 @@ def test_a_reset_puts_everything_back_but_time():
     assert plant.stamp_ns == SECOND
     assert (plant.pose == [10.0, 0.0, 1.5]).all()
     assert (plant.wheel_speeds == 0.0).all()
-    assert (plant.measured_pose() == first).all()
+    assert (plant.measure() == first).all()
     assert plant.advance(5 * SECOND) == []
     assert (plant.pose == [10.0, 0.0, 1.5]).all()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -126,13 +127,17 @@ class Drive:
 
 
 def drive_case(preset='case3', rest=0.4, **changes):
-    """Let the guidance law drive its own robot, and stand still for a while."""
+    """Let the guidance law drive its own robot, and stand still for a while.
+
+    Its `actuation_delay` must be a whole number of odometry periods.
+    """
     given = {**load_parameter_file(preset), **changes}
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     law = GuidanceLaw(settings)
     drive = Drive(values)
     pose, held = np.array(values['initial_pose']), np.zeros(2)
+    under_way, delay = deque(), round(values['actuation_delay'] * SECOND)
     stamp, end = START, START + round((settings.final_time + rest) * SECOND)
     while stamp <= end:
         drive.odometry.append(Sample(stamp + 1_000_000, stamp, pose))
@@ -140,7 +145,9 @@ def drive_case(preset='case3', rest=0.4, **changes):
         if decision is not None:
             drive.decisions.append(replace(decision, phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))
-            held = decision.wheel_speeds
+            under_way.append((stamp + delay, decision.wheel_speeds))
+        while under_way and under_way[0][0] <= stamp:
+            _, held = under_way.popleft()
         pose = settings.robot.roll_out(pose, held[None], np.array([ODOM_PERIOD / SECOND]))[-1]
         stamp += ODOM_PERIOD
     return drive

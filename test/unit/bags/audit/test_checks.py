@@ -88,6 +88,22 @@ def test_a_command_that_is_held_only_briefly_cannot_be_seen_to_be_obeyed(
     assert ('obeyed' in failed(outcomes(drive))) == judged
 
 
+@pytest.mark.parametrize(('said', 'least'), [(0.06, 0.064), (0.0, 0.002)])
+def test_a_command_is_judged_from_where_it_takes_effect(outcomes, said, least):
+    delayed = drive_case(actuation_delay=0.06, command_delay=0.06)
+    # Without the delay from the pose that it answers, where the robot is not any more.
+    delayed.parameters['command_delay'] = said
+    findings = outcomes(delayed)
+    assert not failed(findings)
+    assert findings['commanded'].worst == pytest.approx(least, abs=1e-3)
+
+
+def test_a_command_is_obeyed_when_it_has_taken_effect(outcomes):
+    findings = outcomes(drive_case(actuation_delay=0.3, command_delay=0.3, rest=0.6))
+    assert not failed(findings)
+    assert findings['obeyed'].worst < 0.1
+
+
 def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):
     index = drive.at(5.2)
     drive.commands[index].twist += [0.0, -6.0]

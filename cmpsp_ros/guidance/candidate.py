@@ -1,0 +1,89 @@
+"""What the guidance law chooses from: where a plan can begin, and plans that may be followed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.audit import Audit, Verdict
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.improvement import Improvement
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+_CLEARLY_LESS = 0.5
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where a plan begins.
+
+    Attributes:
+        pose: Where the robot will be when the command decided now takes effect.
+        way: Verdict on the way there, under commands given before; None when there is none.
+    """
+
+    pose: Array
+    way: Verdict | None = None
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A plan that may be followed.
+
+    Attributes:
+        improvement: How it was made.
+        verdict: On it and on the way to its beginning.
+    """
+
+    improvement: Improvement
+    verdict: Verdict
+
+    @property
+    def plan(self) -> Plan:
+        """The plan itself."""
+        return self.improvement.plan
+
+    @property
+    def usable(self) -> bool:
+        """Whether it may be followed at all."""
+        return self.improvement.solved and self.verdict.passed
+
+    @property
+    def flawless(self) -> bool:
+        """Whether it meets every constraint, too."""
+        return self.usable and not self.improvement.elastic
+
+    def beats(self, other: Candidate) -> bool:
+        """Whether to change over from another plan: only for one that is clearly better."""
+        if self.usable != other.usable:
+            return self.usable
+        if self.improvement.elastic != other.improvement.elastic:
+            return other.improvement.elastic
+        return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
+
+    def describe(self, audit: Audit, settings: GuidanceSettings) -> str:
+        """What is to be said of it when it is followed, in a sentence."""
+        improvement, verdict = self.improvement, self.verdict
+        if improvement.elastic:
+            where = audit.names(improvement.slack_where)
+            parts = [where] if where else []
+            if improvement.slack_terminal:
+                parts.append('the goal')
+            return (
+                f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
+                f' {" and ".join(parts)}.'
+            )
+        miss = math.dist(self.plan.poses[-1, :2], settings.goal)
+        if verdict.worst_margin < 0.0:
+            return (
+                f'No slack was needed, but later on the plan still comes'
+                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
+            )
+        if miss > settings.goal_tolerance:
+            return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
+        return 'The plan meets every constraint.'

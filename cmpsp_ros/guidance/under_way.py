@@ -1,0 +1,62 @@
+"""Commands that were given and have not taken effect yet: what the robot does until a new one does.
+
+A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
+until the next one takes effect. So the robot will be driven by the commands before for as long as
+the delay lasts, and a plan can begin only where they leave it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+Array = NDArray[np.float64]
+
+
+class CommandsUnderWay:
+    """The commands of one run, as far as they still matter."""
+
+    def __init__(self) -> None:
+        """Begin with a robot that stands still."""
+        self._given: deque[tuple[int, Array]] = deque()
+        self._in_force = np.zeros(2)
+
+    def add(self, stamp: int, wheel_speeds: Array) -> None:
+        """Remember a command.
+
+        Args:
+            stamp: Time that it answers [ns]; one before the last one's is taken for that one's,
+                for no command overtakes another.
+            wheel_speeds: Right and left, shape ``(2,)`` [rad/s].
+        """
+        if self._given:
+            stamp = max(stamp, self._given[-1][0])
+        self._given.append((stamp, wheel_speeds))
+
+    def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
+        """What the wheels do from an instant on until a command given then takes effect.
+
+        What was over before is forgotten: instants must not go back.
+
+        Args:
+            stamp: The instant [ns].
+            delay: Time from a command's stamp to its effect [ns].
+
+        Returns:
+            Wheel speeds ``(K, 2)`` [rad/s], and for how long each pair holds ``(K,)`` [s]; nothing
+            without a delay.
+        """
+        while self._given and self._given[0][0] + delay <= stamp:
+            self._in_force = self._given.popleft()[1]
+        if not delay:
+            return np.empty((0, 2)), np.empty(0)
+        ahead = [(at + delay, speeds) for at, speeds in self._given if at < stamp]
+        speeds = np.array([self._in_force, *(each for _, each in ahead)])
+        edges = np.array([stamp, *(at for at, _ in ahead), stamp + delay], dtype=np.int64)
+        durations = np.diff(edges) / NANOSECONDS
+        lasting = durations > 0.0
+        return speeds[lasting], durations[lasting]

@@ -1,0 +1,127 @@
+"""Whole runs of a robot with every disturbance: repeatable, replayable, judged by the truth."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.run import read_run
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 60.0
+PERIOD_NS = 20_000_000
+DISTURBED = {
+    'command_delay': '0.1',
+    'actuation_delay': '0.06',
+    'actuation_jitter': '0.02',
+    'wheel_lag': '0.03',
+    'wheel_slip': '[0.01, 0.008]',
+    'wheel_slip_stddev': '0.005',
+    'noise.position_stddev': '0.002',
+    'noise.heading_stddev': '0.002',
+    'noise.bias': '[0.02, 0.0, 0.0]',
+    'noise.drift': '[0.0, 0.001, 0.0]',
+    'noise.dropout': '0.2',
+    # The first control instant of all, one in the middle, and the last before the final time.
+    'noise.dropout_windows': '[0.0, 0.05, 3.9, 4.15, 9.79, 9.93]',
+    'noise.seed': '5',
+}
+
+
+@pytest.fixture
+def run_demo(spawn, tmp_path):
+    """Run case 3 in lockstep: `run_demo(name, {key: value})`, its folder and exit code."""
+
+    def run(name, parameters):
+        folder = tmp_path / name
+        given = [part for item in parameters.items() for part in ('--set', '='.join(item))]
+        command = [sys.executable, '-m', 'cmpsp_ros.cli', 'demo', 'case3', '--lockstep']
+        running = spawn([*command, '--output', folder, *given])
+        code = running.wait(LIMIT)
+        assert (folder / 'summary.json').exists(), running.stderr
+        return folder, code
+
+    return run
+
+
+def stamp(message):
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+
+
+def place(message):
+    position, turn = message.pose.pose.position, message.pose.pose.orientation
+    return position.x, position.y, turn.z, turn.w
+
+
+def contents(folder):
+    """What must repeat until the run is over: odometry and truth by time, commands, decisions."""
+    with Bag(folder / 'bag') as bag:
+        decisions = [
+            (each.message, {v.key: v.value for v in each.values if not v.key.endswith('_ms')})
+            for _, each in bag.messages('/guidance/decision')
+        ]
+        count = 1 + next(k for k, (_, each) in enumerate(decisions) if each['finished'] == 'true')
+        end = int(decisions[count - 1][1]['stamp'])
+        poses = {
+            topic: {(stamp(each), place(each)) for _, each in bag.messages(topic)}
+            for topic in ('/odom', '/sim/truth')
+        }
+        poses = {topic: {each for each in poses[topic] if each[0] <= end} for topic in poses}
+        commands = [(each.linear.x, each.angular.z) for _, each in bag.messages('/cmd_vel')]
+        return poses, commands[:count], decisions[:count]
+
+
+def judged(folder):
+    return json.loads((folder / 'summary.json').read_text())
+
+
+def test_a_disturbed_run_repeats_to_the_last_bit_and_its_replay_is_identical(run_demo):
+    runs = [run_demo(name, DISTURBED)[0] for name in ('one', 'other')]
+    one, other = (contents(folder) for folder in runs)
+    assert one == other
+    poses, _, decisions = one
+    heard = sorted({at for at, _ in poses['/odom']})
+    assert heard[0] > 2 * PERIOD_NS
+    assert not [at for at in heard if 3_900_000_000 <= at < 4_150_000_000]
+    assert len(heard) < 0.9 * len({at for at, _ in poses['/sim/truth'] if at % PERIOD_NS == 0})
+    assert int(decisions[0][1]['stamp']) == heard[0]
+    outcome = replay(runs[0] / 'bag', Names.under(''))
+    assert outcome.first is None, str(outcome)
+    assert outcome.decisions >= len(decisions) > 50
+    assert outcome.plans >= 40
+
+
+def test_a_run_is_judged_by_the_truth(run_demo):
+    folder, code = run_demo('biased', {'noise.bias': '[0.05, 0.0, 0.0]'})
+    summary = judged(folder)
+    assert code == 1
+    assert not summary['reached']
+    assert summary['miss_m'] == pytest.approx(0.05, abs=1e-6)
+    driven = read_run(folder / 'bag').driven
+    # The initial pose is the true one, and not the one that odometry has.
+    assert driven.poses[0].tolist() == [0.0, -9.25, 0.0]
+
+
+def test_told_of_its_delay_a_run_arrives_as_one_without(run_demo):
+    delayed = {'actuation_delay': '0.06'}
+    untold, _ = run_demo('untold', delayed)
+    told, code = run_demo('told', {**delayed, 'command_delay': '0.06'})
+    assert judged(untold)['miss_m'] > 0.1
+    assert code == 0
+    assert judged(told)['miss_m'] < 1e-9
+    assert judged(told)['clearance_m'] == pytest.approx(0.064, abs=1e-3)
+    assert judged(told)['rungs']['nominal'] == judged(told)['control_steps'] == 50
+    outcome = replay(told / 'bag', Names.under(''))
+    assert outcome.first is None, str(outcome)
+    with Bag(told / 'bag') as bag:
+        _, path = next(bag.messages('/guidance/predicted_path'))
+    assert stamp(path.poses[0]) - stamp(path) == 60_000_000
+    assert stamp(path.poses[-1]) == 10_000_000_000
+    assert np.hypot(path.poses[0].pose.position.x, path.poses[0].pose.position.y + 9.25) == 0.0

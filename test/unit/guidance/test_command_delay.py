@@ -1,0 +1,191 @@
+"""The law told of a delay, on a robot that has one."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import CASES, FIRST, MS, PERIOD, START, settings
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.plant import Plant, PlantSettings
+
+ODOMETRY = 20 * MS
+CASE_3 = CASES['case 3']
+
+
+class Drive:
+    """A law and a robot with disturbances, odometry at 50 Hz, up to the final time or later."""
+
+    def __init__(self, given, beyond=0, **disturbances):
+        self.law = GuidanceLaw(given)
+        self.plant = Plant(PlantSettings(given.robot, START, **disturbances))
+        self.decisions, self.motions, self.poses = [], [self.plant.motion], {}
+        self.settings, self.goal = given, given.goal
+        final = round(given.final_time * 1e9)
+        for stamp in range(0, final + beyond + 1, ODOMETRY):
+            self.motions += self.plant.advance(stamp)
+            self.poses[stamp] = self.plant.pose
+            if stamp == final:
+                self.miss = math.dist(self.plant.pose[:2], self.goal)
+            decision = self.law.update(stamp, self.plant.measure())
+            if decision is not None:
+                self.decisions.append(decision)
+                self.plant.command(stamp, *decision.twist)
+        self.motions.append(self.plant.motion)
+
+    @property
+    def clearance(self):
+        space = ClearSpace.of(self.settings.road, self.settings.obstacles, 0.0)
+        poses = np.array([each.pose for each in self.motions[:-1]])
+        twists = np.array([each.twist for each in self.motions[:-1]])
+        durations = np.diff([each.stamp_ns for each in self.motions]) / 1e9
+        return space.clearance(*reach(poses, twists, durations, space.centers)).min()
+
+
+def test_told_of_its_delay_the_robot_arrives_as_it_does_without():
+    undelayed = Drive(CASE_3)
+    untold = Drive(CASE_3, actuation_delay=0.06)
+    told = Drive(replace(CASE_3, command_delay=0.06), actuation_delay=0.06)
+    assert undelayed.miss < 1e-9
+    assert undelayed.clearance == pytest.approx(0.0634, abs=1e-3)
+    assert untold.miss > 0.1
+    assert any(each.rung != Rung.NOMINAL for each in untold.decisions[:-1])
+    assert told.miss < 1e-9
+    assert told.clearance == pytest.approx(0.0640, abs=1e-3)
+    assert {each.rung for each in told.decisions[:-1]} == {Rung.NOMINAL}
+
+
+@pytest.mark.parametrize('name', CASES)
+@pytest.mark.parametrize('delay', [0.01, 0.11, 0.2, 0.25, 0.5])
+def test_any_delay_that_is_known_is_made_up_for(name, delay):
+    run = Drive(replace(CASES[name], command_delay=delay), actuation_delay=delay)
+    assert run.miss < 1e-9
+    assert run.clearance > 0.02
+    assert {each.rung for each in run.decisions if not each.finished} == {Rung.NOMINAL}
+
+
+@pytest.mark.parametrize('delay', [0.06, 0.25])
+def test_every_plan_begins_where_the_robot_then_is(delay):
+    run = Drive(replace(CASE_3, command_delay=delay), beyond=1000 * MS, actuation_delay=delay)
+    for decision in run.decisions:
+        if decision.plan is None:
+            continue
+        stamps = decision.plan.stamps(decision.stamp)
+        assert stamps[0] == decision.stamp + round(delay * 1e9)
+        nearest = stamps[0] - stamps[0] % ODOMETRY
+        [first] = [m for m in run.motions if m.stamp_ns == stamps[0]][-1:] or [None]
+        if first is not None:
+            assert np.allclose(decision.plan.poses[0], first.pose, atol=1e-9)
+        elif stamps[0] == nearest:
+            assert np.allclose(decision.plan.poses[0], run.poses[nearest], atol=1e-9)
+
+
+def test_a_wheel_that_lags_is_mostly_a_delay():
+    # The mean speed of a lagging wheel is that of a delayed one.
+    untold = Drive(CASE_3, wheel_lag=0.1)
+    told = Drive(replace(CASE_3, command_delay=0.1), wheel_lag=0.1)
+    assert untold.miss > 0.04
+    assert told.miss < 2e-3
+    assert told.clearance > 0.03
+
+
+def test_where_a_command_would_come_too_late_the_plan_goes_on():
+    run = Drive(replace(CASE_3, command_delay=0.25), beyond=1000 * MS, actuation_delay=0.25)
+    before, last, end = [each for each in run.decisions if each.stamp >= 9600 * MS][:3]
+    assert 'goes on' not in before.reason
+    assert last.stamp == 9800 * MS
+    assert last.reason == 'The plan goes on: a new command comes too late to change its end.'
+    assert (last.wheel_speeds == before.wheel_speeds).all()
+    assert last.miss == before.miss
+    assert (end.stamp, end.finished) == (10_000 * MS, True)
+
+
+def test_without_a_plan_nothing_goes_on():
+    given = replace(CASE_3, command_delay=0.25)
+    law = GuidanceLaw(given)
+    law.update(0, np.array(START))
+    law.halt(9700 * MS, 'Odometry was lost.')
+    decision = law.update(9800 * MS, np.array(START))
+    assert decision.rung == Rung.STOP
+    assert not decision.finished
+    assert decision.reason == 'No plan can go on until a stop takes effect.'
+
+
+@pytest.mark.parametrize('delay', [0.06, 0.11, 0.2, 0.3])
+def test_where_the_last_command_may_not_outlast_the_final_time_a_stop_is_given_in_time(delay):
+    # Just behind the goal, where the robot comes only after the final time.
+    wall = Obstacle('wall', (10.0, 0.45), 0.3)
+    near = settings((wall,), 51.0, command_delay=delay)
+    assert Drive(replace(near, command_delay=0.0)).miss < 1e-9
+    run = Drive(near, beyond=1000 * MS, actuation_delay=delay)
+    assert run.miss < 1e-9
+    assert run.clearance > 0.0
+    final = round(near.final_time * 1e9)
+    stops = [each for each in run.decisions if each.rung == Rung.STOP]
+    outlasts = 1.6 * delay < 0.15
+    given = final if outlasts else final - round(delay * 1e9)
+    assert stops[0].stamp == min(at for at in run.poses if at >= given)
+
+
+def test_the_way_under_commands_given_is_swept_too():
+    given = replace(CASE_3, command_delay=0.4)
+    law, plant = GuidanceLaw(given), Plant(PlantSettings(given.robot, START, actuation_delay=0.4))
+    for k in range(11):
+        stamp = k * PERIOD
+        plant.advance(stamp)
+        decision = law.update(stamp, plant.pose)
+        plant.command(stamp, *decision.twist)
+    assert decision.rung == Rung.NOMINAL
+    stamp += PERIOD
+    plant.advance(stamp)
+    # Within the 0.6 m that the robot goes before any new command could take effect.
+    x, y, heading = plant.pose
+    ahead = (float(x + 0.35 * math.cos(heading)), float(y + 0.35 * math.sin(heading)))
+    law.reconfigure(replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
+    decision = law.update(stamp, plant.pose)
+    assert decision.rung == Rung.STOP
+    assert decision.reason.startswith('The commands given before come 0.')
+    assert decision.reason.endswith('too close to obstacle box.')
+
+
+def test_margins_are_those_of_the_way_as_well():
+    # Beside the robot as it stands, and left behind before its first command takes effect.
+    given = settings((FIRST, Obstacle('post', (0.0, -9.6), 0.3)), 51.0, command_delay=0.3)
+    decision = GuidanceLaw(given).update(0, np.array(START))
+    assert decision.margin == pytest.approx(0.05)
+    assert decision.worst_margin <= 0.05 + 1e-12
+
+
+def test_a_reset_forgets_the_commands():
+    given = replace(CASE_3, command_delay=0.3)
+    law, fresh = GuidanceLaw(given), GuidanceLaw(given)
+    pose = np.array(START)
+    first = law.update(0, pose)
+    law.update(PERIOD, pose)
+    law.reset()
+    again, same = law.update(2 * PERIOD, pose), fresh.update(0, pose)
+    for each in (again, same):
+        assert (each.wheel_speeds == first.wheel_speeds).all()
+        assert (each.plan.poses == first.plan.poses).all()
+
+
+def test_a_stop_by_the_clock_is_foreseen_as_well():
+    given = replace(CASE_3, command_delay=0.3)
+    law, pose = GuidanceLaw(given), np.array(START)
+    law.update(0, pose)
+    law.halt(100 * MS, 'Odometry was lost.')
+    decision = law.update(500 * MS, pose)
+    assert (decision.plan.poses[0] == pose).all()
+
+
+def test_the_same_odometry_gives_the_same_decisions():
+    given = replace(CASE_3, command_delay=0.13)
+    runs = [Drive(given, actuation_delay=0.1, actuation_jitter=0.05, seed=3) for _ in range(2)]
+    for one, other in zip(*(run.decisions for run in runs), strict=True):
+        assert (one.wheel_speeds == other.wheel_speeds).all()
+        assert (one.margin, one.reason) == (other.margin, other.reason)

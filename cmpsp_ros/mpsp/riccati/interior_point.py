@@ -138,31 +138,40 @@ def solve(qp: StageQP, penalty: Penalty, room: InteriorPoint) -> int:
         `SOLVED` only where `kkt_residual` is within the tolerance, `INFEASIBLE` only where the rows
         in ``room.conflict`` prove it, `NO_CURVATURE`, or `ITERATION_LIMIT`.
     """
-    costs = {name: getattr(room.model, name) for name in _COST}
-    return find_interior_point(qp, penalty, room._replace(model=qp._replace(**costs)))
-
-
-@allocation_free
-def find_interior_point(qp: StageQP, penalty: Penalty, room: InteriorPoint) -> int:
-    """Solve a program whose model has a cost of its own, and all else from the program."""
     room.counts[:] = 0
-    outcome = _descend(qp, penalty, room, False)
-    if outcome == ITERATION_LIMIT:
-        # Where every hard row has a high price instead there is always a solution: it is that of
-        # the hard program, or its multipliers prove that this has none.
-        outcome = _descend(qp, penalty, room, True)
+    for k, a in np.argwhere(qp.lower > qp.upper).tolist():
+        if not _is_nothing(qp.lower[k, a], qp.upper[k, a]):
+            row = number_of(qp, BOUND, k, a)
+            room.conflict[:2], room.counts[CONFLICT] = (row, row + 1), 2
+            return INFEASIBLE
+    costs = {name: getattr(room.model, name) for name in _COST}
+    room = room._replace(model=qp._replace(**costs))
+    outcome = ITERATION_LIMIT
+    for priced in (False, True):
+        if not factorise(qp, room.white):
+            return NO_CURVATURE
+        mean, unmet = begin(qp, penalty, room, priced)
+        outcome = descend(qp, penalty, room, priced, mean, unmet)
+        if outcome != ITERATION_LIMIT:
+            break
     return outcome
 
 
 @allocation_free
-def _descend(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -> int:
-    """The method; see `find_interior_point` for the second attempt."""
+def descend(
+    qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool, mean: float, first: float
+) -> int:
+    """The method, from where `begin` leaves it.
+
+    Args:
+        qp: The program.
+        penalty: Largest multipliers, infinite where a row is hard.
+        room: Filled with the solution.
+        priced: Whether hard rows have a price.
+        mean: Mean of the complementary products.
+        first: The farthest that a row is from being met.
+    """
     b, white, model = room.barrier, room.white, room.model
-    if not factorise(qp, white):
-        return NO_CURVATURE
-    if _find_crossed(qp, room):
-        return INFEASIBLE
-    mean, first = _begin(qp, penalty, room, priced)
     begun, best, unmet = mean, math.inf, first
     for iteration in range(_ITERATIONS):
         room.counts[STEPS] += 1
@@ -206,27 +215,13 @@ def _descend(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -
 
 
 @allocation_free
-def _find_crossed(qp: StageQP, room: InteriorPoint) -> bool:
-    """Whether bounds of a control contradict each other."""
-    for k in range(qp.g.shape[0]):
-        for a in range(dimension(qp.control)):
-            lower, upper = qp.lower[k, a], qp.upper[k, a]
-            if lower > upper and not _is_nothing(lower, upper):
-                row = number_of(qp, BOUND, k, a)
-                room.conflict[0], room.conflict[1] = row, row + 1
-                room.counts[CONFLICT] = 2
-                return True
-    return False
-
-
-@allocation_free
 def _is_nothing(lower: float, upper: float) -> bool:
     """Whether there is nothing between two limits."""
     return abs(upper - lower) <= _APART * (1.0 + min(abs(lower), abs(upper)))
 
 
 @allocation_free
-def _begin(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -> Any:
+def begin(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -> Any:
     """Slacks and multipliers on the scale of the minimum without any row.
 
     Returns:

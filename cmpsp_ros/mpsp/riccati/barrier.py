@@ -6,9 +6,10 @@ exceed 0 at a price, ``value + slack = excess``, and what its multiplier lacks t
 
     multiplier_step = weight * (miss + value_step),
 
-so that to the rest of the program a row is a quadratic cost of that weight. Each row gives way by
-``give * multiplier_step`` (a proximal point method on the multipliers). That bounds the weights,
-and with them the rounding, and makes no difference to the solution, where the step vanishes.
+so that to the rest of the program a row is a quadratic cost of that weight. Each row gives way in
+proportion to ``multiplier_step`` (a proximal point method on the multipliers). That bounds the
+weights, and with them the rounding, and makes no difference to the solution, where the step
+vanishes.
 
 Mehrotra, S.: On the implementation of a primal-dual interior point method. SIAM Journal on
 Optimization 2 (1992), 575-601.
@@ -42,7 +43,6 @@ class Barrier(NamedTuple):
             multiplier times it, are both distances there.
         offset: What is subtracted from `multiplier` to have the row's own: the penalty of a
             relaxed terminal row, whose multiplier has either sign.
-        give: By how much a unit of multiplier step moves the row.
         value: Left-hand side minus right-hand side.
         slack: Positive.
         multiplier: Positive; of either sign for an equality.
@@ -61,7 +61,6 @@ class Barrier(NamedTuple):
     kind: NDArray[np.int64]
     length: Array
     offset: Array
-    give: Array
     value: Array
     slack: Array
     multiplier: Array
@@ -102,11 +101,12 @@ def place_row(b: Barrier, row: int, slack: float, cap: float, product: float) ->
 
 
 @allocation_free
-def aim(b: Barrier, product: float, share: float) -> None:
+def aim(b: Barrier, give: float, product: float, share: float) -> None:
     """Weights, and the misses of a step to a complementary product.
 
     Args:
         b: The rows.
+        give: By how much a unit of multiplier step moves a row, relative to its length squared.
         product: What all products of complementary numbers shall become.
         share: By how much the products of the predicted steps count, which are in `b`.
     """
@@ -116,12 +116,12 @@ def aim(b: Barrier, product: float, share: float) -> None:
             continue
         b.miss[row] = b.value[row]
         if kind == EQUAL:
-            b.weight[row] = 1.0 / b.give[row]
+            b.weight[row] = 1.0 / (give * b.length[row] ** 2)
             continue
         multiplier, step = b.multiplier[row], share * b.multiplier_step[row]
         b.slack_goal[row] = product - b.slack_step[row] * step
         b.miss[row] += b.slack_goal[row] / multiplier
-        softness = b.give[row] + b.slack[row] / multiplier
+        softness = give * b.length[row] ** 2 + b.slack[row] / multiplier
         if kind == RELAXED:
             b.excess_goal[row] = product + b.excess_step[row] * step
             b.miss[row] -= b.excess_goal[row] / b.room[row]

@@ -7,7 +7,7 @@ from typing import Any
 
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.barrier import OFF, Barrier
+from cmpsp_ros.mpsp.riccati.barrier import EQUAL, OFF, Barrier
 from cmpsp_ros.mpsp.riccati.newton import add_force
 from cmpsp_ros.mpsp.riccati.rows import BOUND, limit_of, load_row, number_of, place_of
 from cmpsp_ros.mpsp.riccati.size import dimension
@@ -34,7 +34,9 @@ def proves_infeasible(
 ) -> int:
     """Whether the multipliers of an iterate combine hard rows to one that nothing meets.
 
-    The fewer rows do, the better: those with small multipliers are left out where they can be.
+    Where there is no solution they grow without end, and the last step shows the direction more
+    clearly than their sum does. The fewer rows do, the better: those with small multipliers are
+    left out where they can be.
 
     Args:
         qp: The program.
@@ -53,13 +55,23 @@ def proves_infeasible(
         for a in range(dU.shape[1]):
             farthest = max(farthest, 1.0 + abs(dU[k, a]))
     farthest *= FARTHEST
-    largest = 0.0
-    for row in range(b.kind.shape[0]):
-        largest = max(largest, abs(_pull(qp, penalty, b, row)) * b.length[row])
-    for least in (1e-3, 1e-6, 1e-9, 0.0):
-        found = _combine(qp, model, penalty, white, b, least * largest, farthest, conflict)
-        if found > 0:
-            return found
+    for attempt in range(2):
+        multipliers = b.multiplier_step
+        if attempt == 1:
+            # Not needed any more: the step has been taken.
+            multipliers = b.miss
+            for row in range(b.kind.shape[0]):
+                multipliers[row] = b.multiplier[row] - b.offset[row]
+        largest = 0.0
+        for row in range(b.kind.shape[0]):
+            pull = _pull(qp, penalty, b, multipliers, row)
+            largest = max(largest, abs(pull) * b.length[row])
+        for least in (1e-3, 1e-6, 1e-9, 0.0):
+            found = _combine(
+                qp, model, penalty, white, b, multipliers, least * largest, farthest, conflict
+            )
+            if found > 0:
+                return found
     return 0
 
 
@@ -70,6 +82,7 @@ def _combine(
     penalty: Penalty,
     white: Whitening,
     b: Barrier,
+    multipliers: Array,
     least: float,
     farthest: float,
     conflict: Indices,
@@ -85,7 +98,7 @@ def _combine(
     model.L_U[:] = 0.0
     total, size, found = 0.0, 0.0, 0
     for row in range(b.kind.shape[0]):
-        multiplier = _pull(qp, penalty, b, row)
+        multiplier = _pull(qp, penalty, b, multipliers, row)
         if abs(multiplier) * b.length[row] > least:
             part = -multiplier * limit_of(qp, penalty, row)[0]
             total += part
@@ -102,11 +115,12 @@ def _combine(
                 for i in range(n):
                     slope += qp.B[k, i, a] * p[i]
             row = number_of(qp, BOUND, k, a)
-            bound = qp.upper[k, a]
+            bound, length = qp.upper[k, a], max(b.length[row], b.length[row + 1])
             if slope > 0.0:
                 row, bound = row + 1, -qp.lower[k, a]
             part = -abs(slope) * farthest
-            if bound < math.inf and abs(slope) * b.length[row] > least:
+            # Its multiplier would be the slope.
+            if bound < math.inf and abs(slope) * length > least:
                 part = -abs(slope) * bound
                 conflict[found] = row
                 found += 1
@@ -123,10 +137,12 @@ def _combine(
 
 
 @allocation_free
-def _pull(qp: StageQP, penalty: Penalty, b: Barrier, row: int) -> Any:
-    """Multiplier of a hard row that is no bound, else 0."""
+def _pull(qp: StageQP, penalty: Penalty, b: Barrier, multipliers: Array, row: int) -> Any:
+    """Multiplier of a hard row that is no bound, of a sign that it may have, else 0."""
     if b.kind[row] == OFF or limit_of(qp, penalty, row)[1] < math.inf:
         return 0.0
     if row >= qp.output_error.shape[0] and place_of(qp, row).kind == BOUND:
         return 0.0
-    return b.multiplier[row] - b.offset[row]
+    if b.kind[row] == EQUAL or row < qp.output_error.shape[0]:
+        return multipliers[row]
+    return max(multipliers[row], 0.0)

@@ -39,7 +39,6 @@ from cmpsp_ros.mpsp.riccati.rows import (
     value_of,
     white_length,
 )
-from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.solver import TOLERANCE
 from cmpsp_ros.mpsp.riccati.stage_qp import (
     Multipliers,
@@ -61,8 +60,9 @@ _AIM = 1e-12
 # Limits that are no farther apart, relative to 1 plus their size, leave nothing between them.
 _APART = 1e-10
 _COST = ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')
-# By how much rows give, relative to their lengths squared.
-_GIVE = 1e-9
+# By how much rows give (see `aim`), at first and where that holds them up.
+_GIVE, _LEAST_GIVE = 1e-9, 1e-14
+_LONG, _HELD_UP = 0.9, 0.3
 _BACK_OFF, _LEAST_BACK_OFF = 0.99, 1e-6
 _LEAST = 1e-10
 # A proof of infeasibility is looked for where less than that was gained after some iterations.
@@ -172,10 +172,10 @@ def descend(
         first: The farthest that a row is from being met.
     """
     b, white, model = room.barrier, room.white, room.model
-    begun, best, unmet = mean, math.inf, first
+    begun, best, unmet, give = mean, math.inf, first, _GIVE
     for iteration in range(_ITERATIONS):
         room.counts[STEPS] += 1
-        aim(b, 0.0, 0.0)
+        aim(b, give, 0.0, 0.0)
         if not take_curvature(qp, model, white, b):
             break
         take_slope(qp, model, white, b, room.U, room.X)
@@ -185,13 +185,16 @@ def descend(
             # The step changes the mean of all products to this.
             predicted = (1.0 - length) * mean + length * length * product
             center = min(max(predicted / mean, 0.0), 1.0) ** 3
-            aim(b, center * mean, length if priced else 1.0)
+            aim(b, give, center * mean, length if priced else 1.0)
             take_slope(qp, model, white, b, room.U, room.X)
             blocking, product = take_step(qp, model, white, b, room.step_U, room.step_X)
         # The nearer the solution, the nearer to the boundary.
         back_off = min(max(_BACK_OFF, 1.0 - mean / max(begun, _LEAST)), 1.0 - _LEAST_BACK_OFF)
         length = back_off / max(blocking, back_off)
+        before = unmet
         mean, unmet = _move(qp, room, length)
+        if length > _LONG and unmet > _HELD_UP * before:
+            give = max(0.1 * give, _LEAST_GIVE)
         if not math.isfinite(mean + unmet):
             break
         residual = _check(qp, penalty, room)
@@ -240,11 +243,10 @@ def begin(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -> A
         bound, cap = limit_of(qp, penalty, row)
         b.kind[row] = _kind_of(qp, row, bound, cap)
         if b.kind[row] == OFF:
-            b.offset[row] = b.multiplier[row] = 0.0
+            b.length[row] = b.offset[row] = b.multiplier[row] = 0.0
             continue
         length = white_length(qp, white, row)
         b.length[row] = length if length > 0.0 else 1.0
-        b.give[row] = _GIVE * b.length[row] ** 2
         b.value[row] = -bound
         violation = value_of(qp, row, room.step_U, room.step_X) - bound
         if b.kind[row] == EQUAL or row < qp.output_error.shape[0]:

@@ -55,8 +55,9 @@ STEPS, CONFLICT = 0, 1
 """Places in `InteriorPoint.counts`."""
 
 _ITERATIONS = 80
-# Residual at which to stop at once; where rounding does not allow it, the best one counts.
-_AIM = 1e-12
+# Residual at which to stop at once; where rounding does not allow it, the best one of some more
+# counts.
+_AIM, _STALLS = 1e-12, 4
 # Limits that are no farther apart, relative to 1 plus their size, leave nothing between them.
 _APART = 1e-10
 _COST = ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')
@@ -172,7 +173,7 @@ def descend(
         first: The farthest that a row is from being met.
     """
     b, white, model = room.barrier, room.white, room.model
-    begun, best, unmet, give = mean, math.inf, first, _GIVE
+    begun, best, unmet, give, stalls = mean, math.inf, first, _GIVE, 0
     for iteration in range(_ITERATIONS):
         room.counts[STEPS] += 1
         aim(b, give, 0.0, 0.0)
@@ -198,12 +199,12 @@ def descend(
         if not math.isfinite(mean + unmet):
             break
         residual = _check(qp, penalty, room)
-        stalled = not residual < 0.5 * best
+        stalls = 0 if residual < 0.5 * best else stalls + 1
         if residual < best:
             best = residual
             if best <= TOLERANCE:
                 _keep(room)
-        if best <= _AIM or (stalled and best <= TOLERANCE):
+        if best <= _AIM or (stalls >= _STALLS and best <= TOLERANCE):
             break
         hopeless = iteration >= _PATIENCE and unmet > _UNMET * first
         if hopeless or length < _SHORTEST or priced:

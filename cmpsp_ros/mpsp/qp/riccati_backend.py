@@ -1,4 +1,7 @@
-"""The compiled Riccati solvers as back ends; nothing is condensed."""
+"""The compiled Riccati active-set method as a back end; nothing is condensed.
+
+Where it gives up, the interior point is asked.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ _rooms = Rooms(solver.solver)
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-    """Solve a subproblem by the dual active-set method."""
+    """Solve a subproblem by the dual active-set method, or else by the interior point."""
     return solve_from(subproblem, penalties, empty_hint(subproblem.size))
 
 
@@ -36,7 +39,8 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
     Args:
         subproblem: The program.
         penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        hint: Rows to begin with; left as those of this solution.
+        hint: Rows to begin with; left as those of this solution, and empty where the interior point
+            found it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
     with _rooms.of(size) as room:

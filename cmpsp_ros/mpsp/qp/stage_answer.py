@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, Row
 from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, place_of
@@ -14,7 +12,15 @@ from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
 
 def solved(dU: Array, multipliers: Multipliers, iterations: int) -> QPSolution:
     """A solution with arrays of its own."""
-    return QPSolution(QPStatus.SOLVED, dU.copy(), *map(np.copy, multipliers), iterations)
+    return QPSolution(
+        QPStatus.SOLVED,
+        dU.copy(),
+        multipliers.terminal.copy(),
+        multipliers.path.copy(),
+        multipliers.trust.copy(),
+        multipliers.bounds.copy(),
+        iterations,
+    )
 
 
 def named(qp: StageQP, numbers: Iterable[int]) -> tuple[Row, ...]:

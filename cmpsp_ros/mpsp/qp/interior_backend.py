@@ -11,11 +11,11 @@ from cmpsp_ros.mpsp.qp.solution import (
 )
 from cmpsp_ros.mpsp.qp.stage_answer import named, solved
 from cmpsp_ros.mpsp.riccati import interior_point
-from cmpsp_ros.mpsp.riccati.interior_point import CONFLICT, STEPS
+from cmpsp_ros.mpsp.riccati.interior_room import CONFLICT, STEPS, interior_room
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, SOLVED
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
-_rooms = Rooms(interior_point.interior_point)
+_rooms = Rooms(interior_room)
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:

@@ -6,125 +6,34 @@ Each iteration is a Newton step, which takes time linear in the horizon whatever
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from cmpsp_ros.mpsp.compiled import allocation_free
-from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.barrier import (
-    EQUAL,
-    HARD,
-    OFF,
-    RELAXED,
-    Barrier,
-    advance,
-    aim,
-    empty_barrier,
-    multiplier_of,
-    place_row,
-)
+from cmpsp_ros.mpsp.riccati.barrier import advance, aim, multiplier_of
 from cmpsp_ros.mpsp.riccati.certificate import proves_infeasible
+from cmpsp_ros.mpsp.riccati.interior_room import CONFLICT, STEPS, InteriorPoint
+from cmpsp_ros.mpsp.riccati.interior_start import begin, is_nothing
 from cmpsp_ros.mpsp.riccati.newton import take_curvature, take_slope, take_step
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.riccati.residual import kkt_residual
-from cmpsp_ros.mpsp.riccati.rows import (
-    BOUND,
-    TRUST,
-    count_rows,
-    limit_of,
-    number_of,
-    place_of,
-    put_multiplier,
-    value_of,
-    white_length,
-)
+from cmpsp_ros.mpsp.riccati.rows import BOUND, count_rows, limit_of, number_of, put_multiplier
 from cmpsp_ros.mpsp.riccati.solver import TOLERANCE
-from cmpsp_ros.mpsp.riccati.stage_qp import (
-    Multipliers,
-    Penalty,
-    StageQP,
-    empty_multipliers,
-    empty_qp,
-    propagate,
-)
-from cmpsp_ros.mpsp.riccati.whitening import Whitening, factorise, spread, unwhiten, whitening
-from cmpsp_ros.mpsp.riccati.working_set import Indices
-
-STEPS, CONFLICT = 0, 1
-"""Places in `InteriorPoint.counts`."""
+from cmpsp_ros.mpsp.riccati.stage_qp import Penalty, StageQP, propagate
+from cmpsp_ros.mpsp.riccati.whitening import factorise
 
 _ITERATIONS = 80
 # Residual at which to stop at once; where rounding does not allow it, the best one of some more
 # counts.
 _AIM, _STALLS = 1e-12, 4
-# Limits that are no farther apart, relative to 1 plus their size, leave nothing between them.
-_APART = 1e-10
 _COST = ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')
 # By how much rows give (see `aim`), at first and where that holds them up.
 _GIVE, _LEAST_GIVE = 1e-9, 1e-14
 _LONG, _HELD_UP = 0.9, 0.3
 _BACK_OFF, _LEAST_BACK_OFF = 0.99, 1e-6
-_LEAST = 1e-10
 # A proof of infeasibility is looked for where less than that was gained after some iterations.
 _UNMET, _PATIENCE, _SHORTEST = 1e-6, 5, 1e-8
-# Price of a hard row in the second attempt, relative to the distances of the program.
-_PRICE = 1e8
-
-
-class InteriorPoint(NamedTuple):
-    """Room for programs of some sizes, one at a time.
-
-    Attributes:
-        counts: Iterations done, and rows in `conflict`; shape ``(2,)``.
-        model: The program with the cost of the Newton step.
-        white: Factorisation of it.
-        barrier: The rows.
-        U: Iterate, shape ``(N + 1, r)``.
-        X: Its states, shape ``(N + 1, n)``.
-        step_U: Step, shape ``(N + 1, r)``.
-        step_X: Its states, shape ``(N + 1, n)``.
-        dU: Control deviations of the solution, shape ``(N + 1, r)``.
-        multipliers: Multipliers of the solution.
-        candidates: Multipliers of the iterate.
-        costates: Scratch, shape ``(4, n)``.
-        conflict: Rows that contradict each other, where infeasible; shape ``(rows,)``.
-    """
-
-    counts: Indices
-    model: StageQP
-    white: Whitening
-    barrier: Barrier
-    U: Array
-    X: Array
-    step_U: Array
-    step_X: Array
-    dU: Array
-    multipliers: Multipliers
-    candidates: Multipliers
-    costates: Array
-    conflict: Indices
-
-
-def interior_point(N: int, n: int, r: int, m: int, l: int) -> InteriorPoint:  # noqa: E741
-    """Room for programs of these sizes."""
-    K = N + 1
-    rows = m + K * (l + 2 * r + 2 * n)
-    return InteriorPoint(
-        counts=np.zeros(2, np.int64),
-        model=empty_qp(N, n, r, m, l),
-        white=whitening(N, n, r),
-        barrier=empty_barrier(rows),
-        U=np.zeros((K, r)),
-        X=np.zeros((K, n)),
-        step_U=np.zeros((K, r)),
-        step_X=np.zeros((K, n)),
-        dU=np.zeros((K, r)),
-        multipliers=empty_multipliers(N, n, r, m, l),
-        candidates=empty_multipliers(N, n, r, m, l),
-        costates=np.zeros((4, n)),
-        conflict=np.zeros(rows, np.int64),
-    )
 
 
 def solve(qp: StageQP, penalty: Penalty, room: InteriorPoint) -> int:
@@ -141,7 +50,7 @@ def solve(qp: StageQP, penalty: Penalty, room: InteriorPoint) -> int:
     """
     room.counts[:] = 0
     for k, a in np.argwhere(qp.lower > qp.upper).tolist():
-        if not _is_nothing(qp.lower[k, a], qp.upper[k, a]):
+        if not is_nothing(qp.lower[k, a], qp.upper[k, a]):
             row = number_of(qp, BOUND, k, a)
             room.conflict[:2], room.counts[CONFLICT] = (row, row + 1), 2
             return INFEASIBLE
@@ -190,7 +99,8 @@ def descend(
             take_slope(qp, model, white, b, room.U, room.X)
             blocking, product = take_step(qp, model, white, b, room.step_U, room.step_X)
         # The nearer the solution, the nearer to the boundary.
-        back_off = min(max(_BACK_OFF, 1.0 - mean / max(begun, _LEAST)), 1.0 - _LEAST_BACK_OFF)
+        nearness = 1.0 - (mean / begun if begun > 0.0 else 0.0)
+        back_off = min(max(_BACK_OFF, nearness), 1.0 - _LEAST_BACK_OFF)
         length = back_off / max(blocking, back_off)
         before = unmet
         mean, unmet = _move(qp, room, length)
@@ -216,87 +126,6 @@ def descend(
         if length < _SHORTEST:
             break
     return SOLVED if best <= TOLERANCE else ITERATION_LIMIT
-
-
-@allocation_free
-def _is_nothing(lower: float, upper: float) -> bool:
-    """Whether there is nothing between two limits."""
-    return abs(upper - lower) <= _APART * (1.0 + min(abs(lower), abs(upper)))
-
-
-@allocation_free
-def begin(qp: StageQP, penalty: Penalty, room: InteriorPoint, priced: bool) -> Any:
-    """Slacks and multipliers on the scale of the minimum without any row.
-
-    Returns:
-        What `advance` does.
-    """
-    b, white = room.barrier, room.white
-    room.U[:] = 0.0
-    room.X[:] = 0.0
-    gain = 0.0
-    for i in range(white.optimum.shape[0]):
-        gain += white.optimum[i] ** 2
-    spread(qp, white)
-    unwhiten(qp, white, white.optimum, room.step_U, room.step_X)
-    far, pairs = 0.0, 0
-    for row in range(b.kind.shape[0]):
-        bound, cap = limit_of(qp, penalty, row)
-        b.kind[row] = _kind_of(qp, row, bound, cap)
-        if b.kind[row] == OFF:
-            b.length[row] = b.offset[row] = b.multiplier[row] = 0.0
-            continue
-        length = white_length(qp, white, row)
-        b.length[row] = length if length > 0.0 else 1.0
-        b.value[row] = -bound
-        violation = value_of(qp, row, room.step_U, room.step_X) - bound
-        if b.kind[row] == EQUAL or row < qp.output_error.shape[0]:
-            violation, bound = abs(violation), -abs(bound)
-        far = max(far, violation / b.length[row], -bound / b.length[row])
-        pairs += 2
-    distance = math.sqrt(gain + far * far)
-    product = max(10.0 * distance * distance, _LEAST) / max(pairs, 1)
-    least = max(0.1 * far, 1e-3 * distance, _LEAST)
-    for row in range(b.kind.shape[0]):
-        if b.kind[row] == OFF:
-            continue
-        cap = limit_of(qp, penalty, row)[1]
-        terminal = row < qp.output_error.shape[0]
-        # Bounds alone never contradict each other here, and are the better kept the closer.
-        hard = b.kind[row] == HARD and place_of(qp, row).kind != BOUND
-        if priced and cap == math.inf and (terminal or hard):
-            b.kind[row] = RELAXED
-            cap = _PRICE * distance / b.length[row]
-        b.offset[row] = 0.0
-        if terminal and b.kind[row] == RELAXED:
-            b.offset[row] = cap
-            cap *= 2.0
-        place_row(b, row, max(-b.value[row], least * b.length[row]), cap, product)
-    return _move(qp, room, 0.0)
-
-
-@allocation_free
-def _kind_of(qp: StageQP, row: int, bound: float, cap: float) -> int:
-    """What a row is in the barrier."""
-    if not abs(bound) < math.inf or cap <= 0.0:
-        return OFF
-    if row < qp.output_error.shape[0]:
-        return EQUAL if cap == math.inf else RELAXED
-    place = place_of(qp, row)
-    if place.kind == TRUST and place.stage == 0:
-        return OFF
-    kind = HARD if cap == math.inf else RELAXED
-    lower, upper = -math.inf, math.inf
-    if place.kind == BOUND:
-        lower, upper = (
-            qp.lower[place.stage, place.component],
-            qp.upper[place.stage, place.component],
-        )
-    elif place.kind == TRUST:
-        lower, upper = -bound, bound
-    if upper < math.inf and _is_nothing(lower, upper):
-        kind = EQUAL if place.sign > 0.0 else OFF
-    return kind
 
 
 @allocation_free

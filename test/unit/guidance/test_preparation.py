@@ -16,6 +16,8 @@ from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.preparation import prepare
+from cmpsp_ros.mpsp.riccati import solver
+from cmpsp_ros.mpsp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -61,6 +63,16 @@ for hessian, rate, limit, between in changes:
     law.update(50 * PERIOD - PERIOD // 2, START)
     assert law.update(50 * PERIOD, START).finished
 assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
+
+# Where the active set gives up, the general iteration has the interior point's answers.
+asked = []
+solver.solve = lambda *_: asked.append(1) or ITERATION_LIMIT
+for tight in (1.0, 6.0):
+    changed = {'solver.hessian': 'exact', 'obstacles.a.radius': tight}
+    law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))
+    rungs = {law.update(step * PERIOD, START).rung.name for step in range(2)}
+    assert tight > 1.0 or rungs == {'NOMINAL'}, rungs
+assert asked
 print(*sorted(code() - before), sep='\\n')
 """
 

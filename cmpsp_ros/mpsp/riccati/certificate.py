@@ -100,9 +100,9 @@ def _combine(
     for row in range(b.kind.shape[0]):
         multiplier = _pull(qp, penalty, b, multipliers, row)
         if abs(multiplier) * b.length[row] > least:
-            part = -multiplier * limit_of(qp, penalty, row)[0]
-            total += part
-            size += abs(part)
+            bound, _ = limit_of(qp, penalty, row)
+            total -= multiplier * bound
+            size += abs(multiplier) * (abs(bound) + abs(b.value[row]))
             conflict[found] = row
             found += 1
             add_force(model, white, load_row(qp, white, row), multiplier)

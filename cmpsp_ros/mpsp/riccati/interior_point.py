@@ -28,8 +28,9 @@ _ITERATIONS = 80
 # counts.
 _AIM, _STALLS = 1e-12, 4
 _COST = ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')
-# By how much rows give (see `aim`), at first and where that holds them up.
-_GIVE, _LEAST_GIVE = 1e-9, 1e-14
+# By how much rows give (see `aim`): at first, where that holds them up, and where their weights
+# are too large for the factorisation.
+_GIVE, _LEAST_GIVE, _MOST_GIVE = 1e-9, 1e-14, 1e-3
 _LONG, _HELD_UP = 0.9, 0.3
 _BACK_OFF, _LEAST_BACK_OFF = 0.99, 1e-6
 # A proof of infeasibility is looked for where less than that was gained after some iterations.
@@ -87,7 +88,10 @@ def descend(
         room.counts[STEPS] += 1
         aim(b, give, 0.0, 0.0)
         if not take_curvature(qp, model, white, b):
-            break
+            give *= 100.0
+            if give > _MOST_GIVE:
+                break
+            continue
         take_slope(qp, model, white, b, room.U, room.X)
         blocking, product = take_step(qp, model, white, b, room.step_U, room.step_X)
         if mean > 0.0:

@@ -6,16 +6,14 @@ changes of parameters - every decision says of itself: `halted`, `run`, `revisio
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
 from cmpsp_ros.guidance.time_jump import TimeJump
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.table import Values
 
 
@@ -67,7 +65,6 @@ class Inputs:
     """The inputs of a recorded guidance law; to be iterated over once.
 
     Attributes:
-        values: Parameters that the recorder found.
         skipped: Decisions before the first that begins a run: what the law then knew is not in
             the bag.
     """
@@ -79,10 +76,15 @@ class Inputs:
             BagError: A topic or the parameters are missing, or cannot be used.
         """
         self._bag, self._node = bag, names.node
-        self.values = recorded_values(bag, names.node)
+        self._parameters = NodeParameters(bag, names.node)
         self.skipped = 0
         self._recording = Recording(bag, names, self.values['frame_id'])
         self._time = TimeJump()
+
+    @property
+    def values(self) -> Values:
+        """The parameters, after all that was read by now."""
+        return self._parameters.values
 
     def __iter__(self) -> Iterator[Input]:
         """Read on.
@@ -102,7 +104,7 @@ class Inputs:
             if odometry is not None:
                 yield from self._between(odometry, heard=heard and not begins)
             if before is None or begins:
-                yield from self._began(decision)
+                yield from self._began(decision, again=before is not None)
             else:
                 yield from self._beforehand(before, decision)
             if decision.halted:
@@ -134,9 +136,12 @@ class Inputs:
             yield Reset()
         yield Heard(odometry, decision)
 
-    def _began(self, decision: Recorded) -> Iterator[Input]:
+    def _began(self, decision: Recorded, *, again: bool) -> Iterator[Input]:
+        began = 0
+        while (since := self._parameters.restart(until=decision.received)) is not None:
+            began = since
         while self._has_change(until=decision.received):
-            self._change()
+            self._change(used=again and not began, since=began)
         yield Began(self.values)
 
     def _beforehand(self, before: Recorded, decision: Recorded) -> Iterator[Input]:
@@ -151,7 +156,7 @@ class Inputs:
                         f' change {decision.revision} of the parameters of {self._node}, wanted'
                         ' that change in /parameter_events'
                     )
-                self._change()
+                self._change(used=True)
                 yield Changed(self.values)
         if decision.run != before.run or decision.step < before.step:
             yield Reset()
@@ -160,14 +165,10 @@ class Inputs:
         waiting = self._recording.changes
         return bool(waiting) and (until is None or waiting[0][0] <= until)
 
-    def _change(self) -> None:
+    def _change(self, *, used: bool, since: int = 0) -> None:
         received, said = self._recording.changes.popleft()
-        try:
-            self.values = TABLE.reconfigure(self.values, said)
-        except ParameterError as error:
-            raise BagError(
-                f'{self._bag.path}: change of parameters at {received} ns: {error.problems[0]}'
-            ) from error
+        if received >= since:
+            self._parameters.change(received, said, used=used)
 
     def _refuse_to_guess(self, decision: Recorded) -> None:
         if self._has_change(until=decision.received):
@@ -181,22 +182,6 @@ class Inputs:
         if not self._recording.odometry and self._recording.unusable:
             raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
         return Lost(decision)
-
-
-def recorded_values(bag: Bag, node: str) -> Values:
-    """The parameters of a guidance node as the recorder found them, complete.
-
-    Raises:
-        BagError: There are none, or they cannot be used.
-    """
-    if node not in bag.parameters:
-        there = ', '.join(sorted(bag.parameters)) or 'no node'
-        raise BagError(f'{bag.path}: no parameters of {node}; there are those of {there}')
-    given: Mapping[str, Any] = bag.parameters[node]
-    try:
-        return TABLE.resolve(given)
-    except ParameterError as error:
-        raise BagError(f'{bag.path}: parameters of {node}: {error.problems[0]}') from error
 
 
 def _began_anew(before: Recorded, decision: Recorded) -> bool:

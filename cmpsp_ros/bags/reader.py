@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,
+    RESTARTS_KEY,
     SOFTWARE_KEY,
     VERSION_KEY,
     expected,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
     from rosbags.typesys.store import Typestore
 
-_STORAGE_FILES = ('*.mcap', '*.db3')
+_SUFFIXES = ('.mcap', '.db3')
 
 _MAX_REASON = 500
 
@@ -63,8 +64,11 @@ class Bag:
         topics: By full name.
         start: Stamp of the first message [ns], 0 when there is none.
         end: Stamp of the last message [ns], 0 when there is none.
-        parameters: Parameters kept with the bag, `{node: {name: value}}`; empty when the bag was
-            not written by this package.
+        parameters: Parameters kept with the bag, `{node: {name: value}}`, as they were before the
+            first change in `/parameter_events`; empty when the bag was not written by this package.
+            A parameter is missing when it was changed before the recorder could learn its value.
+        restarts: By node, when it was started anew with other parameters [ns], and these; in order
+            of time.
         version: Version of this package that wrote the bag; empty when another program did.
         software: Versions of what else was installed where the bag was written, by name.
 
@@ -216,6 +220,10 @@ class Bag:
         self.version: str = expected(custom.get(VERSION_KEY, ''), str, VERSION_KEY)
         self.software: dict[str, str] = parsed(custom, SOFTWARE_KEY)
         self.parameters: dict[str, dict[str, Any]] = parsed(custom, PARAMETERS_KEY)
+        self.restarts: dict[str, list[tuple[int, dict[str, Any]]]] = {
+            node: sorted(((since, values) for since, values in each), key=lambda one: one[0])
+            for node, each in parsed(custom, RESTARTS_KEY).items()
+        }
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:
@@ -236,11 +244,15 @@ def _check_there(path: Path) -> None:
         raise BagError(msg)
     if path.is_dir() and not (path / METADATA).exists():
         raise BagError(f'{path}: {_what_is(path)}')
+    if path.is_file() and path.suffix not in _SUFFIXES:
+        raise BagError(
+            f'{path}: not a bag: expected a folder, or a file that ends in {" or ".join(_SUFFIXES)}'
+        )
 
 
 def _what_is(folder: Path) -> str:
     wanted = f'expected a {METADATA} in this folder'
-    if not any(next(folder.glob(each), None) for each in _STORAGE_FILES):
+    if not any(next(folder.glob(f'*{each}'), None) for each in _SUFFIXES):
         return f'not a bag: {wanted}'
     if is_locked(folder):
         return f'being written right now: {wanted} once it is closed'

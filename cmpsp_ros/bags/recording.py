@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.node_parameters import EVENTS, changes_in
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
 
@@ -26,19 +27,6 @@ _LATE = 50_000_000
 
 _MOST = 10_000
 """Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
-
-_VALUES = (
-    'bool_value',
-    'integer_value',
-    'double_value',
-    'string_value',
-    'byte_array_value',
-    'bool_array_value',
-    'integer_array_value',
-    'double_array_value',
-    'string_array_value',
-)
-"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
 
 
 @dataclass(frozen=True)
@@ -195,7 +183,7 @@ class Recording:
         Raises:
             BagError: A topic is missing.
         """
-        optional = ('/parameter_events', names.cmd_vel, names.path)
+        optional = (EVENTS, names.cmd_vel, names.path)
         self._bag, self._names, self._frame_id = bag, names, frame_id
         there = (topic for topic in optional if topic in bag.topics)
         self._topics = [names.odom, names.decision, *there]
@@ -248,8 +236,7 @@ class Recording:
                 (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
                 for each in poses
             )
-        elif message.node == self._names.node and message.changed_parameters:
-            said = {each.name: _value(each.value) for each in message.changed_parameters}
+        elif (said := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, said))
 
     def _complete(self, decision: Recorded) -> Recorded:
@@ -267,11 +254,3 @@ class Recording:
         if not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None
         return self._commands.popleft()[1]
-
-
-def _value(message: Any) -> Any:
-    """Value of a `rcl_interfaces/msg/ParameterValue`; None when it has none."""
-    if not 1 <= message.type <= len(_VALUES):
-        return None
-    value = getattr(message, _VALUES[message.type - 1])
-    return value.tolist() if isinstance(value, np.ndarray) else value

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rosbags.rosbag2 import ReaderError
 
-from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, parsed
+from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY, parsed
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.folder import METADATA, UNFINISHED, is_locked
 from cmpsp_ros.bags.guarded import read_metadata
@@ -134,6 +134,6 @@ def _sound(found: object) -> dict[str, str]:
     """The texts among what was kept, when those that are read again can be."""
     items = found.items() if isinstance(found, dict) else ()
     texts = {key: value for key, value in items if isinstance(key, str) and isinstance(value, str)}
-    for key in (PARAMETERS_KEY, SOFTWARE_KEY):
+    for key in (PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY):
         parsed(texts, key)
     return texts

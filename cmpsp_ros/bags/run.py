@@ -11,40 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Recorded
 from cmpsp_ros.robot.arcs import arc_ends, reach
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _NANOSECONDS = 1_000_000_000
-
-
-@dataclass(frozen=True)
-class Decided:
-    """One control step as published on `~/decision`.
-
-    Attributes:
-        stamp: Stamp of the odometry that it answers [ns].
-        rung: Rung of the ladder, in lower case.
-        reason: Why, in a sentence.
-        finished: Whether the final time had passed.
-        step_ms: Time from odometry to command [ms]; None where it was not measured.
-        halted: Whether it answers no odometry but the node's clock.
-        run: How often the law had been reset before it; 0 where that was not recorded.
-        revision: How often the law had been given new settings; 0 where that was not recorded.
-    """
-
-    stamp: int
-    rung: str
-    reason: str
-    finished: bool
-    step_ms: float | None
-    halted: bool
-    run: int
-    revision: int
 
 
 @dataclass(frozen=True)
@@ -115,7 +90,7 @@ class Run:
             ``(W, 2)`` [rad/s].
     """
 
-    decisions: tuple[Decided, ...]
+    decisions: tuple[Said, ...]
     plans: tuple[Planned, ...]
     driven: Driven
     wheel_stamps: Stamps
@@ -133,9 +108,12 @@ def read_run(path: Path, namespace: str = '') -> Run:
         BagError: Not a bag, or a topic of a run is missing.
     """
     with Bag(path) as bag:
-        decisions = tuple(_decisions(bag, f'{namespace}/guidance/decision'))
+        decided = f'{namespace}/guidance/decision'
+        decisions = read_decisions(bag, decided)
         if not decisions:
-            raise BagError(f'{path}: no decision in {namespace}/guidance/decision')
+            found = 'no decision in' if decided in bag.topics else 'no topic'
+            there = ', '.join(sorted(bag.topics)) or 'no topic at all'
+            raise BagError(f'{path}: {found} {decided}; there is {there}')
         plans: tuple[Planned, ...] = ()
         if f'{namespace}/guidance/predicted_path' in bag.topics:
             plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
@@ -147,22 +125,6 @@ def read_run(path: Path, namespace: str = '') -> Run:
         stamps, speeds = _wheels(bag, wheels)
         driven = _driven(bag, truth if simulated else f'{namespace}/odom')
         return Run(decisions, plans, driven, stamps, speeds)
-
-
-def _decisions(bag: Bag, topic: str) -> Iterator[Decided]:
-    for received, message in bag.messages(topic):
-        said = Recorded.of(f'{bag.path}: {topic}', received, message)
-        step_ms = said.facts.get('step_ms')
-        yield Decided(
-            said.stamp,
-            said.text('rung'),
-            said.reason,
-            said.finished,
-            None if step_ms is None else said.number('step_ms'),
-            said.halted,
-            said.run or 0,
-            said.revision or 0,
-        )
 
 
 def _plans(bag: Bag, topic: str) -> Iterator[Planned]:

@@ -120,6 +120,9 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
             _copy(bag, new, result)
             for node, values in bag.parameters.items():
                 new.set_parameters(node, values)
+            for node, restarts in bag.restarts.items():
+                for since, values in restarts:
+                    new.set_parameters(node, values, since)
             new.set_parameters(f'{PREFIX}{names.node}', change.of(inputs.values))
             _write(new, names, result)
     return result

@@ -15,6 +15,7 @@ from rosbags.interfaces import (
 
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,
+    RESTARTS_KEY,
     SOFTWARE_KEY,
     VERSION_KEY,
     own_version,
@@ -56,6 +57,7 @@ class BagWriter:
         form = form or Form()
         self._topics: dict[str, Connection] = {}
         self._parameters: dict[str, dict[str, object]] = {}
+        self._restarts: dict[str, dict[int, dict[str, object]]] = {}
         self._custom = {
             VERSION_KEY: own_version(),
             SOFTWARE_KEY: json.dumps(software_versions()),
@@ -163,13 +165,14 @@ class BagWriter:
             self._files.flush()
             self._lock.sync()
 
-    def set_parameters(self, node_name: str, values: Mapping[str, object]) -> None:
-        """Keep a node's parameters with the bag, in place of any kept for it before.
+    def set_parameters(self, node_name: str, values: Mapping[str, object], since: int = 0) -> None:
+        """Keep a node's parameters with the bag, in place of any kept for it and this time before.
 
         Args:
             node_name: Full name, as in `/guidance`.
             values: Booleans, integers, floats, strings and sequences of these by parameter name;
                 byte arrays are kept as lists of integers. Floats read back bit for bit.
+            since: When the node was started anew with them [ns]; 0 for those it first had.
 
         Raises:
             BagError: The bag is closed, or a value is of another kind.
@@ -183,8 +186,13 @@ class BagWriter:
             except TypeError as error:
                 msg = f'{self.path}: parameter {name} of {node_name} {error}'
                 raise BagError(msg) from error
-        self._parameters[node_name] = kept
-        self._custom[PARAMETERS_KEY] = json.dumps(self._parameters)
+        if since == 0:
+            self._parameters[node_name] = kept
+            self._custom[PARAMETERS_KEY] = json.dumps(self._parameters)
+        else:
+            self._restarts.setdefault(node_name, {})[since] = kept
+            listed = {node: sorted(each.items()) for node, each in self._restarts.items()}
+            self._custom[RESTARTS_KEY] = json.dumps(listed)
 
     def set_custom(self, values: Mapping[str, str]) -> None:
         """Keep texts with the bag, by key; those of another bag that this one continues."""

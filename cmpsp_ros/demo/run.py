@@ -86,12 +86,17 @@ def _get_ready(observer: Observer, children: list[Child]) -> None:
         listeners = int(observer.seen.health.get('command_subscribers', 0))
         return listeners >= 2 and observer.is_recorded(_RECORDED)
 
-    if not observer.configure(_START_TIMEOUT):
-        raise DemoError(f'the guidance node refuses to start:\n{children[-1].last_words()}')
-    if not observer.wait_until(is_recorded, _START_TIMEOUT):
-        raise DemoError(f'the nodes did not find each other within {_START_TIMEOUT:.0f} s')
-    if not observer.activate(_START_TIMEOUT):
-        raise DemoError('the guidance node could not be activated')
+    guidance = children[-1]
+    try:
+        if not observer.configure(_START_TIMEOUT):
+            raise DemoError(f'the guidance node refuses to start:\n{guidance.last_words()}')
+        if not observer.wait_until(is_recorded, _START_TIMEOUT):
+            raise DemoError(f'the nodes did not find each other within {_START_TIMEOUT:.0f} s')
+        if not observer.activate(_START_TIMEOUT):
+            raise DemoError(f'the guidance node cannot be activated:\n{guidance.last_words()}')
+    except TimeoutError as error:
+        guidance.check()
+        raise DemoError(f'{error}; it said:\n{guidance.last_words()}') from None
 
 
 def _watch(

@@ -33,6 +33,7 @@ from cmpsp_ros.mpsp.realtime.iteration import (
 from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
+from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
 from cmpsp_ros.robot.guidance_problem import guidance_data
 
@@ -59,6 +60,8 @@ class Planner:
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rules = self._make_rules()
+        self._rate = settings.weights.control_rate
+        self._space: ClearSpace | None = None
         self._horizon: Horizon | None = None
         self._improve: Callable[[Any, Packed, int, int, Rules], None] | None = None
         self._packed, self._room = self._make_room(_longest(settings))
@@ -97,14 +100,19 @@ class Planner:
     def _data(
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
     ) -> GuidanceData | ControlRateData:
-        task = self._task
-        settings, durations = task.settings, horizon.durations
+        task, durations = self._task, horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
-        held = np.ascontiguousarray(held, dtype=np.float64)
         space = task.space(guess, durations)
-        hessian, rate = settings.solver.hessian, settings.weights.control_rate
-        data = guidance_data(settings.robot, space, task.cost, pose, task.goal, durations, hessian)
-        return ControlRateData(data, rate, held) if rate > 0.0 else data
+        if space is not self._space:
+            robot, hessian = task.settings.robot, task.settings.solver.hessian
+            self._space = space
+            self._given = guidance_data(
+                robot, space, task.cost, pose, task.goal, durations, hessian
+            )
+        data, rate = self._given._replace(pose=pose, durations=durations), self._rate
+        if rate > 0.0:
+            return ControlRateData(data, rate, np.ascontiguousarray(held, dtype=np.float64))
+        return data
 
     def _make_room(self, steps: int) -> tuple[Packed, Workspace]:
         task = self._task

@@ -36,6 +36,15 @@ def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compile(function, **NO_RUNTIME)
 
 
+def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Like `allocation_free`, for a function that becomes a part of its callers.
+
+    Handing over named tuples of a hundred arrays takes longer than many a function does its work.
+    For small functions and for those with one caller: of any other there would be many copies.
+    """
+    return _compile(function, forceinline=True, **NO_RUNTIME)
+
+
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
     """The machine code for arguments of these types, called without looking for it each time.
 

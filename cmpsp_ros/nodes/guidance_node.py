@@ -138,6 +138,12 @@ class GuidanceNode(LifecycleNode):
         self._state = FINALIZED
         return super().on_shutdown(state)
 
+    def destroy_node(self) -> None:
+        """Give back what an active node has taken, for the process may go on without it."""
+        if self._state == ACTIVE:
+            self._rest()
+        super().destroy_node()
+
     def _begin(self) -> None:
         self._times = StepTimes()
         self._heard_at: int | None = None

@@ -94,21 +94,32 @@ class Observer:
         )
 
     def configure(self, timeout: float) -> bool:
-        """Configure the guidance node; whether it did so within the time [s]."""
+        """Configure the guidance node; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
         return self._change_state(Transition.TRANSITION_CONFIGURE, timeout)
 
     def activate(self, timeout: float) -> bool:
-        """Activate the guidance node; whether it did so within the time [s]."""
+        """Activate the guidance node; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
         return self._change_state(Transition.TRANSITION_ACTIVATE, timeout)
 
     def _change_state(self, transition: int, timeout: float) -> bool:
         end = time.monotonic() + timeout
-        if not self.wait_until(self._transitions.service_is_ready, timeout):
-            return False
-        request = ChangeState.Request(transition=Transition(id=transition))
-        future = self._transitions.call_async(request)
-        self.wait_until(future.done, end - time.monotonic())
-        return future.done() and future.result().success
+        if self.wait_until(self._transitions.service_is_ready, timeout):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            future = self._transitions.call_async(request)
+            if self.wait_until(future.done, end - time.monotonic()):
+                return bool(future.result().success)
+        raise TimeoutError(
+            f'the guidance node did not answer within {timeout:.0f} s; if it was compiling,'
+            ' run `cmpsp warmup` first'
+        )
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:

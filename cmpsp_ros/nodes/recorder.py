@@ -209,6 +209,7 @@ class Recorder(Node):
         for _, _, name, raw in batch:
             if name == '/parameter_events':
                 self._parameter_watch.hear(raw)
+        self._parameter_watch.caught_up()
         return min((published for _, published, _, _ in batch), default=None)
 
     def _flush(self) -> None:
@@ -233,6 +234,7 @@ class Recorder(Node):
             if published is not None and published <= asked_at:
                 heard = now
         self._take(ending=True)
+        self._parameter_watch.finish()
 
 
 def _class_of(topic: str, types: list[str]) -> Any:

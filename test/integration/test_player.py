@@ -25,6 +25,7 @@ from cmpsp_ros.nodes.qos import for_bag
 pytestmark = pytest.mark.integration
 
 LIMIT = 60.0
+UNKNOWN = '_NODE_NAME_UNKNOWN_'
 PLAY = [sys.executable, '-m', 'cmpsp_ros.cli', 'play']
 BEGIN, STEP, COUNT = 1_700_000_000_000_000_000, 10_000_000, 100
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -114,8 +115,14 @@ def test_everything_arrives_as_it_was_and_in_its_time(play, listen, call, ros):
     heard = listen('/elsewhere')
     player = play('--remap', '/cmd_vel:=/elsewhere', '--rate', '2', topic='/elsewhere')
     offers = ros.node.get_publishers_info_by_topic
+
+    def loggers():
+        return [each.node_name for each in offers('/rosout')]
+
+    # A publisher is known before the name of its node.
+    ros.spin_until(lambda: 'player' in loggers() and UNKNOWN not in loggers(), LIMIT)
     # Its own log, and not the recorded one.
-    assert [each.node_name for each in offers('/rosout')].count('player') == 1
+    assert loggers().count('player') == 1
     ros.spin_until(lambda: offers('/quiet') and offers('/said'), LIMIT)
     assert offers('/quiet')[0].qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
     assert offers('/said')[0].qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL

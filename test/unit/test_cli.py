@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
+import subprocess
+import sys
 
 import pytest
 from typer.testing import CliRunner
@@ -72,6 +74,21 @@ def test_help_names_every_command_and_option(invoke):
     for option in ('--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
         assert option in words(result.output)
     assert 'Exit code 0 only if' in words(result.output)
+
+
+def test_help_lists_the_commands_in_the_order_of_their_use(invoke):
+    listed = re.findall(r'^│ ([a-z]+)  ', invoke('--help').stdout, re.MULTILINE)
+    assert listed == [
+        'demo', 'audit', 'bench', 'paper', 'export', 'record', 'recover', 'replay', 'report',
+        'play', 'warmup',
+    ]  # fmt: skip
+
+
+def test_it_starts_without_what_only_some_commands_need():
+    heavy = "{'numba', 'numpy', 'rosbags', 'rclpy', 'matplotlib', 'daqp'}"
+    code = f'import sys, cmpsp_ros.cli; print(sorted({heavy} & sys.modules.keys()))'
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout == '[]\n'
 
 
 def test_without_arguments_it_says_how_to_use_it(invoke):

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.commands import agreeing
-from cmpsp_ros.bags.audit.decisions import wheel_speeds
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
+from cmpsp_ros.bags.decisions import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 
 Array = NDArray[np.float64]

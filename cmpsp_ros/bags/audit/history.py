@@ -3,35 +3,19 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from cmpsp_ros.bags.audit.sources import Places, Sources
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.inputs import recorded_values
+from cmpsp_ros.bags.node_parameters import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.parameters.table import Values, is_of_ros
-
-_EVENTS = '/parameter_events'
-
-# Fields of rcl_interfaces/msg/ParameterValue by its `type`, from 1.
-_FIELDS = (
-    'bool_value',
-    'integer_value',
-    'double_value',
-    'string_value',
-    'byte_array_value',
-    'bool_array_value',
-    'integer_array_value',
-    'double_array_value',
-    'string_array_value',
-)
+from cmpsp_ros.parameters.table import Values
 
 
 @dataclass(frozen=True)
@@ -78,30 +62,28 @@ def read_history(bag: Bag, places: Places, sources: Sources) -> History:
         given = load_parameter_file(sources.params_file)
         values = TABLE.resolve(given)
         return History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
-    given = bag.parameters[places.node]
-    values = recorded_values(bag, places.node)
-    epochs = [Epoch(0, values, guidance_settings(values))]
-    for stamp, changes in _changes(bag, places.node):
-        try:
-            values = TABLE.reconfigure(values, changes)
-        except ParameterError as error:
-            raise BagError(f'{bag.path}: change of parameters at {stamp} ns: {error}') from error
-        epochs.append(Epoch(stamp, values, guidance_settings(values)))
-    return History(frozenset(given), tuple(epochs))
+    parameters = NodeParameters(bag, places.node)
+    epochs = [_epoch(0, parameters)]
+    first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
+    for received, stamp, said in _changes(bag, places.node):
+        epochs += _restarts(parameters, received)
+        parameters.change(received, said, used=received >= first_command)
+        epochs.append(_epoch(stamp, parameters))
+    epochs += _restarts(parameters, bag.end)
+    return History(parameters.given, tuple(epochs))
 
 
-def _changes(bag: Bag, node: str) -> list[tuple[int, dict[str, Any]]]:
-    changes = []
-    for _, event in bag.messages(_EVENTS) if _EVENTS in bag.topics else ():
-        values = {each.name: _plain(each.value) for each in event.changed_parameters}
-        values = {key: value for key, value in values.items() if not is_of_ros(key)}
-        if event.node == node and values:
-            changes.append((int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, values))
-    return changes
+def _restarts(parameters: NodeParameters, until: int) -> Iterator[Epoch]:
+    while (since := parameters.restart(until)) is not None:
+        yield _epoch(since, parameters)
 
 
-def _plain(value: Any) -> Any:
-    if not 1 <= value.type <= len(_FIELDS):
-        return None
-    found = getattr(value, _FIELDS[value.type - 1])
-    return found.tolist() if hasattr(found, 'tolist') else found
+def _epoch(since: int, parameters: NodeParameters) -> Epoch:
+    return Epoch(since, parameters.values, guidance_settings(parameters.values))
+
+
+def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
+    """When each change was received, and made [ns], and what it says."""
+    for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
+        if said := changes_in(event, node):
+            yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, said

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from cmpsp_ros.bags.audit.clearance import Sweep, sweep
 from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
-from cmpsp_ros.bags.audit.decisions import Said, read_decisions, wheel_speeds
 from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
+from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven

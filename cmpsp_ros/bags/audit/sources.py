@@ -89,6 +89,5 @@ def _topic(bag: Bag, name: str, option: str) -> str:
         return name
     found = 'no message in' if name in bag.topics else 'no topic'
     there = ', '.join(sorted(topic for topic, each in bag.topics.items() if each.count))
-    raise BagError(
-        f'{bag.path}: found {found} {name}, wanted one of {there or "no topic at all"} ({option})'
-    )
+    wanted = f'wanted one of {there}' if there else 'nor in any other, wanted a drive'
+    raise BagError(f'{bag.path}: found {found} {name}, {wanted} ({option})')

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.functions import evaluate, linearise, predict
 from cmpsp_ros.mpsp.realtime.merit import promised, weigh
@@ -81,7 +81,7 @@ def improve(data: Any, packed: Packed, N: int, over: int, rules: Rules) -> None:
             return
 
 
-@allocation_free
+@inlined
 def _shift_hints(room: Workspace, over: int) -> None:
     """Move the active rows of the last plan to the horizon of this one."""
     terminal, width = room.qp.output_error.shape[0], rows_a_stage(room.qp)
@@ -90,7 +90,7 @@ def _shift_hints(room: Workspace, over: int) -> None:
     shift_hint(room.solver.hint_relaxed, terminal, over * width, last)
 
 
-@allocation_free
+@inlined
 def _step(data: Any, room: Workspace, rules: Rules, last_length: float) -> Any:
     """One iteration; returns the step length taken, and the relative change of the full step."""
     qp, solver, at, counts = room.qp, room.solver, room.at, room.counts
@@ -99,17 +99,19 @@ def _step(data: Any, room: Workspace, rules: Rules, last_length: float) -> Any:
         for a in range(at.U.shape[1]):
             qp.lower[k, a] = room.lower[k, a] - at.U[k, a]
             qp.upper[k, a] = room.upper[k, a] - at.U[k, a]
-    counts[RELAXED] = 0
     counts[QP_ITERATIONS] = 0
     if not factorise(qp, solver.white):
+        counts[RELAXED] = 0
         counts[OUTCOME] = NO_CURVATURE
         return 0.0, 0.0
-    counts[OUTCOME] = solve(qp, room.hard, solver.hint_hard, solver)
-    counts[QP_ITERATIONS] = iterations(solver)
-    if counts[OUTCOME] != SOLVED:
-        counts[RELAXED] = 1
-        counts[OUTCOME] = solve(qp, room.relaxed, solver.hint_relaxed, solver)
+    for relaxed in range(2):
+        penalty = room.relaxed if relaxed else room.hard
+        hint = solver.hint_relaxed if relaxed else solver.hint_hard
+        counts[RELAXED] = relaxed
+        counts[OUTCOME] = solve(qp, penalty, hint, solver)
         counts[QP_ITERATIONS] = iterations(solver)
+        if counts[OUTCOME] == SOLVED:
+            break
     if counts[OUTCOME] != SOLVED:
         return 0.0, 0.0
     counts[ACTIVE_ROWS] = _active_rows(room)
@@ -123,7 +125,7 @@ def _step(data: Any, room: Workspace, rules: Rules, last_length: float) -> Any:
     return 1.0, change
 
 
-@allocation_free
+@inlined
 def _is_over(
     room: Workspace,
     rules: Rules,
@@ -180,7 +182,7 @@ def _is_finite(at: Trajectory) -> bool:
     return math.isfinite(total)
 
 
-@allocation_free
+@inlined
 def _active_rows(room: Workspace) -> int:
     """Inequalities with a multiplier."""
     multipliers = room.solver.multipliers

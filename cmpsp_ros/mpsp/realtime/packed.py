@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
 from cmpsp_ros.mpsp.riccati.basis import Basis
@@ -93,7 +93,7 @@ def _views(tree: Any, buffers: dict[Any, Any], at: dict[Any, int]) -> Any:
     return type(tree)(*branches)
 
 
-@allocation_free
+@inlined
 def unpack(packed: Packed, N: int) -> Workspace:
     """The workspace for a horizon of ``N`` steps, at most the longest."""
     n, r = dimension(packed.state), dimension(packed.control)
@@ -162,7 +162,7 @@ def unpack(packed: Packed, N: int) -> Workspace:
     )
 
 
-@allocation_free
+@inlined
 def _solver(packed: Packed, N: int, at: int) -> Any:
     n, r = dimension(packed.state), dimension(packed.control)
     longest, m, l = packed.horizon, packed.output, packed.path  # noqa: E741
@@ -251,7 +251,7 @@ def _solver(packed: Packed, N: int, at: int) -> Any:
     return solver, at, index
 
 
-@allocation_free
+@inlined
 def _trajectory(packed: Packed, N: int, at: int) -> Any:
     n, r = dimension(packed.state), dimension(packed.control)
     full, K, x = packed.horizon + 1, N + 1, packed.numbers
@@ -263,23 +263,23 @@ def _trajectory(packed: Packed, N: int, at: int) -> Any:
     return Trajectory(U[:K], X[:K], output_error, g[:K], cost), at
 
 
-@allocation_free
+@inlined
 def _penalty(packed: Packed, N: int, at: int) -> Any:
     terminal, at = _vector(packed.numbers, at, packed.output)
     path, at = _matrix(packed.numbers, at, packed.horizon + 1, packed.path)
     return Penalty(terminal, path[: N + 1]), at
 
 
-@allocation_free
+@inlined
 def _vector(x: Array, at: int, a: int) -> Any:
     return x[at : at + a], at + a
 
 
-@allocation_free
+@inlined
 def _matrix(x: Array, at: int, a: int, b: int) -> Any:
     return x[at : at + a * b].reshape((a, b)), at + a * b
 
 
-@allocation_free
+@inlined
 def _stack(x: Array, at: int, a: int, b: int, c: int) -> Any:
     return x[at : at + a * b * c].reshape((a, b, c)), at + a * b * c

@@ -16,8 +16,9 @@ quadratic programs. Mathematical Programming 27 (1983), 1-33.
 from __future__ import annotations
 
 import math
+from typing import Any
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.meeting import CONTRADICTION, DONE, FULL, meet
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, SOLVED
@@ -45,7 +46,7 @@ from cmpsp_ros.mpsp.riccati.working_set import (
 _MANY = 64
 
 
-@allocation_free
+@inlined
 def find_active_set(
     qp: StageQP,
     penalty: Penalty,
@@ -76,27 +77,22 @@ def find_active_set(
         more rows would be active than there is room for.
     """
     _begin(qp, penalty, white, at, hint)
-    outcome = DONE
-    for row in range(qp.output_error.shape[0]):
-        if outcome == DONE and at.states[row] == IS_OFF:
-            outcome = meet(qp, penalty, white, at, row, limit, dU, dX)
-    for i in range(hint.length[0]):
-        row = hint.rows[i]
-        known = 0 <= row < at.states.shape[0]
-        if outcome == DONE and known and at.states[row] == IS_OFF:
-            outcome = meet(qp, penalty, white, at, row, limit, dU, dX)
+    outcome, given = DONE, 0
     while outcome == DONE:
-        unwhiten(qp, white, at.v, dU, dX)
-        if not _find_violated(qp, white, at, dU, dX):
-            if at.counts[ITERATIONS] > _MANY:
-                retrace(qp, penalty, white, at)
-                unwhiten(qp, white, at.v, dU, dX)
-            sharpen(qp, penalty, white, at, dU, dX)
-            break
-        row = _furthest(at)
-        while outcome == DONE and row >= 0:
-            outcome = meet(qp, penalty, white, at, row, limit, dU, dX)
+        row, given = _next_given(qp, at, hint, given)
+        if row < 0:
             row = _furthest(at)
+        if row < 0:
+            unwhiten(qp, white, at.v, dU, dX)
+            if not _find_violated(qp, white, at, dU, dX):
+                break
+            row = _furthest(at)
+        outcome = meet(qp, penalty, white, at, row, limit, dU, dX)
+    if outcome == DONE:
+        if at.counts[ITERATIONS] > _MANY:
+            retrace(qp, penalty, white, at)
+            unwhiten(qp, white, at.v, dU, dX)
+        sharpen(qp, penalty, white, at, dU, dX)
     _leave_hint(at, hint)
     if outcome == CONTRADICTION:
         return INFEASIBLE
@@ -106,12 +102,13 @@ def find_active_set(
     return SOLVED
 
 
-@allocation_free
+@inlined
 def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint: Hint) -> None:
     """The minimum without any row, except those that the hint has at their penalty."""
     at.counts[:] = 0
     at.states[:] = IS_OFF
     at.lengths[:] = 0.0
+    at.distances[:] = 0.0
     for i in range(at.v.shape[0]):
         at.v[i] = white.optimum[i]
     for i in range(hint.length[0]):
@@ -127,7 +124,23 @@ def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint:
         at.counts[SATURATED] += 1
 
 
-@allocation_free
+@inlined
+def _next_given(qp: StageQP, at: ActiveSet, hint: Hint, done: int) -> Any:
+    """Next of the rows to begin with, the terminal ones and then the hint's; -1 after the last.
+
+    Returns:
+        The row, and how many of those rows are done with it.
+    """
+    terminal = qp.output_error.shape[0]
+    while done < terminal + hint.length[0]:
+        row = done if done < terminal else hint.rows[done - terminal]
+        done += 1
+        if 0 <= row < at.states.shape[0] and at.states[row] == IS_OFF:
+            return row, done
+    return -1, done
+
+
+@inlined
 def _find_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: Array) -> bool:
     """Find the row of each kind that is furthest from being met; returns whether there is any.
 
@@ -144,9 +157,9 @@ def _find_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: 
             excess = value_of(qp, row, dU, dX) + qp.output_error[row]
             if states[row] == AT_PENALTY:
                 excess = -excess
-            wanted = TOLERANCE * (1.0 + abs(qp.output_error[row]))
-            if states[row] >= AT_PENALTY and excess > wanted:
-                found = _note(qp, white, at, path + r + n + row, row, excess) or found
+            if states[row] >= AT_PENALTY and excess > TOLERANCE:
+                kind = path + r + n + row
+                found = _note(qp, white, at, kind, row, excess, qp.output_error[row]) or found
     row = terminal
     for k in range(qp.g.shape[0]):
         for j in range(path):
@@ -157,29 +170,34 @@ def _find_violated(qp: StageQP, white: Whitening, at: ActiveSet, dU: Array, dX: 
                 excess += qp.g_U[k, j, a] * dU[k, a]
             if saturated and states[row] == AT_PENALTY:
                 excess = -excess
-            if excess > TOLERANCE * (1.0 + abs(qp.g[k, j])) and states[row] != IS_ACTIVE:
-                found = _note(qp, white, at, j, row, excess) or found
+            if excess > TOLERANCE and states[row] != IS_ACTIVE:
+                found = _note(qp, white, at, j, row, excess, qp.g[k, j]) or found
             row += 1
         for a in range(r):
             above, below = dU[k, a] - qp.upper[k, a], qp.lower[k, a] - dU[k, a]
-            if above > TOLERANCE * (1.0 + abs(qp.upper[k, a])) and states[row] == IS_OFF:
-                found = _note(qp, white, at, path + a, row, above) or found
-            if below > TOLERANCE * (1.0 + abs(qp.lower[k, a])) and states[row + 1] == IS_OFF:
-                found = _note(qp, white, at, path + a, row + 1, below) or found
+            if above > TOLERANCE and states[row] == IS_OFF:
+                found = _note(qp, white, at, path + a, row, above, qp.upper[k, a]) or found
+            if below > TOLERANCE and states[row + 1] == IS_OFF:
+                found = _note(qp, white, at, path + a, row + 1, below, qp.lower[k, a]) or found
             row += 2
         for i in range(n):
             excess = abs(dX[k, i]) - qp.trust_radius[i]
-            if excess > TOLERANCE * (1.0 + qp.trust_radius[i]):
+            if excess > TOLERANCE:
                 side = row if dX[k, i] > 0.0 else row + 1
                 if states[side] == IS_OFF:
-                    found = _note(qp, white, at, path + r + i, side, excess) or found
+                    kind = path + r + i
+                    found = _note(qp, white, at, kind, side, excess, qp.trust_radius[i]) or found
             row += 2
     return found
 
 
 @allocation_free
-def _note(qp: StageQP, white: Whitening, at: ActiveSet, kind: int, row: int, excess: float) -> bool:
-    """Keep a violated row if it is further away than any other of its kind."""
+def _note(
+    qp: StageQP, white: Whitening, at: ActiveSet, kind: int, row: int, excess: float, bound: float
+) -> bool:
+    """Keep a row, if it is violated and further away than any other of its kind."""
+    if excess <= TOLERANCE * (1.0 + abs(bound)):
+        return False
     far = _distance(qp, white, at, row, excess)
     if far > at.distances[kind]:
         at.distances[kind] = far
@@ -187,7 +205,7 @@ def _note(qp: StageQP, white: Whitening, at: ActiveSet, kind: int, row: int, exc
     return far > 0.0
 
 
-@allocation_free
+@inlined
 def _furthest(at: ActiveSet) -> int:
     """Take out the furthest of the rows that were kept; -1 where none is left."""
     best = 0
@@ -213,7 +231,7 @@ def _distance(qp: StageQP, white: Whitening, at: ActiveSet, row: int, excess: fl
     return excess / at.lengths[row] if at.lengths[row] > 0.0 else math.inf
 
 
-@allocation_free
+@inlined
 def _fill(qp: StageQP, penalty: Penalty, at: ActiveSet, multipliers: Multipliers) -> None:
     """Write the multipliers of all rows where they belong."""
     multipliers.terminal[:] = 0.0
@@ -233,7 +251,7 @@ def _fill(qp: StageQP, penalty: Penalty, at: ActiveSet, multipliers: Multipliers
                 put_multiplier(qp, row, -limit_of(qp, penalty, row)[1], multipliers)
 
 
-@allocation_free
+@inlined
 def _leave_hint(at: ActiveSet, hint: Hint) -> None:
     found = 0
     for j in range(at.counts[ACTIVE]):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 
 # Part of its length that a row must have left outside the basis to be called independent.
@@ -37,7 +37,7 @@ def basis(rows: int, length: int) -> Basis:
     return Basis(np.zeros((rows, length)), np.zeros((rows, rows)))
 
 
-@allocation_free
+@inlined
 def split(
     at: Basis, count: int, row: Array, length: int, inside: Array, outside: Array, again: Array
 ) -> float:
@@ -82,7 +82,7 @@ def split(
     return 0.0
 
 
-@allocation_free
+@inlined
 def append(at: Basis, count: int, inside: Array, outside: Array, sign: float) -> None:
     """Add a row, given by its `split` times a sign."""
     length = math.sqrt(dot(outside, outside, outside.shape[0]))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.basis import append, dot, remove, solve, split
 from cmpsp_ros.mpsp.riccati.refinement import sharpen
@@ -37,7 +37,7 @@ _NO_PART = 1e-12
 _ROUNDING = 1e-8
 
 
-@allocation_free
+@inlined
 def meet(
     qp: StageQP,
     penalty: Penalty,
@@ -139,7 +139,7 @@ def _size_of_dependence(qp: StageQP, penalty: Penalty, at: ActiveSet) -> float:
     return total
 
 
-@allocation_free
+@inlined
 def _first_to_leave(qp: StageQP, penalty: Penalty, at: ActiveSet) -> Any:
     """Step at which the first active multiplier comes to one of its ends, and which it is."""
     count = at.counts[ACTIVE]
@@ -161,7 +161,7 @@ def _first_to_leave(qp: StageQP, penalty: Penalty, at: ActiveSet) -> Any:
     return nearest, first
 
 
-@allocation_free
+@inlined
 def _add(at: ActiveSet, row: int, multiplier: float, sign: float) -> int:
     count = at.counts[ACTIVE]
     if count == at.rows.shape[0]:
@@ -202,7 +202,7 @@ def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
     return remove(at.basis, count, index, at.inside, at.outside)
 
 
-@allocation_free
+@inlined
 def _rest_at_end(
     at: ActiveSet,
     row: int,

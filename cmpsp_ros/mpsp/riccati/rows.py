@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
@@ -46,7 +46,7 @@ def count_rows(qp: StageQP) -> int:
     return qp.output_error.shape[0] + qp.g.shape[0] * rows_a_stage(qp)
 
 
-@allocation_free
+@inlined
 def place_of(qp: StageQP, row: int) -> Place:
     """Where an inequality stands, by its number."""
     width, path = rows_a_stage(qp), qp.g.shape[1]
@@ -72,7 +72,7 @@ def number_of(qp: StageQP, kind: int, stage: int, index: int) -> int:
     return first + qp.g.shape[1] + 2 * dimension(qp.control) + 2 * index
 
 
-@allocation_free
+@inlined
 def limit_of(qp: StageQP, penalty: Penalty, row: int) -> Any:
     """Right-hand side of a row, and its largest multiplier."""
     terminal = qp.output_error.shape[0]
@@ -100,7 +100,7 @@ def white_length(qp: StageQP, white: Whitening, row: int) -> float:
     return row_length(qp, white, load_row(qp, white, row))
 
 
-@allocation_free
+@inlined
 def load_row(qp: StageQP, white: Whitening, row: int) -> int:
     """Write a row's derivatives into `s` and `d` of the factorisation; returns its stage."""
     n, r = dimension(qp.state), dimension(qp.control)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.active_set import find_active_set
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, SOLVED
@@ -77,7 +77,7 @@ def solver(N: int, n: int, r: int, m: int, l: int) -> Solver:  # noqa: E741 (the
     )
 
 
-@allocation_free
+@inlined
 def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
     """Solve a program that `room.white` is the factorisation of.
 
@@ -108,7 +108,7 @@ def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
     return INFEASIBLE if outcome == INFEASIBLE else ITERATION_LIMIT
 
 
-@allocation_free
+@inlined
 def _is_solution(qp: StageQP, penalty: Penalty, room: Solver) -> bool:
     residual = kkt_residual(qp, penalty, room.dU, room.dX, room.multipliers, room.costates)
     return residual <= TOLERANCE

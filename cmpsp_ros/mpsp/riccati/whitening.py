@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
@@ -128,7 +128,7 @@ def factorise(qp: StageQP, white: Whitening) -> bool:
     return True
 
 
-@allocation_free
+@inlined
 def _eliminate(qp: StageQP, white: Whitening, k: int, coupled: bool) -> bool:
     """Minimise over the controls of a stage: `K`, `L_inv` and ``v*_k``, and `G` as ``L^-1 G``."""
     n, r = dimension(qp.state), dimension(qp.control)
@@ -189,7 +189,7 @@ def _eliminate(qp: StageQP, white: Whitening, k: int, coupled: bool) -> bool:
     return True
 
 
-@allocation_free
+@inlined
 def _cost_to_go(qp: StageQP, white: Whitening, k: int, coupled: bool) -> None:
     """``P = L_XX + A' P A - Y' Y`` and its gradient, with ``Y`` in `G` and ``L^-1 h`` in `d`."""
     n, r = dimension(qp.state), dimension(qp.control)
@@ -304,7 +304,7 @@ def unwhiten(qp: StageQP, white: Whitening, v: Array, dU: Array, dX: Array) -> N
             dX[k + 1, i] = total
 
 
-@allocation_free
+@inlined
 def whiten_row(qp: StageQP, white: Whitening, k: int, row: Array) -> int:
     """A row ``s' dX_k + d' dU_k`` in ``v``, with ``s`` and ``d`` taken from the factorisation's.
 

@@ -44,7 +44,7 @@ def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambd
         with tempfile.TemporaryDirectory() as folder:
             try:
                 done.append(_run(values, Path(folder)))
-            except DemoError as error:
+            except (DemoError, TimeoutError) as error:
                 raise BenchError(f'latency: {error}') from error
         progress()
     return Latency(

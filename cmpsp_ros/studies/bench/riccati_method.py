@@ -64,7 +64,8 @@ class RiccatiActiveSet:
         steps, room = len(durations), self._room
         over, self._left = self._left - steps, steps
         room.at.U[: steps + 1] = U
-        self._improve(self._task.data(pose, durations), self._packed, steps, over, _RULES)
+        data = self._data._replace(pose=pose, durations=durations)
+        self._improve(data, self._packed, steps, over, _RULES)
         if room.counts[OUTCOME] != SOLVED:
             raise BenchError('it does not solve one of its programs')
         return room.at.U[: steps + 1].copy()
@@ -81,5 +82,5 @@ class RiccatiActiveSet:
         )
         room.lower[:], room.upper[:] = problem.control_lower, problem.control_upper
         self._packed, self._room = pack(room)
-        arguments = problem.data, self._packed, steps, 0, _RULES
-        self._improve = compiled.entry_for(improve, *arguments)
+        self._data = problem.data
+        self._improve = compiled.entry_for(improve, self._data, self._packed, steps, 0, _RULES)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import sys
 
@@ -38,22 +39,33 @@ def recorded(bag):
         return [Recorded.of(topic, stamp, each) for stamp, each in opened.messages(topic)]
 
 
+@pytest.fixture
+def begin(start_node, client, spawn):
+    """Have a node recorded that is about to be activated: `begin(bag)` returns the recorder."""
+
+    def start(bag):
+        recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+        start_node('guidance_node', {'autostart': False})
+        assert client.change_state('configure')
+        client.connect()
+        listeners = client.node.get_subscriptions_info_by_topic
+        for topic in ('/odom', '/cmd_vel', '/parameter_events', NAMES.decision, NAMES.path):
+            client.until(
+                lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
+            )
+        # Its question for the parameters is answered: later, it would hear them changed already.
+        asked = client.node.get_client_names_and_types_by_node
+        client.until(lambda: '/guidance/get_parameters' not in dict(asked('recorder', '/')))
+        return recorder
+
+    return start
+
+
 def test_a_run_with_faults_is_identical_and_audited_as_it_was(
-    start_node, client, spawn, verdicts, tmp_path
+    begin, client, spawn, verdicts, tmp_path
 ):
     bag = tmp_path / 'bag'
-    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
-    start_node('guidance_node', {'autostart': False})
-    assert client.change_state('configure')
-    client.connect()
-    listeners = client.node.get_subscriptions_info_by_topic
-    for topic in ('/odom', '/cmd_vel', '/parameter_events', NAMES.decision, NAMES.path):
-        client.until(
-            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
-        )
-    # Its question for the parameters is answered: later, it would hear them changed already.
-    asked = client.node.get_client_names_and_types_by_node
-    client.until(lambda: '/guidance/get_parameters' not in dict(asked('recorder', '/')))
+    recorder = begin(bag)
     assert client.change_state('activate')
     client.drive()
     client.until_driving()
@@ -90,6 +102,39 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     assert (said['obstacles'], said['goal']) == ('failure', 'skipped')
     for check in ('finite', 'wheel_limits', 'as_decided', 'reasons', 'stop_at_end'):
         assert said[check] == 'passed'
+
+
+@pytest.mark.parametrize(
+    ('pose', 'frame_id', 'late', 'reason'),
+    [
+        ((math.nan, 0.0, 0.0), 'odom', 0.0, 'not finite'),
+        ((0.0, math.inf, 0.0), 'odom', 0.0, 'not finite'),
+        ((0.0, -9.25, 0.0), 'map', 0.0, "frame 'map', wanted 'odom'"),
+        ((0.0, -9.25, 0.0), 'odom', 100.0, 's old (odom_timeout'),
+    ],
+    ids=['nan', 'inf', 'frame', 'old'],
+)
+def test_odometry_that_the_node_refused_is_refused_again(
+    begin, client, tmp_path, pose, frame_id, late, reason
+):
+    recorder = begin(tmp_path / 'bag')
+    assert client.change_state('activate')
+    client.drive()
+    client.until_driving()
+    client.park()
+    for _ in range(3):
+        client.send(client.now() - round(late * 1e9), pose, frame_id)
+    client.until(lambda: any(reason in each['reason'] for each in client.decisions))
+    client.drive()
+    client.until_driving()
+    assert client.change_state('deactivate')
+    client.park()
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(LIMIT) == 0
+    outcome = replay(tmp_path / 'bag', NAMES)
+    assert outcome.first is None, outcome.first
+    assert outcome.decisions == len(client.decisions)
+    assert outcome.stops > 0
 
 
 def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):

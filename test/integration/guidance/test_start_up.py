@@ -30,7 +30,7 @@ def scheduling(thread):
     return policy, os.sched_getaffinity(thread)
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_it_compiles_before_it_is_active_once_for_all_processes(
     start_node, make_client, monkeypatch, tmp_path
 ):
@@ -38,7 +38,7 @@ def test_it_compiles_before_it_is_active_once_for_all_processes(
     for place, announced in (('/first', 1), ('/second', 0)):
         client = make_client(prefix=place)
         running = start_node('guidance_node', {}, '-r', f'__ns:={place}')
-        client.until_health(120.0, state='active')
+        client.until_health(600.0, state='active')
         assert running.stderr.count(ANNOUNCED) == announced
         assert running.stderr.count(' kernels in ') == announced
 

@@ -99,6 +99,10 @@ def test_metadata(path, text, reason):
     refused(path, reason)
 
 
+KEPT = "cmpsp_ros.parameters: '"
+RESTARTS = """cmpsp_ros.restarts: '{{"/a": {}}}'\n    x: '"""
+
+
 @pytest.mark.parametrize(
     ('old', 'new', 'reason'),
     [
@@ -113,6 +117,9 @@ def test_metadata(path, text, reason):
         ('cmpsp_ros.version: ', 'cmpsp_ros.version: !!int 4 #', 'wanted a str'),
         ("parameters: '{", "parameters: '" + '[' * 100_000 + '{', 'not a readable bag'),
         ("parameters: '{", "parameters: '{" + '"a": 5 , "b":{', 'not a readable bag'),
+        (KEPT, RESTARTS.format(5), 'restarts of /a is a int, wanted a list'),
+        (KEPT, RESTARTS.format('[[5]]'), 'not a readable bag'),
+        (KEPT, RESTARTS.format('[["x", {}]]'), 'time of a restart of /a is a str'),
     ],
 )
 def test_metadata_in_parts(path, old, new, reason):

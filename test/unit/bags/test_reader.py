@@ -83,7 +83,7 @@ def test_not_a_bag(tmp_path):
     for path, reason in (
         (tmp_path / 'nothing', 'no such bag'),
         (tmp_path, 'not a bag: expected a metadata.yaml'),
-        (tmp_path / 'notes.txt', 'not a readable bag'),
+        (tmp_path / 'notes.txt', 'not a bag: expected a folder, or a file'),
     ):
         with pytest.raises(BagError, match=reason) as error:
             Bag(path)

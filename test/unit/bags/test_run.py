@@ -63,7 +63,9 @@ def joints(stamp, speeds):
 
 
 def decision(stamp, **more):
-    values = {'stamp': str(stamp), 'rung': 'nominal', 'finished': 'false', **more}
+    wheels = {'wheel_speed_right': '45.0', 'wheel_speed_left': '44.0'}
+    told = {'stamp': str(stamp), 'step': '0', 'rung': 'nominal', 'finished': 'false'}
+    values = {**told, **wheels, **more}
     pairs = [make('diagnostic_msgs/msg/KeyValue', *item) for item in values.items()]
     return make(STATUS, 0, 'decision', 'Well.', '', pairs)
 

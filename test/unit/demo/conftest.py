@@ -54,7 +54,9 @@ class Messages:
         return self.raw(message, JOINTS)
 
     def decision(self, stamp, rung='nominal', finished=False, step_ms=None, **more):
-        values = {'stamp': stamp, 'rung': rung, 'finished': str(finished).lower(), **more}
+        wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
+        told = {'stamp': stamp, 'step': 0, 'rung': rung, 'finished': str(finished).lower()}
+        values = {**told, **wheels, **more}
         if step_ms is not None:
             values['step_ms'] = repr(step_ms)
         pair = self.types['diagnostic_msgs/msg/KeyValue']

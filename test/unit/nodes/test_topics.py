@@ -1,5 +1,6 @@
 """The table of topics is what the nodes really open, and what the README says."""
 
+import gc
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,13 @@ def test_guidance_opens_what_the_table_says(make, stamped):
     node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}')
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, stamped=stamped)
+
+
+def test_an_active_node_that_is_destroyed_gives_the_collector_back(make):
+    node = make(GuidanceNode)
+    assert not gc.isenabled()
+    node.destroy_node()
+    assert gc.isenabled()
 
 
 @pytest.mark.parametrize('clock', [False, True])

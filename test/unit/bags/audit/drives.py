@@ -48,6 +48,7 @@ class Drive:
     commands: list[Command] = field(default_factory=list)
     decisions: list = field(default_factory=list)
     changes: list = field(default_factory=list)
+    restarts: list = field(default_factory=list)
     frame_id: str = 'odom'
     namespace: str = ''
     stamped: bool = False
@@ -109,6 +110,8 @@ class Drive:
                 )
             if self.parameters:
                 bag.set_parameters(f'{prefix}/guidance', self.parameters)
+            for since, parameters in self.restarts:
+                bag.set_parameters(f'{prefix}/guidance', parameters, since)
         return path
 
     def _write_decisions(self, bag, node):

@@ -6,13 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from drives import SECOND, START, drive_case
+from drives import SECOND, START, Command, drive_case
 
 from cmpsp_ros.bags.audit import Outcome, Sources, audit
 from cmpsp_ros.bags.audit.checks import CHECKS
 from cmpsp_ros.guidance.decision import Rung
 
 PASSED, FAILED, SKIPPED = Outcome
+
+
+CENTER = 'obstacles.a.center'
 
 
 @pytest.fixture
@@ -67,6 +70,22 @@ def test_a_wrong_command_is_caught_even_if_the_decision_says_the_same(drive, out
     findings = outcomes(drive)
     assert 'as_decided' not in failed(findings)
     assert 'obeyed' in failed(findings)
+
+
+@pytest.mark.parametrize(('held', 'judged'), [(0.08, False), (0.12, True)])
+def test_a_command_that_is_held_only_briefly_cannot_be_seen_to_be_obeyed(
+    drive, outcomes, held, judged
+):
+    index = drive.at(4.0)
+    follower = drive.commands[index]
+    before = round(held * SECOND)
+    other = Command(
+        follower.received - before, follower.stamp - before, np.add(follower.twist, [0.0, 4.0])
+    )
+    drive.commands.insert(index, other)
+    # Commands with stamps need no decisions to say what they answer.
+    drive.stamped = True
+    assert ('obeyed' in failed(outcomes(drive))) == judged
 
 
 def test_a_command_that_would_hit_an_obstacle_is_caught(drive, outcomes):
@@ -243,6 +262,15 @@ def test_an_obstacle_put_in_the_way_is_there_from_then_on(drive, outcomes):
     findings = outcomes(drive)
     assert 'obstacles' in failed(findings)
     assert findings['obstacles'].at == pytest.approx(6.0, abs=0.1)
+
+
+@pytest.mark.parametrize('changed_back', [False, True])
+def test_a_node_started_anew_is_judged_by_its_new_parameters(drive, outcomes, changed_back):
+    ahead = drive.odometry[300].pose[:2].tolist()
+    drive.restarts = [(START + 1 * SECOND, {**drive.parameters, CENTER: ahead})]
+    if changed_back:
+        drive.changes = [(START + 2 * SECOND, CENTER, drive.parameters[CENTER])]
+    assert ('obstacles' in failed(outcomes(drive))) == (not changed_back)
 
 
 def test_every_run_is_judged_by_its_own_goal(drive, outcomes):

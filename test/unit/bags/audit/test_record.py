@@ -29,6 +29,14 @@ def test_without_parameters_it_says_where_they_could_come_from(drive, tmp_path):
     assert '--params-file' in text
 
 
+def test_a_value_that_nobody_knows_is_not_guessed(drive, tmp_path):
+    center = drive.parameters.pop('road.center')
+    drive.changes = [(drive.commands[5].received, 'road.center', center)]
+    assert 'change of road.center of /guidance' in refusal(drive, tmp_path / 'bag')
+    drive.changes = [(drive.commands[0].received - 1, 'road.center', center)]
+    assert 'road.center' in read_record(drive.write(tmp_path / 'sound')).history.given
+
+
 def test_a_missing_topic_names_those_that_are_there(drive, tmp_path):
     text = refusal(drive, tmp_path / 'bag', Sources(cmd_vel='/elsewhere'))
     assert 'found no topic /elsewhere' in text

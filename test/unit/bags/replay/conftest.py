@@ -165,7 +165,9 @@ class Drive:
         self.law.reconfigure(self.settings)
 
 
-def altered(source, target, change=lambda topic, index, message: message, parameters=None):
+def altered(
+    source, target, change=lambda topic, index, message: message, parameters=None, restarts=None
+):
     """A copy of a bag: `change` returns each message as it is to be, or None for none of it."""
     with Bag(source) as bag, BagWriter(target) as new:
         for topic, there in bag.topics.items():
@@ -176,6 +178,9 @@ def altered(source, target, change=lambda topic, index, message: message, parame
                     new.write(topic, stamp, bytes(jazzy().serialize_cdr(kept, there.msgtype)))
         for node, values in (bag.parameters if parameters is None else parameters).items():
             new.set_parameters(node, values)
+        for node, lives in (restarts or {}).items():
+            for since, values in lives:
+                new.set_parameters(node, values, since)
     return target
 
 

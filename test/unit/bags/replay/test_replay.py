@@ -14,6 +14,7 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names
 from cmpsp_ros.bags.replay import replay
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.parameters.settings import guidance_settings
 
 NAMES = Names.under('')
 DECISIONS = '/guidance/decision'
@@ -235,6 +236,59 @@ def test_a_node_that_was_started_again_is_another_law(drive, bag):
         run.go(0.7)
     assert [each.revision for each in run.decisions][-1] == 0
     assert replay(bag, NAMES).differences == 0
+
+
+def restarted(drive, bag, **changed):
+    """A bag in which a node is started anew with other parameters; and when it was [ns]."""
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.3)
+        run.halt('The guidance node is shutting down.')
+        since = run.now
+        run.now += 2_000_000_000
+        run.values = {**run.values, **changed}
+        run.settings = guidance_settings(run.values)
+        run.law = type(run.law)(run.settings)
+        run.activate()
+        run.go(0.7)
+        run.change(weights__road_center=30.0)
+        run.go(0.7)
+    return run, since
+
+
+def test_a_node_that_was_started_again_with_other_parameters(drive, bag, alter):
+    changed = {'weights.road_center': 5.0, 'robot.max_wheel_speed': 49.0}
+    run, since = restarted(drive, bag, **changed)
+    assert replay(bag, NAMES).differences > 0
+    with Bag(bag) as there:
+        again = {**there.parameters['/guidance'], **changed}
+    outcome = replay(alter(restarts={'/guidance': [(since, again)]}), NAMES)
+    assert (outcome.decisions, outcome.differences) == (len(run.decisions), 0)
+
+
+def without_key(bag, key):
+    with Bag(bag) as there:
+        values = there.parameters['/guidance']
+    return {'/guidance': {name: value for name, value in values.items() if name != key}}
+
+
+def test_a_value_that_nobody_knows_is_not_guessed(drive, bag, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(parameters=without_key(bag, 'weights.road_center'))
+    with pytest.raises(BagError, match=r'change of weights\.road_center of /guidance at .* before'):
+        replay(copy, NAMES)
+
+
+def test_a_value_that_nobody_needs_to_know_is_not_missed(drive, bag, alter):
+    with drive() as run:
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(parameters=without_key(bag, 'weights.road_center'))
+    assert replay(copy, NAMES).differences == 0
 
 
 @pytest.mark.parametrize('told', [(), ('halted', 'run', 'revision')], ids=['told', 'untold'])

@@ -28,6 +28,7 @@ class Said:
         stamp: Stamp of the odometry that it answers, or time of a stop without odometry [ns].
         step: Number of the control step in its run.
         run: How often the law had been reset before it; 0 where that was not recorded.
+        revision: How often the law had been given new settings; 0 where that was not recorded.
         rung: Rung of the ladder, in lower case.
         reason: Why, in a sentence.
         finished: Whether the final time had passed.
@@ -40,6 +41,7 @@ class Said:
     stamp: int
     step: int
     run: int
+    revision: int
     rung: str
     reason: str
     finished: bool
@@ -75,6 +77,7 @@ def _said(source: str, received: int, message: Any) -> Said:
         stamp=found.stamp,
         step=found.step,
         run=found.run or 0,
+        revision=found.revision or 0,
         rung=found.text('rung'),
         reason=found.reason,
         finished=found.finished,

@@ -1,0 +1,127 @@
+"""The parameters of a recorded guidance node as they change through a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.table import Values, is_of_ros
+
+EVENTS = '/parameter_events'
+"""Topic of the changes."""
+
+_FIELDS = (
+    'bool_value',
+    'integer_value',
+    'double_value',
+    'string_value',
+    'byte_array_value',
+    'bool_array_value',
+    'integer_array_value',
+    'double_array_value',
+    'string_array_value',
+)
+"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
+
+
+class NodeParameters:
+    """The complete set of parameters of one node, from its beginning on.
+
+    Attributes:
+        values: As they are after all that was taken.
+        given: Keys that were said; the others are defaults.
+    """
+
+    values: Values
+    given: frozenset[str]
+
+    def __init__(self, bag: Bag, node: str) -> None:
+        """Take the parameters that the node first had.
+
+        Raises:
+            BagError: There are none, or they cannot be used.
+        """
+        self._path, self._node = bag.path, node
+        self._restarts = list(bag.restarts.get(node, ()))
+        if node not in bag.parameters:
+            there = ', '.join(sorted(bag.parameters)) or 'no node'
+            raise BagError(f'{bag.path}: no parameters of {node}; there are those of {there}')
+        self._take(bag.parameters[node])
+
+    def restart(self, until: int) -> int | None:
+        """Take the parameters with which the node was next started anew.
+
+        Args:
+            until: The latest that it may have been [ns].
+
+        Returns:
+            When it was [ns]; None when it was not, or with no other parameters than before.
+
+        Raises:
+            BagError: They cannot be used.
+        """
+        if not self._restarts or self._restarts[0][0] > until:
+            return None
+        since, given = self._restarts.pop(0)
+        self._take(given)
+        return since
+
+    def change(self, received: int, said: Mapping[str, Any], *, used: bool) -> None:
+        """Take a change.
+
+        Args:
+            received: When it was received [ns].
+            said: New values by key.
+            used: Whether the values of before have been used.
+
+        Raises:
+            BagError: It cannot be used, or nobody knows what it changed.
+        """
+        unknown = sorted(said.keys() - self.given)
+        if used and unknown:
+            raise BagError(
+                f'{self._path}: found a change of {unknown[0]} of {self._node} at {received} ns,'
+                ' before the recorder could learn what it was; wanted its value from the beginning'
+            )
+        try:
+            self.values = TABLE.reconfigure(self.values, said)
+        except ParameterError as error:
+            raise BagError(
+                f'{self._path}: change of parameters at {received} ns: {error.problems[0]}'
+            ) from error
+        self.given = self.given.union(said)
+
+    def _take(self, given: Mapping[str, Any]) -> None:
+        try:
+            self.values = TABLE.resolve(given)
+        except ParameterError as error:
+            raise BagError(
+                f'{self._path}: parameters of {self._node}: {error.problems[0]}'
+            ) from error
+        self.given = frozenset(given)
+
+
+def changes_in(event: Any, node: str) -> dict[str, Any] | None:
+    """What a message of `/parameter_events` says that was changed; without ROS' own parameters.
+
+    Returns:
+        New values by key; None when it tells of no change of this node.
+    """
+    if event.node != node or not event.changed_parameters:
+        return None
+    changed = {each.name: _plain(each.value) for each in event.changed_parameters}
+    return {key: value for key, value in changed.items() if not is_of_ros(key)}
+
+
+def _plain(value: Any) -> Any:
+    """Value of a `rcl_interfaces/msg/ParameterValue`; None when it has none."""
+    if not 1 <= value.type <= len(_FIELDS):
+        return None
+    found = getattr(value, _FIELDS[value.type - 1])
+    return found.tolist() if isinstance(found, np.ndarray) else found

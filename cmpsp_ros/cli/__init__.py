@@ -1,0 +1,48 @@
+"""The `cmpsp` command: arguments in, exit code out.
+
+A command is a function of a module of this folder; its signature and docstring are its options and
+its help. What it does is in the rooms below, imported when it is called: `--help` is to be quick.
+"""
+
+from __future__ import annotations
+
+import gc
+from typing import Final
+
+import typer
+
+from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies
+
+__all__ = ['app', 'main']
+
+_OBJECTS_BEFORE_COLLECTION: Final = 100_000
+
+app = typer.Typer(
+    help='Guidance of a differential-drive robot by C-MPSP.',
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+# In the order of `cmpsp --help`.
+for _command in (
+    demo.demo,
+    inspecting.audit,
+    studies.bench,
+    studies.paper,
+    inspecting.export,
+    recording.record,
+    recording.recover,
+    replaying.replay,
+    inspecting.report,
+    recording.play,
+    studies.warmup,
+):
+    app.command()(_command)
+
+
+def main() -> None:
+    """Entry point of the command."""
+    # Importing makes many objects that stay: looking through them again and again takes a tenth of
+    # the time that a short command needs.
+    gc.set_threshold(_OBJECTS_BEFORE_COLLECTION)
+    app()

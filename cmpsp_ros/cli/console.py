@@ -1,0 +1,44 @@
+"""What commands say: findings to standard output, what is wrong in red to standard error."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import typer
+from rich.console import Console
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+console = Console()
+errors = Console(stderr=True)
+
+
+def complain(problem: object) -> None:
+    """Say what is wrong, as it is: paths and messages are neither markup nor wrapped."""
+    errors.print(str(problem), style='red', markup=False, highlight=False, soft_wrap=True)
+
+
+def say(text: object) -> None:
+    """Say what was found or written, as it is."""
+    console.print(str(text), markup=False, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
+    """Turn errors that a user can mend into their message and an exit code.
+
+    Args:
+        kinds: Classes of these errors; any other is a fault of ours and keeps its traceback.
+        code: The exit code.
+
+    Raises:
+        Exit: There was such an error.
+
+    """
+    try:
+        yield
+    except kinds as error:
+        complain(error)
+        raise typer.Exit(code) from None

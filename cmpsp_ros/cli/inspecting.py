@@ -1,0 +1,96 @@
+"""`cmpsp audit`, `report` and `export`: what is in a bag."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.cli.console import console, exit_on, say
+from cmpsp_ros.parameters.errors import ParameterError
+
+
+def audit(
+    bag: Annotated[Path, typer.Argument(help='Bag, of our nodes or of any robot.')],
+    junit: Annotated[
+        Path | None, typer.Option(metavar='FILE', help='Write JUnit XML, for CI, as well.')
+    ] = None,
+    odom: Annotated[
+        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
+    ] = None,
+    cmd_vel: Annotated[
+        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
+    ] = None,
+    params_file: Annotated[
+        str | None,
+        typer.Option(metavar='FILE', help='Judge by these parameters, not by those in the bag.'),
+    ] = None,
+) -> None:
+    """Check a drive by its odometry and the parameters alone: road, limits, goal, timing, ladder.
+
+    Exit code 0 if nothing is wrong, 1 if something is, 2 if the bag cannot be audited.
+    """
+    from cmpsp_ros.bags import audit as auditing  # noqa: PLC0415 (starts faster without)
+
+    with exit_on(BagError, ParameterError, code=2):
+        evidence = auditing.read_record(bag, auditing.Sources(odom, cmd_vel, params_file))
+        findings = auditing.audit_record(evidence)
+        if junit is not None:
+            auditing.write_junit(junit, findings, evidence)
+    console.print(auditing.table(findings, f'audit of {bag}'))
+    for remark in auditing.remarks(findings):
+        say(remark)
+    if any(each.outcome is auditing.Outcome.FAILED for each in findings):
+        raise typer.Exit(1)
+
+
+def report(
+    bags: Annotated[list[Path], typer.Argument(metavar='BAG...', help='Bags to show together.')],
+    output: Annotated[
+        Path, typer.Option(metavar='FILE.html', help='New page; a PNG is put beside it.')
+    ] = Path('report.html'),
+    odom: Annotated[
+        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
+    ] = None,
+    cmd_vel: Annotated[
+        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
+    ] = None,
+    params_file: Annotated[
+        str | None,
+        typer.Option(metavar='FILE', help='Show these parameters, not those in the bags.'),
+    ] = None,
+    force: Annotated[bool, typer.Option('--force', help='Replace an earlier report.')] = False,
+) -> None:
+    """Make a page of one bag, or of several to compare them; it opens from disk, offline.
+
+    Exit code 2 if a bag cannot be used.
+    """
+    from cmpsp_ros.bags import report as reporting  # noqa: PLC0415 (plots)
+    from cmpsp_ros.bags.audit import Sources  # noqa: PLC0415 (starts faster without)
+
+    with exit_on(BagError, ParameterError, code=2):
+        sources = Sources(odom, cmd_vel, params_file)
+        written = reporting.write_report(bags, output, sources, force=force)
+    for path in written:
+        say(f'{path}: written')
+
+
+def export(
+    bag: Annotated[Path, typer.Argument(help='Bag, of any robot.')],
+    output: Annotated[Path, typer.Option(help='New folder of the tables.')],
+    form: Annotated[
+        Literal['csv', 'parquet'], typer.Option('--format', help='Format of the tables.')
+    ] = 'csv',
+) -> None:
+    """Write odometry, commands, wheel speeds, decisions and plans as tables with units.
+
+    Exit code 2 if the bag cannot be used.
+    """
+    from cmpsp_ros.bags import export as tables  # noqa: PLC0415 (starts faster without)
+
+    with exit_on(BagError, code=2):
+        counts = tables.export(bag, output, form)
+    for path, count in counts.items():
+        say(f'{path}: {count} rows')

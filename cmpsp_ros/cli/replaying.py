@@ -1,0 +1,82 @@
+"""`cmpsp replay`: what the guidance law of a bag said, or what another would have said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.cli.console import console, errors, exit_on, say
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+
+if TYPE_CHECKING:
+    from cmpsp_ros.bags.recording import Names
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help='Bag of a guidance node.')],
+    tolerance: Annotated[
+        float | None,
+        typer.Option(
+            min=0.0, metavar='REL', help='For bags of another machine: how far floats may differ.'
+        ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option('--set', metavar='KEY=VALUE', help='What if: change a parameter; repeatable.'),
+    ] = None,
+    params_file: Annotated[
+        str | None, typer.Option(metavar='FILE', help='What if: other parameters, or a preset.')
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option(help='What if: new folder; <BAG>_what_if when absent.')
+    ] = None,
+    namespace: Annotated[str, typer.Option(help='Namespace of the node, as in /r1.')] = '',
+    odom: Annotated[
+        str, typer.Option(help='Topic of odometry; <namespace>/odom when absent.')
+    ] = '',
+    cmd_vel: Annotated[
+        str, typer.Option(help='Topic of commands; <namespace>/cmd_vel when absent.')
+    ] = '',
+) -> None:
+    """Decide again on recorded odometry, and compare every decision with the recorded one.
+
+    Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
+    --params-file it shows what a changed guidance law would have said instead.
+    """
+    from cmpsp_ros.bags.recording import Names  # noqa: PLC0415 (starts faster without)
+
+    names = Names.under(namespace, odom, cmd_vel)
+    with exit_on(BagError, ParameterError, code=2):
+        if assignments or params_file:
+            _what_if(bag, names, assignments or [], params_file, output)
+            return
+        from cmpsp_ros.bags import replay as again  # noqa: PLC0415 (loads kernels)
+
+        outcome = again.replay(bag, names, tolerance)
+    say(outcome)
+    if outcome.first is not None:
+        raise typer.Exit(1)
+
+
+def _what_if(
+    bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
+) -> None:
+    """Show what a changed guidance law would have said."""
+    from cmpsp_ros.bags.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.bags.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
+
+    base = None if params_file is None else load_parameter_file(params_file)
+    change = Change(base, dict(parse_assignment(each) for each in assignments))
+    folder = output or bag.with_name(f'{bag.name}_what_if')
+    result = what_if(bag, names, change, folder / 'bag')
+    title = ', '.join([params_file or 'recorded parameters', *assignments])
+    draw_what_if(result, f'What if: {title}', folder / 'what_if.png')
+    console.print(str(result), markup=False, highlight=False)
+    say(f'{folder}: bag, what_if.png')
+    console.print('open loop: the robot followed the recorded commands, not the changed ones')
+    for each in result.left_out:
+        errors.print(f'left out: {each}: its type is not known here', markup=False)

@@ -1,0 +1,143 @@
+"""`cmpsp bench`, `paper` and `warmup`: what is computed, measured and drawn without a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from cmpsp_ros.cli.console import console, errors, exit_on
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.parameters.errors import ParameterError
+
+
+def bench(
+    presets: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar='PRESET', help="Presets, or parameter files; none: all, and the paper's runs."
+        ),
+    ] = None,
+    runs: Annotated[int, typer.Option(min=1, help='Runs of each preset and of each method.')] = 20,
+    peers: Annotated[
+        bool, typer.Option('--peers', help='Time solvers of CasADi and acados as well.')
+    ] = False,
+    latency: Annotated[
+        bool, typer.Option('--latency', help='Time the node over DDS, in real time.')
+    ] = False,
+    tail: Annotated[
+        int, typer.Option(min=1, metavar='COUNT', help='Steps of which the longest are shown.')
+    ] = 20_000,
+    output: Annotated[
+        Path | None, typer.Option(help='New file ending in .json, or new or empty folder.')
+    ] = None,
+    verify: Annotated[
+        int | None,
+        typer.Option(min=1, metavar='COUNT', help='Instead, check a QP back end on as many QPs.'),
+    ] = None,
+    verify_case: Annotated[
+        str | None, typer.Option(metavar='ID', help='Instead, check it on the one of that name.')
+    ] = None,
+    qp: Annotated[
+        str | None, typer.Option(metavar='NAME', help="The back end checked; without: guidance's.")
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help='Processes that check.')] = 1,
+) -> None:
+    """Time control steps, alone and beside other solvers, over horizons and over DDS."""
+    if verify is not None or verify_case is not None:
+        from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
+
+        _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
+        return
+    from cmpsp_ros.studies.bench import (  # noqa: PLC0415 (compiles kernels)
+        BenchError,
+        Order,
+        run,
+        tables,
+    )
+
+    order = Order(presets or (), runs, tail, peers=peers, latency=latency, output=output)
+    with exit_on(BenchError, ParameterError, code=1), Progress(console=errors) as bar:
+
+        def progress(part: str, pieces: int) -> Callable[[], None]:
+            task = bar.add_task(part, total=pieces)
+            return lambda: bar.advance(task)
+
+        results = run(order, progress)
+    for table in tables(results):
+        console.print(table.rich())
+    if output is not None:
+        console.print(f'{output}: written')
+
+
+def paper(
+    output: Annotated[Path, typer.Option(help='New or empty folder.')] = Path('paper'),
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar='NAME', help='One figure or table, such as fig5; may be repeated.'),
+    ] = None,
+    judge: Annotated[
+        bool, typer.Option('--judge', help='Let CasADi and IPOPT find the optima as well.')
+    ] = False,
+) -> None:
+    """Draw every figure and check every claim of the paper; no ROS is needed."""
+    from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run  # noqa: PLC0415 (plots, kernels)
+
+    with exit_on(PaperError, ParameterError, code=1), Progress(console=errors) as bar:
+        task = bar.add_task('paper', total=len(only or ARTEFACTS))
+
+        def progress(what: str) -> None:
+            bar.update(task, advance=what in ARTEFACTS, description=what)
+
+        report = run(output, only or (), progress, judge=judge)
+    console.print(f'{report}: every claim, and ours beside it')
+
+
+def warmup() -> None:
+    """Compile whatever nodes and commands run, so that each of them starts at once.
+
+    Exit code 1 only if there is no folder to keep it in.
+    """
+    from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
+
+    with exit_on(ParameterError, code=1), console.status('') as status:
+        outcome = warm_up_all(status.update)
+    for part in outcome.parts:
+        done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
+        console.print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
+    if outcome.removed:
+        console.print(f'removed: machine code of {len(outcome.removed)} other version(s)')
+    if outcome.folder is not None:
+        console.print(f'kept in: {outcome.folder}', soft_wrap=True, highlight=False)
+    if outcome.hindrance:
+        errors.print(outcome.hindrance, style='red', markup=False, soft_wrap=True)
+    if outcome.folder is None:
+        raise typer.Exit(1)
+
+
+def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:
+    """Check a QP back end on a number of programs, or on the one of a name."""
+    from cmpsp_ros.studies import verify as study  # noqa: PLC0415 (compiles kernels)
+
+    with exit_on(study.VerifyError, ProblemError, code=1):
+        file = None if output is None else study.new_file(output)
+        if isinstance(what, str):
+            compared = [study.verify_case(what, qp)]
+            console.print(study.describe(compared[0]), markup=False, highlight=False)
+        else:
+            with Progress(console=errors) as bar:
+                task = bar.add_task(f'QPs by {qp}', total=what)
+                compared = study.verify(what, qp, workers, lambda count: bar.advance(task, count))
+            console.print(study.table(compared, qp))
+    if file is not None:
+        file.write_text(study.to_json(compared, qp), encoding='utf-8')
+        console.print(f'{file}: all findings')
+    wrong = study.mismatches(compared)
+    if wrong and not isinstance(what, str):
+        for each in wrong:
+            errors.print(study.describe(each), markup=False, highlight=False, soft_wrap=True)
+    if wrong:
+        raise typer.Exit(1)

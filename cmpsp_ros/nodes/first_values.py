@@ -1,0 +1,74 @@
+"""The values that a node's parameters had before the first change that was heard of.
+
+A node is asked for them, and tells of changes in events. Answers and events come by different ways:
+an answer may be younger than a change and yet come before the event that tells of it. Taken for the
+value of the beginning, it would put the change before everything that happened until then.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+class FirstValues:
+    """What is known of the parameters of one node, from its start to its end.
+
+    The order of calls is that of hearing: `asked`, `answered`, and in between and for a while after
+    it `declared` and `changed`; then `settle`, once no event older than the answer can still be on
+    its way.
+
+    Attributes:
+        known: Values before the first change, by key. A key is missing here when a change of it was
+            heard before an answer that is certainly older: nobody can say what it was.
+        latest: Values after all changes that were heard, by key.
+        settled: Whether there has been an answer, with all events that may be older.
+
+    """
+
+    def __init__(self) -> None:
+        self.known: dict[str, Any] = {}
+        self.latest: dict[str, Any] = {}
+        self.settled = False
+        self._changed: dict[str, list[Any]] = {}
+        self._lost: set[str] = set()
+        self._answer: dict[str, Any] | None = None
+
+    def declared(self, key: str, value: Any) -> None:
+        """Hear that a parameter has come to be, with this value."""
+        if key not in self._lost and key not in self._changed:
+            self.known.setdefault(key, value)
+        self.latest.setdefault(key, value)
+
+    def changed(self, key: str, value: Any) -> None:
+        """Hear that a parameter has now this value."""
+        if key not in self.known:
+            self._changed.setdefault(key, []).append(value)
+        self.latest[key] = value
+
+    def asked(self) -> None:
+        """Take down that the node is being asked: what was heard by now, its answer comes after."""
+        self._lost.update(self._changed)
+        self._changed.clear()
+
+    def answered(self, values: Mapping[str, Any]) -> None:
+        """Keep an answer until `settle`."""
+        self._answer = dict(values)
+
+    def settle(self) -> None:
+        """Decide which values of the answer are those of before the first change."""
+        if self._answer is None:
+            return
+        for key, value in self._answer.items():
+            after = [repr(each) for each in self._changed.get(key, ())]
+            # One of these values may be that of before a change, or that of after it.
+            if key in self._lost or repr(value) in after:
+                self._lost.add(key)
+            else:
+                self.known.setdefault(key, value)
+            self.latest.setdefault(key, value)
+        self._changed.clear()
+        self._answer = None
+        self.settled = True

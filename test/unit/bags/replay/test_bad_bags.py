@@ -1,0 +1,171 @@
+"""Every command on every kind of bag that it cannot use: one line that says why, and no files."""
+
+from __future__ import annotations
+
+import re
+import shutil
+
+import pytest
+from typer.testing import CliRunner
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.cli import app
+
+PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
+COMMANDS = {
+    'replay': ['replay', 'bag'],
+    'what if': ['replay', 'bag', '--set', 'weights.road_center=30', '--output', 'new'],
+    'audit': ['audit', 'bag', '--junit', 'new.xml'],
+    'report': ['report', 'bag', '--output', 'new.html'],
+    'export': ['export', 'bag', '--output', 'new'],
+    'play': ['play', 'bag'],
+    'recover': ['recover', 'bag', '--output', 'new'],
+}
+LAWS, DRIVES = ('replay', 'what if'), ('audit', 'report')
+READERS = tuple(name for name in COMMANDS if name != 'recover')
+
+SAYS = [
+    (tuple(COMMANDS), 'absent', 'bag: no such bag'),
+    (READERS, 'folder', r'not a bag: expected a metadata\.yaml in this folder'),
+    (READERS, 'file', r'not a bag: expected a folder, or a file that ends in \.mcap or \.db3'),
+    (('recover',), 'folder', r'not a bag: expected files that end in \.mcap or \.db3'),
+    (('recover',), 'file', r'not a bag: expected files that end in \.mcap or \.db3'),
+    (READERS, 'written', r'being written right now: expected a metadata\.yaml'),
+    (('recover',), 'written', 'being written right now; stop the recorder first'),
+    (READERS, 'cut off', 'the recording was cut off: .* `cmpsp recover bag` makes a whole bag'),
+    (READERS, 'half', 'bag_0.mcap is without an index, .*; `cmpsp recover` makes one'),
+    (LAWS, 'empty', 'no parameters of /guidance; there are those of no node'),
+    (DRIVES, 'empty', r'found no parameters of a guidance node, wanted .* \(--params-file\)'),
+    (('export',), 'empty', 'no topic that makes a table; there is no topic at all'),
+    (('play',), 'empty', 'no message to play in any topic'),
+    (('recover',), 'empty', 'no topic can be recovered: there is none'),
+    (LAWS, 'silent', 'found 0 decisions of /guidance, wanted one that begins a run'),
+    (DRIVES, 'silent', r'found no message in /odom, nor in any other, wanted a drive \(--odom\)'),
+    (('play',), 'silent', 'no message to play in /cmd_vel, /guidance/decision, .*, /odom'),
+    (LAWS, 'no parameters', 'no parameters of /guidance; there are those of no node'),
+    (DRIVES, 'no parameters', r'found no parameters of a guidance node, wanted .*--params-file'),
+    (LAWS, 'no odometry', 'no topic /odom; there is /cmd_vel, /guidance/decision, '),
+    (DRIVES, 'no odometry', r'no topic /odom, wanted one of /cmd_vel, .* \(--odom\)'),
+    (LAWS, 'no decisions', 'no topic /guidance/decision; there is /cmd_vel, '),
+    (DRIVES, 'no commands', r'no topic /cmd_vel, wanted one of /guidance/.* \(--cmd-vel\)'),
+    (LAWS, 'nan', 'no usable odometry: Odometry has a pose that is not finite'),
+    (DRIVES, 'nan', '/odom, received at 17.* ns: Odometry has a pose that is not finite'),
+    (LAWS, 'inf', 'no usable odometry: Odometry has a pose that is not finite'),
+    (DRIVES, 'inf', '/odom, received at 17.* ns: Odometry has a pose that is not finite'),
+    (LAWS, 'frame', r"Odometry is in frame 'map', wanted 'odom' \(frame_id\)"),
+    (DRIVES, 'frame', r"Odometry is in frame 'map', wanted 'odom' \(frame_id\)"),
+    (LAWS, 'key', r'parameters of /guidance: final_tim: found .* \(did you mean final_time\?\)'),
+    (DRIVES, 'key', r'parameters of /guidance: final_tim: found .* \(did you mean final_time\?\)'),
+]
+
+
+@pytest.fixture
+def make(drive, alter, tmp_path, monkeypatch):
+    """Make a bad bag, `bag` in the working folder: `make('cut off')`."""
+    monkeypatch.chdir(tmp_path)
+    being_written = []
+
+    def spoilt(change):
+        def spoil(topic, _index, message):
+            if topic == '/odom':
+                change(message)
+            return message
+
+        replaced(alter(spoil))
+
+    def replaced(copy):
+        shutil.rmtree('bag')
+        copy.rename('bag')
+
+    def without(missing, *, messages=True):
+        with Bag(tmp_path / 'bag') as whole, BagWriter(tmp_path / 'part') as part:
+            for topic in sorted(whole.topics.keys() - {missing}):
+                part.topic(topic, whole.topics[topic].msgtype)
+                for stamp, raw in whole.raw(topic) if messages else ():
+                    part.write(topic, stamp, raw)
+            part.set_parameters('/guidance', whole.parameters['/guidance'])
+        replaced(tmp_path / 'part')
+
+    def make(kind):
+        bag = tmp_path / 'bag'
+        with drive() as run:
+            run.go(0.3)
+        match kind:
+            case 'absent':
+                shutil.rmtree(bag)
+            case 'folder':
+                shutil.rmtree(bag)
+                bag.mkdir()
+            case 'file':
+                shutil.rmtree(bag)
+                bag.write_text('a note')
+            case 'written':
+                shutil.rmtree(bag)
+                being_written.append(BagWriter(bag))
+                being_written[0].flush()
+            case 'cut off':
+                (bag / 'metadata.yaml').unlink()
+            case 'half':
+                content = (bag / 'bag_0.mcap').read_bytes()
+                (bag / 'bag_0.mcap').write_bytes(content[: len(content) // 2])
+            case 'empty':
+                shutil.rmtree(bag)
+                BagWriter(bag).close()
+            case 'silent':
+                without('', messages=False)
+            case 'no parameters':
+                replaced(alter(parameters={}))
+            case 'no odometry':
+                without('/odom')
+            case 'no decisions':
+                without('/guidance/decision')
+            case 'no commands':
+                without('/cmd_vel')
+            case 'nan' | 'inf':
+                spoilt(lambda each: setattr(each.pose.pose.position, 'y', float(kind)))
+            case 'frame':
+                spoilt(lambda each: setattr(each.header, 'frame_id', 'map'))
+            case 'key':
+                replaced(alter(parameters={'/guidance': {'final_tim': 1.0}}))
+
+    yield make
+    for each in being_written:
+        each.close()
+
+
+def files(folder):
+    return {each: each.read_bytes() for each in folder.rglob('*') if each.is_file()}
+
+
+@pytest.mark.parametrize(
+    ('commands', 'kind', 'reason'), SAYS, ids=[f'{each[1]}-{each[0][0]}' for each in SAYS]
+)
+def test_it_says_why_and_leaves_everything_as_it_is(make, tmp_path, commands, kind, reason):
+    make(kind)
+    before = files(tmp_path)
+    for name in commands:
+        done = CliRunner().invoke(app, COMMANDS[name], env=PLAIN)
+        assert done.exit_code == 2, (name, done.output, done.exception)
+        assert re.match(f'bag: .*{reason}|{reason}', done.stderr), (name, done.stderr)
+        assert len(done.stderr.splitlines()) == 1, name
+        assert done.stdout == '', name
+        assert files(tmp_path) == before, name
+
+
+@pytest.mark.parametrize('kind', ['no decisions', 'no commands'])
+def test_what_a_command_does_not_need_may_be_missing(make, kind):
+    make(kind)
+    needless = {'no decisions': ['audit', 'report', 'export'], 'no commands': ['replay', 'export']}
+    for name in needless[kind]:
+        done = CliRunner().invoke(app, COMMANDS[name], env=PLAIN)
+        assert done.exit_code in {0, 1}, (name, done.output)
+        assert done.stderr == '', name
+
+
+@pytest.mark.parametrize('kind', ['cut off', 'half', 'no parameters', 'nan'])
+def test_recover_takes_what_is_there(make, tmp_path, kind):
+    make(kind)
+    assert CliRunner().invoke(app, COMMANDS['recover'], env=PLAIN).exit_code == 0
+    with Bag(tmp_path / 'new') as new:
+        assert new.topics

@@ -1,0 +1,63 @@
+"""Getting the nodes of a run ready, with nodes that are not there."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo.processes import Child
+from cmpsp_ros.demo.run import _get_ready
+from cmpsp_ros.nodes.observer import Observer
+
+WORDS = 'compiling, once; `cmpsp warmup` does it beforehand'
+
+
+class Stubborn(Observer):
+    """Ask for the guidance node's states and hear what a test says, without ROS."""
+
+    def __init__(self, answer):
+        self._answer = answer
+
+    def configure(self, timeout):
+        if self._answer is None:
+            raise TimeoutError(f'no answer within {timeout:.0f} s')
+        return self._answer
+
+
+@pytest.fixture
+def child(tmp_path):
+    """A process that says something and stays, or ends: `child(code)`."""
+    started = []
+
+    def start(code=''):
+        log = tmp_path / 'guidance_node.log'
+        log.write_text(f'{WORDS}\n')
+        command = [sys.executable, '-c', code or 'input()']
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        started.append(process)
+        if code:
+            process.wait(20.0)
+        return Child('guidance_node', process, log)
+
+    yield start
+    for process in started:
+        process.kill()
+        process.communicate()
+
+
+def test_a_node_that_does_not_answer_is_no_node_that_refuses(child):
+    with pytest.raises(DemoError, match=r'no answer within 30 s; it said:\ncompiling, once'):
+        _get_ready(Stubborn(None), [child()])
+
+
+def test_a_node_that_has_ended_is_told_as_such(child):
+    with pytest.raises(DemoError, match='guidance_node ended with exit code 3'):
+        _get_ready(Stubborn(None), [child('raise SystemExit(3)')])
+
+
+def test_a_node_that_refuses_says_why(child):
+    with pytest.raises(DemoError, match=r'refuses to start:\ncompiling'):
+        _get_ready(Stubborn(False), [child()])

@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
-from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp import RICCATI_INTERIOR_POINT, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ def prepare(settings: GuidanceSettings) -> None:
     """
     warm_up(settings)
     _meet_trouble(settings)
-    _bend_a_step(settings)
+    _meet_difficulties(settings)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
@@ -73,8 +73,11 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     law.update(final, on)
 
 
-def _bend_a_step(settings: GuidanceSettings) -> None:
-    """Correct a step of the general iteration, which it seldom needs."""
+def _meet_difficulties(settings: GuidanceSettings) -> None:
+    """Run what the general iteration seldom needs: the second-order correction, and the fall-back.
+
+    The active-set method falls back on the interior point.
+    """
     planner, road = BackEndPlanner(Task(settings)), settings.road
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
@@ -87,3 +90,4 @@ def _bend_a_step(settings: GuidanceSettings) -> None:
     unmoved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
     after = iterate.evaluation
     second_order_correction(subproblem, unmoved, after.output_error, after.g)
+    backend(RICCATI_INTERIOR_POINT)(subproblem, None)

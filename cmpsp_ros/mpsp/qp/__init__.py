@@ -7,7 +7,7 @@ from functools import cache
 from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.qp import daqp_backend, hildreth, riccati_backend
+from cmpsp_ros.mpsp.qp import daqp_backend, hildreth, interior_backend, riccati_backend
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Backend,
@@ -21,6 +21,7 @@ from cmpsp_ros.mpsp.subproblem import Subproblem
 
 __all__ = [
     'RICCATI_ACTIVE_SET',
+    'RICCATI_INTERIOR_POINT',
     'Backend',
     'Penalties',
     'QPSolution',
@@ -35,8 +36,12 @@ __all__ = [
 RICCATI_ACTIVE_SET = 'riccati_active_set'
 """The default back end."""
 
+RICCATI_INTERIOR_POINT = 'riccati_interior_point'
+"""The back end that the default one falls back on."""
+
 _NATIVE: dict[str, Backend] = {
     RICCATI_ACTIVE_SET: riccati_backend.solve,
+    RICCATI_INTERIOR_POINT: interior_backend.solve,
     'daqp': daqp_backend.solve,
     'hildreth': hildreth.solve,
 }

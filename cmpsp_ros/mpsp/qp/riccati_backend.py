@@ -1,36 +1,35 @@
-"""The compiled Riccati solvers as back ends; nothing is condensed."""
+"""The compiled Riccati active-set method as a back end; nothing is condensed.
+
+Where it gives up, the interior point is asked.
+"""
 
 from __future__ import annotations
-
-from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.qp import interior_backend
+from cmpsp_ros.mpsp.qp.rooms import Rooms
 from cmpsp_ros.mpsp.qp.solution import (
     Penalties,
     QPSolution,
     QPStatus,
-    Row,
     largest_multipliers,
 )
+from cmpsp_ros.mpsp.qp.stage_answer import named, solved
 from cmpsp_ros.mpsp.riccati import solver
 from cmpsp_ros.mpsp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, place_of
-from cmpsp_ros.mpsp.riccati.solver import Solver
-from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers
 from cmpsp_ros.mpsp.riccati.whitening import factorise
 from cmpsp_ros.mpsp.riccati.working_set import CONFLICT, Hint, no_hint
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
-_rooms: defaultdict[Dimensions, list[Solver]] = defaultdict(list)
+_rooms = Rooms(solver.solver)
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-    """Solve a subproblem by the dual active-set method."""
+    """Solve a subproblem by the dual active-set method, or else by the interior point."""
     return solve_from(subproblem, penalties, empty_hint(subproblem.size))
 
 
@@ -40,18 +39,24 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
     Args:
         subproblem: The program.
         penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        hint: Rows to begin with; left as those of this solution.
+        hint: Rows to begin with; left as those of this solution, and empty where the interior point
+            found it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
-    with _room(size) as room:
+    with _rooms.of(size) as room:
         outcome = NO_CURVATURE
         if factorise(qp, room.white):
             outcome = solver.solve(qp, largest_multipliers(size, penalties), hint, room)
         if outcome == SOLVED:
-            return _solution(room)
+            return solved(room.dU, room.multipliers, int(solver.iterations(room)))
         if outcome == INFEASIBLE:
-            return QPSolution.unsolved(size, QPStatus.INFEASIBLE, _conflict(qp, room))
-        return QPSolution.unsolved(size, QPStatus.FAILED)
+            at = room.active
+            conflict = named(qp, at.conflict[: at.counts[CONFLICT]].tolist())
+            return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
+        if outcome == NO_CURVATURE:
+            return QPSolution.unsolved(size, QPStatus.FAILED)
+    hint.length[0] = 0
+    return interior_backend.solve(subproblem, penalties)
 
 
 def second_order_correction(
@@ -70,7 +75,7 @@ def second_order_correction(
     """
     qp, bend = subproblem.stages, np.zeros_like(solution.dU)
     multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-    with _room(subproblem.size) as room:
+    with _rooms.of(subproblem.size) as room:
         if factorise(qp, room.white):
             activate(qp, room, multipliers)
             correct(qp, room, output_error, g, bend)
@@ -80,42 +85,3 @@ def second_order_correction(
 def empty_hint(size: Dimensions) -> Hint:
     """A hint with nothing in it."""
     return no_hint(size.horizon, size.state, size.control, size.output, size.path)
-
-
-@contextmanager
-def _room(size: Dimensions) -> Iterator[Solver]:
-    """A solver that nobody else uses; making one takes longer than solving with it."""
-    free = _rooms[size]
-    try:
-        room = free.pop()
-    except IndexError:
-        room = solver.solver(size.horizon, size.state, size.control, size.output, size.path)
-    yield room
-    free.append(room)
-
-
-def _solution(room: Solver) -> QPSolution:
-    multipliers = room.multipliers
-    return QPSolution(
-        QPStatus.SOLVED,
-        room.dU.copy(),
-        multipliers.terminal.copy(),
-        multipliers.path.copy(),
-        multipliers.trust.copy(),
-        multipliers.bounds.copy(),
-        int(solver.iterations(room)),
-    )
-
-
-def _conflict(qp: StageQP, room: Solver) -> tuple[Row, ...]:
-    at = room.active
-    return tuple(_row(qp, number) for number in sorted(at.conflict[: at.counts[CONFLICT]].tolist()))
-
-
-def _row(qp: StageQP, number: int) -> Row:
-    if number < len(qp.output_error):
-        return Row('terminal', len(qp.A), number)
-    place = place_of(qp, number)
-    if place.kind == PATH:
-        return Row('path', place.stage, place.component)
-    return Row('bound' if place.kind == BOUND else 'trust', place.stage, place.component)

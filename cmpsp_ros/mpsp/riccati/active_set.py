@@ -23,7 +23,7 @@ from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.meeting import CONTRADICTION, DONE, FULL, meet
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, SOLVED
 from cmpsp_ros.mpsp.riccati.refinement import pull, retrace, sharpen
-from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, limit_of, place_of, value_of, white_length
+from cmpsp_ros.mpsp.riccati.rows import limit_of, put_multiplier, value_of, white_length
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, spread, unwhiten
@@ -242,27 +242,13 @@ def _fill(qp: StageQP, penalty: Penalty, at: ActiveSet, multipliers: Multipliers
         row = at.rows[j]
         _, most = limit_of(qp, penalty, row)
         least = -most if row < qp.output_error.shape[0] else 0.0
-        _put(qp, row, min(max(at.multipliers[j], least), most), multipliers)
+        put_multiplier(qp, row, min(max(at.multipliers[j], least), most), multipliers)
     if at.counts[SATURATED] > 0:
         for row in range(at.states.shape[0]):
             if at.states[row] == AT_PENALTY:
-                _put(qp, row, limit_of(qp, penalty, row)[1], multipliers)
+                put_multiplier(qp, row, limit_of(qp, penalty, row)[1], multipliers)
             elif at.states[row] == AT_MINUS_PENALTY:
-                _put(qp, row, -limit_of(qp, penalty, row)[1], multipliers)
-
-
-@allocation_free
-def _put(qp: StageQP, row: int, multiplier: float, multipliers: Multipliers) -> None:
-    if row < qp.output_error.shape[0]:
-        multipliers.terminal[row] = multiplier
-        return
-    place = place_of(qp, row)
-    if place.kind == PATH:
-        multipliers.path[place.stage, place.component] = multiplier
-    elif place.kind == BOUND:
-        multipliers.bounds[place.stage, place.component] += place.sign * multiplier
-    else:
-        multipliers.trust[place.stage, place.component] += place.sign * multiplier
+                put_multiplier(qp, row, -limit_of(qp, penalty, row)[1], multipliers)
 
 
 @inlined

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.size import dimension
-from cmpsp_ros.mpsp.riccati.stage_qp import Penalty, StageQP
+from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, row_length, whiten_row
 
 PATH, BOUND, TRUST = 0, 1, 2
@@ -91,18 +91,18 @@ def limit_of(qp: StageQP, penalty: Penalty, row: int) -> Any:
 @allocation_free
 def white_row(qp: StageQP, white: Whitening, row: int, out: Array) -> int:
     """A row in the variables of the factorisation; returns how many entries may be other than 0."""
-    return whiten_row(qp, white, _load(qp, white, row), out)
+    return whiten_row(qp, white, load_row(qp, white, row), out)
 
 
 @allocation_free
 def white_length(qp: StageQP, white: Whitening, row: int) -> float:
     """Length of a row in the variables of the factorisation."""
-    return row_length(qp, white, _load(qp, white, row))
+    return row_length(qp, white, load_row(qp, white, row))
 
 
 @inlined
-def _load(qp: StageQP, white: Whitening, row: int) -> int:
-    """Write a row into `s` and `d` of the factorisation; returns its stage."""
+def load_row(qp: StageQP, white: Whitening, row: int) -> int:
+    """Write a row's derivatives into `s` and `d` of the factorisation; returns its stage."""
     n, r = dimension(qp.state), dimension(qp.control)
     s, d = white.s, white.d
     if row < qp.output_error.shape[0]:
@@ -148,3 +148,18 @@ def value_of(qp: StageQP, row: int, dU: Array, dX: Array) -> float:
     for a in range(r):
         total += qp.g_U[k, place.component, a] * dU[k, a]
     return total
+
+
+@allocation_free
+def put_multiplier(qp: StageQP, row: int, multiplier: float, multipliers: Multipliers) -> None:
+    """Write the multiplier of a row where it belongs."""
+    if row < qp.output_error.shape[0]:
+        multipliers.terminal[row] = multiplier
+        return
+    place = place_of(qp, row)
+    if place.kind == PATH:
+        multipliers.path[place.stage, place.component] = multiplier
+    elif place.kind == BOUND:
+        multipliers.bounds[place.stage, place.component] += place.sign * multiplier
+    else:
+        multipliers.trust[place.stage, place.component] += place.sign * multiplier

@@ -25,7 +25,10 @@ TOLERANCE = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""
 
 CAPACITY = 400
-"""Largest number of active rows; with more, the interior point is the faster one by far."""
+"""Largest number of active rows; with more, the interior point is the faster one by far.
+
+The back end falls back on it (see `cmpsp_ros.mpsp.qp.riccati_backend`).
+"""
 
 _ITERATIONS_A_CONTROL = 20
 _ITERATIONS_AT_LEAST = 500

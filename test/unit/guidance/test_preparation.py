@@ -16,6 +16,8 @@ from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.preparation import prepare
+from cmpsp_ros.mpsp.riccati import solver
+from cmpsp_ros.mpsp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -66,6 +68,23 @@ for hessian, rate, limit, between, delay in changes:
     law.update(50 * PERIOD - PERIOD // 2, START)
     assert law.update(50 * PERIOD, START).finished
 assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
+
+# Where the active set gives up, the general iteration has the interior point's answers.
+def general(radius):
+    changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
+    law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))
+    found = [law.update(step * PERIOD, START) for step in range(2)]
+    return [each.rung.name for each in found], [each.wheel_speeds for each in found]
+
+
+own = [general(radius) for radius in (1.0, 2.0)]
+asked = []
+solver.solve = lambda *_: asked.append(1) or ITERATION_LIMIT
+for radius, (rungs, speeds) in zip((1.0, 2.0), own, strict=True):
+    found = general(radius)
+    assert found[0] == rungs, (found, rungs)
+    np.testing.assert_allclose(found[1], speeds, atol=1e-5)
+assert asked
 print(*sorted(code() - before), sep='\\n')
 """
 

@@ -17,7 +17,7 @@ import numpy as np
 import cmpsp_ros.mpsp
 from cmpsp_ros.mpsp import Subproblem, available, check_derivatives, from_functions
 from cmpsp_ros.mpsp import solve_closed_form, solve_qp
-assert available() == ('riccati_active_set', 'daqp', 'hildreth')
+assert available() == ('riccati_active_set', 'riccati_interior_point', 'daqp', 'hildreth')
 problem = from_functions(
     horizon=3, x0=[1.0], controls=1, F=lambda k, x, u: x + u, L=lambda k, x, u: u @ u,
     h=lambda x, u: x, target=[0.0],
@@ -50,4 +50,4 @@ def test_numpy_numba_and_daqp_are_enough():
 
 def test_without_qpsolvers_the_native_back_ends_are_left(monkeypatch):
     monkeypatch.setattr(qp, 'find_spec', lambda name: None)
-    assert qp.available() == ('riccati_active_set', 'daqp', 'hildreth')
+    assert qp.available() == ('riccati_active_set', 'riccati_interior_point', 'daqp', 'hildreth')

@@ -287,7 +287,7 @@ def test_an_answer_that_is_no_solution_is_not_believed(monkeypatch):
 
 
 def test_unknown_back_end_names_those_that_are_there():
-    wanted = r"qp: found 'newton', wanted one of riccati_active_set, daqp, hildreth, clarabel"
+    wanted = r"qp: found 'newton', wanted one of riccati_active_set, riccati_interior_point, daqp"
     with pytest.raises(ProblemError, match=wanted):
         backend('newton')
 

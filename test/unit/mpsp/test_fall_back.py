@@ -1,0 +1,107 @@
+"""Where the active set gives up, the interior point has the answer."""
+
+import numpy as np
+import pytest
+from programs import solve_rows, staged
+from test_qp import contradicting, penalties, program
+
+from cmpsp_ros.mpsp.problem import Linearisation
+from cmpsp_ros.mpsp.qp import QPStatus, interior_backend, kkt_residual, solve_qp
+from cmpsp_ros.mpsp.qp.riccati_backend import empty_hint, solve_from
+from cmpsp_ros.mpsp.riccati import solver
+from cmpsp_ros.mpsp.riccati.active_set import find_active_set
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """How often the interior point was asked."""
+    calls = []
+
+    def solve(subproblem, penalties):
+        calls.append(subproblem)
+        return own(subproblem, penalties)
+
+    own = interior_backend.solve
+    monkeypatch.setattr(interior_backend, 'solve', solve)
+    return calls
+
+
+@pytest.fixture
+def stopped(monkeypatch):
+    """An active-set method that stops after one iteration."""
+
+    def solve(qp, penalty, hint, room):
+        return find_active_set(
+            qp, penalty, room.white, room.active, hint, room.dU, room.dX, room.multipliers, 1
+        )
+
+    monkeypatch.setattr(solver, 'solve', solve)
+
+
+def crowded(N):
+    """Two carts side by side, which hurry as their forces allow, and hardly need to stop."""
+    K = N + 1
+    derivatives = Linearisation(
+        A=np.tile(np.eye(2), (N, 1, 1)),
+        B=np.tile(np.eye(2), (N, 1, 1)),
+        L_X=np.tile([-1.0, -2.0], (K, 1)),
+        L_U=np.zeros((K, 2)),
+        L_XX=np.zeros((K, 2, 2)),
+        L_UX=np.zeros((K, 2, 2)),
+        L_UU=np.tile(np.eye(2), (K, 1, 1)),
+        output_error=np.empty(0),
+        h_X=np.empty((0, 2)),
+        h_U=np.empty((0, 2)),
+        g=np.empty((K, 0)),
+        g_X=np.empty((K, 0, 2)),
+        g_U=np.empty((K, 0, 2)),
+    )
+    return Subproblem(derivatives, np.full((K, 2), -1.0), np.full((K, 2), 1.0), np.full(2, np.inf))
+
+
+def test_the_active_set_answers_itself_where_it_can(asked):
+    assert solve_rows(program(), 'riccati_active_set').status is QPStatus.SOLVED
+    assert solve_rows(contradicting(), 'riccati_active_set').status is QPStatus.INFEASIBLE
+    assert asked == []
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_an_active_set_that_gives_up_leaves_it_to_the_interior_point(asked, stopped, seed):
+    qp = program(seed)
+    for weights in (None, penalties(qp)):
+        found = solve_rows(qp, 'riccati_active_set', weights)
+        reference = solve_rows(qp, 'daqp', weights)
+        assert found.status is reference.status is QPStatus.SOLVED
+        np.testing.assert_allclose(found.dU, reference.dU, atol=1e-6)
+    assert len(asked) == 2
+
+
+def test_so_does_one_that_is_asked_for_what_has_no_solution(asked, stopped):
+    solution = solve_qp(staged(contradicting()), 'riccati_active_set')
+    assert solution.status is QPStatus.INFEASIBLE
+    assert [(row.kind, row.stage, row.index) for row in solution.conflict] == [
+        ('path', 0, 0),
+        ('path', 0, 1),
+    ]
+    assert len(asked) == 1
+
+
+def test_more_rows_than_there_is_room_for(asked):
+    subproblem = crowded(solver.CAPACITY // 2 + 10)
+    hint = empty_hint(subproblem.size)
+    solution = solve_from(subproblem, None, hint)
+    assert solution.status is QPStatus.SOLVED
+    assert np.count_nonzero(solution.bounds) > solver.CAPACITY
+    assert kkt_residual(subproblem, solution, None) < 1e-8
+    np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
+    assert len(asked) == 1
+    assert hint.length[0] == 0
+
+
+def test_without_curvature_neither_is_of_use(asked):
+    qp = program()
+    qp = qp.__class__(**(vars(qp) | {'H': -qp.H}))
+    for name in ('riccati_active_set', 'riccati_interior_point'):
+        assert solve_rows(qp, name).status is QPStatus.FAILED
+    assert asked == []

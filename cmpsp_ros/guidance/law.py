@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
-from cmpsp_ros.guidance.candidate import Candidate, Start
+from cmpsp_ros.guidance.candidate import Start
+from cmpsp_ros.guidance.choice import CANDIDATES, Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
-from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
-from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
 
 Array = NDArray[np.float64]
-
-_MILLISECONDS = 1e-6
 
 
 class GuidanceLaw:
@@ -32,14 +28,23 @@ class GuidanceLaw:
     from the commands that the law itself has given.
     """
 
-    def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
+    def __init__(
+        self,
+        settings: GuidanceSettings,
+        timer: Callable[[], int] = lambda: 0,
+        candidates: int = CANDIDATES,
+    ) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
             settings: All settings.
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
+            candidates: How many plans to compare at a control step, at most, from 1 to 8.
+
+        Raises:
+            ValueError: The number of candidates is out of range.
         """
-        self._timer = timer
+        self._timer, self._candidates = timer, candidates
         self._run = self._revision = -1
         self.reconfigure(settings)
         self.reset()
@@ -55,13 +60,14 @@ class GuidanceLaw:
         self._plan: Plan | None = None
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
+        self._choice.forget()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
         self._revision += 1
         self._settings = settings
-        self._planner, self._second_planner = Planner(settings), Planner(settings)
         self._audit = Audit(settings)
+        self._choice = Choice(settings, self._audit, self._timer, self._candidates)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -112,6 +118,7 @@ class GuidanceLaw:
             reason: Why, in a sentence.
         """
         self._plan = None
+        self._choice.forget()
         self._due = 0 if self._start is None else self._latest + 1
         return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
@@ -174,11 +181,10 @@ class GuidanceLaw:
         )
 
     def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
-        self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
-        candidate = self._improve(start, horizon)
+        candidate = self._choice.best(start, self._held, self._plan, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
-        reason = candidate.describe(self._audit, self._settings)
+        reason = candidate.describe(self._audit, self._settings) + self._choice.remark
         if candidate.usable:
             self._failures = 0
         else:
@@ -212,63 +218,24 @@ class GuidanceLaw:
             failures=self._failures,
             run=self._run,
             revision=self._revision,
-            phases=self._phases,
+            phases=self._choice.phases,
         )
-
-    def _improve(self, start: Start, horizon: Horizon) -> Candidate:
-        """The warm-started plan; where it has a flaw, a fresh one beside it, and the better one.
-
-        A warm start can be a trap, such as a plan that ends before an obstacle because it once
-        aimed at its middle. A plan made anew along the road knows nothing of that.
-        """
-        if self._plan is None:
-            self._planner.forget()
-            guess = initial_guess(self._settings, start.pose, horizon.durations)
-        else:
-            guess = shift(self._plan.controls, self._plan.horizon, horizon)
-        warm = self._candidate(self._planner, start, guess, horizon)
-        if warm.flawless:
-            return warm
-        self._second_planner.forget()
-        guess = along_road(self._settings, start.pose, horizon.durations)
-        fresh = self._candidate(self._second_planner, start, guess, horizon)
-        if not fresh.beats(warm):
-            return warm
-        self._planner, self._second_planner = self._second_planner, self._planner
-        return fresh
-
-    def _candidate(
-        self, planner: Planner, start: Start, guess: Array, horizon: Horizon
-    ) -> Candidate:
-        began = self._timer()
-        improvement = planner.improve(start.pose, self._held, guess, horizon)
-        solved = self._timer()
-        verdict = self._judge(start, improvement.plan.controls, horizon)
-        self._phases['solve'] += (solved - began) * _MILLISECONDS
-        self._phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        if self._delay:
-            improvement = replace(improvement, plan=replace(improvement.plan, delay=self._delay))
-        return Candidate(improvement, verdict)
 
     def _shifted(self, start: Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
         """The last audited plan, shifted by the time that has passed, if it is still clear."""
         if self._plan is None:
             return None
         controls = shift(self._plan.controls, self._plan.horizon, horizon)
-        verdict = self._judge(start, controls, horizon)
+        verdict = self._choice.judge(start, controls, horizon)
         if not verdict.passed:
             return None
         poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
         return Plan(horizon, controls, poses, self._delay), verdict
 
-    def _judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
-        """The verdict on a plan and on the way to its beginning."""
-        verdict = self._audit.check(start.pose, controls, horizon.durations)
-        return verdict if start.way is None else start.way.followed_by(verdict)
-
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:
             self._plan = None
+            self._choice.forget()
 
     def _halt(
         self,

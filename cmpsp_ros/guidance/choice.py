@@ -38,11 +38,12 @@ CANDIDATES: Final = 4
 
 _MILLISECONDS = 1e-6
 
-# Times a new plan is improved before it is judged, as long as it has a flaw.
-_ROUNDS_AT_REST = 5
-_ROUNDS_UNDER_WAY = 2
+# Times a plan is improved before it is judged when there was none before, as long as it has a flaw.
+_ROUNDS_AT_REST = 3
 # Control steps for which a plan beside the one followed may have a flaw.
 _PATIENCE = 5
+# New plans are made every control step if the one followed may not be, else ever more seldom.
+_LONGEST_PAUSE = 8
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ class Choice:
         self._spare += [each.planner for each in self._beside]
         self._beside = []
         self._review = True
+        self._pause = self._waited = 0
         self._remark = ''
 
     @property
@@ -140,10 +142,18 @@ class Choice:
         warm = self._improved(self._planner, guess, moment)
         if self._most == 1:
             return self._or_fresh(warm, moment)
-        review = self._review or plan is None or self._judge.is_flawed(warm)
+        review = self._is_wanted(warm)
         if not review and not self._beside:
             return warm
         return self._chosen(warm, moment, review=review, at_rest=plan is None)
+
+    def _is_wanted(self, warm: Candidate) -> bool:
+        """Whether to look for new plans; seldom, where that has not helped for a while."""
+        if not self._judge.is_flawed(warm):
+            self._pause = self._waited = 0
+            return self._review
+        self._waited += 1
+        return self._review or not warm.usable or self._waited > self._pause
 
     def _or_fresh(self, warm: Candidate, moment: _Moment) -> Candidate:
         """The plan along the centre line, if the warm one has a flaw that it has not."""
@@ -162,7 +172,7 @@ class Choice:
     def _chosen(
         self, warm: Candidate, moment: _Moment, *, review: bool, at_rest: bool
     ) -> Candidate:
-        rounds = _ROUNDS_AT_REST if at_rest else _ROUNDS_UNDER_WAY
+        rounds = _ROUNDS_AT_REST if at_rest else 1
         followed = self._contender(self._planner, warm, moment)
         if at_rest and review:
             followed = self._settled(followed, moment, rounds)
@@ -177,6 +187,9 @@ class Choice:
         for each in contenders:
             best = each if each.merit.beats(best.merit) else best
         self._keep(best, [followed, *contenders])
+        if review:
+            self._waited = 0
+            self._pause = 0 if best is not followed else min(2 * self._pause + 1, _LONGEST_PAUSE)
         self._remark = self._said(best, count, changed=best is not followed)
         return best.candidate
 

@@ -80,7 +80,7 @@ def follow(
     for k, duration in enumerate(durations.tolist()):
         speed = min(max(way.length_from(turned), 0.0) / left, robot.max_speed)
         ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
-        at = turned + ahead / way.radius_at(turned)
+        at = turned + ahead / max(way.radius_at(turned), _SHORTEST_LOOKAHEAD)
         radius, target = way.radius_at(at), begin + side * min(at, abs(total))
         off_x = center_x + radius * math.cos(target) - x
         off_y = center_y + radius * math.sin(target) - y

@@ -103,7 +103,9 @@ def ways_through(
     corridors = np.array([trail.gaps for trail in trails])
     spare = np.minimum(_ROOM, _ROOM_PART * (corridors[:, :, 1] - corridors[:, :, 0]))
     low, high = corridors[:, :, 0] + spare, corridors[:, :, 1] - spare
-    profiles = relax(low, high, ends, road.center_radius, turned[1])
+    # A beginning or a goal off the road is no place to lead along.
+    on_road = (min(max(ends[0], inner), outer), min(max(ends[1], inner), outer))
+    profiles = relax(low, high, on_road, road.center_radius, turned[1])
     reach = settings.robot.max_speed * float(durations.sum())
     costs = [_cost(profile, turned[1], road.center_radius, reach) for profile in profiles]
     order = sorted(range(len(trails)), key=lambda i: (costs[i], trails[i].signature))
@@ -224,9 +226,7 @@ def _search(
     for index, disc in enumerate(discs):
         if 0.0 < disc.at <= turned[-1]:
             places.setdefault(round(disc.at / turned[1]), []).append(index)
-    trails = [
-        _Trail((0,) * len(discs), (gap,), ends[0], 0.0) for gap in _reached(gaps[0], ends[0])
-    ]
+    trails = [_Trail((0,) * len(discs), (gap,), ends[0], 0.0) for gap in _reached(gaps[0], ends[0])]
     ahead = [*gaps[1:-1], _reached(gaps[-1], ends[1])]
     for station, here in enumerate(ahead, 1):
         found: dict[tuple[Signature, Gap], _Trail] = {}

@@ -143,7 +143,8 @@ def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
     settings = experiment.with_bound(between_samples)
     pose = np.array(experiment.pose)
     decisions, times = [], []
-    steps = drive(settings, pose)
+    # The paper follows one plan, from the guess that it gives.
+    steps = drive(settings, pose, candidates=1)
     finished = False
     while not finished:
         began = time.perf_counter_ns()

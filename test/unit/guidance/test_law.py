@@ -65,7 +65,7 @@ def test_cases_of_the_paper(name):
 @pytest.mark.parametrize('name', CASES)
 def test_a_plan_that_is_said_to_meet_every_constraint_does(name):
     for decision in closed_loop(CASES[name]).moves:
-        if decision.reason == 'The plan meets every constraint.':
+        if decision.reason.startswith('The plan meets every constraint.'):
             assert decision.worst_margin >= -1e-3, decision.step
             assert decision.miss < 1e-2, decision.step
 
@@ -105,7 +105,7 @@ def test_two_runs_give_the_same_bits():
 def test_a_timer_measures_and_decides_nothing():
     ticks = iter(range(0, 10**9, 1_500_000))
     given = CASES['case 3']
-    timed, plain = GuidanceLaw(given, lambda: next(ticks)), GuidanceLaw(given)
+    timed, plain = GuidanceLaw(given, lambda: next(ticks), 1), GuidanceLaw(given, candidates=1)
     pose = np.array(START)
     one, other = timed.update(5, pose), plain.update(5, pose)
     np.testing.assert_array_equal(one.wheel_speeds, other.wheel_speeds)

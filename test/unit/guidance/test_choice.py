@@ -1,0 +1,227 @@
+"""Several plans side by side: what is tried when, and which one is followed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import (
+    CASES,
+    FIRST,
+    PERIOD,
+    ROAD,
+    SECOND,
+    START,
+    clearance,
+    closed_loop,
+    drive,
+    settings,
+)
+
+from cmpsp_ros.guidance.audit import Audit
+from cmpsp_ros.guidance.candidate import Candidate
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.horizon import remaining, shift
+from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.merit_of_plan import Merit
+from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.settings import InitialGuess
+from cmpsp_ros.robot.obstacles import Obstacle
+
+ON_TIME = [k * PERIOD for k in range(51)]
+BOTH = (FIRST, SECOND)
+
+
+def cost(run, given):
+    radius = np.linalg.norm(run.path[::40, :2] - given.road.center, axis=1)
+    return given.weights.road_center / 2.0 * float(((radius - 10.0) ** 2).sum())
+
+
+def assert_arrives(run, given):
+    assert run.miss(given.goal) < 1e-6
+    assert clearance(run.path, given) >= -1e-9
+    assert len(run.moves) == 50
+
+
+def counted(monkeypatch):
+    """How many plans were improved, a number for each control step."""
+    improve, counts = Planner.improve, {}
+
+    def count(planner, pose, held, guess, horizon):
+        steps = len(horizon.durations)
+        counts[steps] = counts.get(steps, 0) + 1
+        return improve(planner, pose, held, guess, horizon)
+
+    monkeypatch.setattr(Planner, 'improve', count)
+    return counts
+
+
+@pytest.mark.parametrize('limit', [45.0, 51.0])
+@pytest.mark.parametrize('guess', [(45.13, 44.63), (45.0, 45.0), (18.0, 15.0)])
+def test_no_guess_is_a_trap(guess, limit):
+    given = settings(BOTH, limit, InitialGuess('constant', guess))
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+
+
+@pytest.mark.parametrize('limit', [46.0, 51.0])
+@pytest.mark.parametrize('heading', [-60.0, 60.0])
+def test_no_heading_is_a_trap(heading, limit):
+    given = settings(BOTH, limit, ROAD)
+    run = closed_loop(given, (*START[:2], math.radians(heading)))
+    assert_arrives(run, given)
+
+
+def test_a_poor_plan_is_left_for_a_better_one():
+    """From this guess the first plan meets every constraint, and keeps swinging to the end."""
+    given = settings((), 51.0, InitialGuess('constant', (45.0, 45.0)))
+    alone = drive(GuidanceLaw(given, candidates=1), given, ON_TIME)
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    assert cost(alone, given) > 40.0
+    assert cost(run, given) < 15.0
+    assert 'Changed over to the best of 2 plans.' in run.decisions[0].reason
+
+
+@pytest.mark.parametrize('limit', [51.0, math.inf])
+@pytest.mark.parametrize('steps', [3, 5, 8])
+@pytest.mark.parametrize('radius', [0.2, 0.4])
+def test_an_obstacle_put_in_the_middle_of_the_plan_is_passed(steps, radius, limit):
+    given = settings((), limit, ROAD)
+    law = GuidanceLaw(given)
+    before = drive(law, given, ON_TIME[:16])
+    wheels = before.decisions[-1].wheel_speeds[None]
+    pose = given.robot.roll_out(before.pose, wheels, np.array([0.2]))[-1]
+    center = tuple(before.decisions[-1].plan.poses[1 + steps, :2].tolist())
+    blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
+    law.reconfigure(blocked)
+    run = drive(law, blocked, ON_TIME[16:], start=pose)
+    assert clearance(run.path, blocked) >= -1e-9
+    if steps > 3 or radius < 0.4:
+        assert run.miss() < 1e-6
+
+
+def test_a_plan_that_ends_in_the_middle_of_an_obstacle_is_left():
+    """Both sides pull alike there: no iteration gets away from it."""
+    place = (10.0 * math.cos(-0.8), 10.0 * math.sin(-0.8))
+    given = settings((Obstacle('post', place, 0.4),), 51.0, ROAD)
+    start = (10.0 * math.cos(-1.5), 10.0 * math.sin(-1.5), math.pi / 2.0 - 1.5)
+    run = closed_loop(given, start)
+    assert_arrives(run, given)
+    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+
+
+def test_without_obstacles_one_plan_is_improved(monkeypatch):
+    counts = counted(monkeypatch)
+    closed_loop(settings((), 51.0, ROAD))
+    assert {counts[steps] for steps in range(1, 49)} == {1}
+
+
+def test_behind_the_last_obstacle_one_plan_is_improved(monkeypatch):
+    counts = counted(monkeypatch)
+    closed_loop(settings(BOTH, 51.0, ROAD))
+    assert {counts[steps] for steps in range(1, 5)} == {1}
+    assert max(counts[steps] for steps in range(1, 50)) <= 4
+
+
+def test_no_more_plans_than_candidates(monkeypatch):
+    given = settings(BOTH, 51.0, ROAD)
+    counts = counted(monkeypatch)
+    for candidates in (2, 8):
+        counts.clear()
+        run = drive(GuidanceLaw(given, candidates=candidates), given, ON_TIME)
+        assert_arrives(run, given)
+        assert max(counts[steps] for steps in range(1, 50)) <= candidates
+
+
+@pytest.mark.parametrize('candidates', [0, 9])
+def test_a_number_of_candidates_that_cannot_be(candidates):
+    with pytest.raises(ValueError, match=f'candidates: found {candidates}, wanted 1 to 8'):
+        GuidanceLaw(CASES['case 1'], candidates=candidates)
+
+
+def test_the_reason_names_the_way():
+    first = GuidanceLaw(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    assert 'the best of 4 plans, ' in first.reason
+    assert ' of first and ' in first.reason
+    assert first.reason.endswith(' of second.')
+
+
+def test_change_over_needs_a_clear_advantage():
+    plain = Merit(True, 0.0, 0.0, 0.0, False, 10.0)
+    assert not plain.beats(plain)
+    assert not replace(plain, cost=8.5).beats(plain)
+    assert replace(plain, cost=7.0).beats(plain)
+    touching = replace(plain, obstacle=0.1, cost=1.0)
+    assert plain.beats(touching)
+    assert not touching.beats(plain)
+    assert not replace(touching, obstacle=0.09).beats(replace(touching, edge=0.0))
+    assert replace(touching, obstacle=0.04, miss=3.0).beats(touching)
+
+
+def test_the_order_of_merit():
+    """Obstacle, edge, goal, slack, cost: none outweighs what comes before it."""
+    best = Merit(True, 0.0, 0.0, 0.0, False, 1.0)
+    worse = [
+        replace(best, cost=100.0),
+        replace(best, elastic=True),
+        replace(best, miss=0.1),
+        replace(best, edge=0.1),
+        replace(best, obstacle=0.1),
+        replace(best, usable=False),
+    ]
+    for better, other in zip([best, *worse], worse, strict=False):
+        assert replace(better, cost=100.0 * better.cost).beats(replace(other, cost=1e6))
+        assert not other.beats(better)
+    assert not best.flawed
+    assert not worse[0].flawed
+    assert all(each.flawed for each in worse[1:])
+
+
+def test_plans_that_are_as_good_do_not_take_turns():
+    """A robot that comes straight at the middle of an obstacle, seen a little off to and fro."""
+    place = (10.0 * math.cos(-0.7), 10.0 * math.sin(-0.7))
+    given = settings((Obstacle('post', place, 0.4),), 51.0, ROAD)
+    law, rng = GuidanceLaw(given), np.random.default_rng(1)
+    pose = np.array([10.0 * math.cos(-1.4), 10.0 * math.sin(-1.4), math.pi / 2.0 - 1.4])
+    changes = 0
+    for k in range(30):
+        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.01, 0.01, 0.01]))
+        changes += 'Changed over' in decision.reason
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
+    assert changes <= 1
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
+    """The same loop in a few lines, bit for bit."""
+    given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
+    law, audit = GuidanceLaw(given, candidates=1), Audit(given)
+    warm, second = Planner(given), Planner(given)
+    pose, held, plan = np.array(START), np.zeros(2), None
+
+    def improved(planner, guess):
+        improvement = planner.improve(pose, held, guess, horizon)
+        verdict = audit.check(pose, improvement.plan.controls, horizon.durations)
+        return Candidate(improvement, verdict)
+
+    for now in ON_TIME[:-1]:
+        horizon = remaining(now, PERIOD, 10_000_000_000)
+        if plan is None:
+            guess = initial_guess(given, pose, horizon.durations)
+        else:
+            guess = shift(plan.controls, plan.horizon, horizon)
+        candidate = improved(warm, guess)
+        if not candidate.flawless:
+            second.forget()
+            fresh = improved(second, along_road(given, pose, horizon.durations))
+            if fresh.beats(candidate):
+                warm, second, candidate = second, warm, fresh
+        decision = law.update(now, pose)
+        plan = candidate.plan
+        np.testing.assert_array_equal(decision.plan.controls, plan.controls)
+        assert 'best of' not in decision.reason
+        held = decision.wheel_speeds
+        pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]

@@ -1,0 +1,155 @@
+"""The search for ways, and guesses that follow them."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given as for_all
+from hypothesis import settings as profile
+from hypothesis import strategies as st
+from scenarios import FIRST, ROAD, SECOND, START, settings
+
+from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.guidance.ways_through import MOST_WAYS, in_words, signature_of, ways_through
+from cmpsp_ros.robot.obstacles import Obstacle
+
+DURATIONS = np.full(50, 0.2)
+
+
+def search(given, start=START, most=MOST_WAYS):
+    pose = np.array(start)
+    space = Task(given).space(along_road(given, pose, DURATIONS), DURATIONS)
+    ways = ways_through(given, space, pose, DURATIONS, most)
+    paths = [given.robot.roll_out(pose, way.guess, DURATIONS) for way in ways]
+    return space, ways, paths
+
+
+def centers(given):
+    return np.array([each.center for each in given.obstacles]).reshape(-1, 2)
+
+
+def at(bearing, radius, size, name='o'):
+    place = (radius * math.cos(bearing), radius * math.sin(bearing))
+    return Obstacle(name, place, size)
+
+
+def test_a_free_road_has_one_way_along_its_centre_line():
+    given = settings((), 51.0, ROAD)
+    _, [way], [path] = search(given)
+    assert way.signature == ()
+    radius = np.hypot(path[:, 0], path[:, 1])
+    assert abs(radius[10:] - 10.0).max() < 0.1
+    assert math.dist(path[-1, :2], given.goal) < 0.2
+    assert way.guess.shape == (51, 2)
+
+
+def test_two_obstacles_can_be_passed_in_four_ways():
+    given = settings((FIRST, SECOND), 51.0, ROAD)
+    space, ways, paths = search(given)
+    assert {way.signature for way in ways} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
+    assert [way.cost for way in ways] == sorted(way.cost for way in ways)
+    for way, path in zip(ways, paths, strict=True):
+        away = np.linalg.norm(path[:, None, :2] - space.centers[1:], axis=2)
+        assert (away > space.radii).all()
+        assert signature_of(given.road, centers(given), path, given.goal) == way.signature
+
+
+def test_no_more_ways_than_asked_for():
+    given = settings((FIRST, SECOND), 51.0, ROAD)
+    every = search(given)[1]
+    some = search(given, most=2)[1]
+    assert [way.signature for way in some] == [way.signature for way in every[:2]]
+
+
+@pytest.mark.parametrize('clockwise', [False, True])
+def test_left_is_left_in_both_directions(clockwise):
+    side = -1.0 if clockwise else 1.0
+    # Off the centre line to the outside, so that the inside is nearer.
+    given = settings((at(-0.8 * side, 10.3, 0.3),), 51.0, ROAD)
+    start = (10.0 * math.cos(1.4), -side * 10.0 * math.sin(1.4), side * (math.pi / 2.0 - 1.4))
+    _, ways, paths = search(given, start)
+    assert ways[0].signature == ((-1,) if clockwise else (1,))
+    nearest = np.linalg.norm(paths[0][:, :2] - given.obstacles[0].center, axis=1).argmin()
+    heading, offset = paths[0][nearest, 2], given.obstacles[0].center - paths[0][nearest, :2]
+    on_its_right = offset @ (math.sin(heading), -math.cos(heading)) > 0.0
+    assert on_its_right != clockwise
+
+
+def test_a_gap_that_is_closed_is_no_way():
+    # Only 5 cm are left outside, which growing takes; inside there is half a metre.
+    given = settings((at(-0.8, 10.2, 0.75),), 51.0, ROAD)
+    assert [way.signature for way in search(given)[1]] == [(1,)]
+
+
+def test_a_closed_road_has_no_way():
+    assert search(settings((at(-0.8, 10.0, 1.1),), 51.0, ROAD))[1] == []
+
+
+def test_overlapping_obstacles_are_passed_on_one_side():
+    cluster = (at(-0.8, 9.8, 0.3, 'a'), at(-0.8, 10.2, 0.3, 'b'))
+    assert {way.signature for way in search(settings(cluster, 51.0, ROAD))[1]} == {(1, 1), (-1, -1)}
+
+
+def test_what_is_behind_does_not_count():
+    given = settings((at(-1.9, 10.0, 0.3), at(0.5, 10.0, 0.3)), 51.0, ROAD)
+    assert [way.signature for way in search(given)[1]] == [(0, 0)]
+
+
+def test_from_within_an_obstacle_both_sides_are_open():
+    given = settings((at(-0.8, 10.0, 0.4),), 51.0, ROAD)
+    start = (10.0 * math.cos(-0.82), 10.0 * math.sin(-0.82), math.pi / 2.0 - 0.8)
+    assert {way.signature for way in search(given, start)[1]} == {(1,), (-1,)}
+
+
+@pytest.mark.parametrize('start', [(10.0, -0.1, 1.5), (10.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_nowhere_to_drive_and_nowhere_on_the_road(start):
+    for way in search(settings((FIRST, SECOND), 51.0, ROAD), start)[1]:
+        assert np.isfinite(way.guess).all()
+
+
+@st.composite
+def obstacles(draw):
+    """Up to six discs, one after another, each leaving half a metre beside it."""
+    count = draw(st.integers(0, 6))
+    found = []
+    for index in range(count):
+        size = draw(st.floats(0.1, 0.5))
+        radius = draw(st.floats(9.0, 11.0))
+        found.append(at(-1.25 + 1.15 * index / 6.0, radius, size, f'o{index}'))
+    return tuple(found)
+
+
+@profile(max_examples=40, deadline=None)
+@for_all(obstacles(), st.sampled_from([math.inf, 51.0]))
+def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
+    given = settings(found, limit, ROAD)
+    space, ways, paths = search(given)
+    assert 1 <= len(ways) <= MOST_WAYS
+    assert len({way.signature for way in ways}) == len(ways)
+    bound = min(limit, 1e6)
+    for way, path in zip(ways, paths, strict=True):
+        assert np.abs(way.guess).max() <= bound
+        assert np.isfinite(way.guess).all()
+        inside = np.hypot(path[:, 0], path[:, 1])
+        assert inside.min() > given.road.inner_radius
+        assert inside.max() < given.road.outer_radius
+        taken = signature_of(given.road, centers(given), path, given.goal)
+        # A guess that is too slow to come by has not chosen yet.
+        assert all(a in (0, b) for a, b in zip(taken, way.signature, strict=True))
+        if found:
+            away = np.linalg.norm(path[:, None, :2] - centers(given), axis=2)
+            assert (away > [each.radius for each in found]).all()
+
+
+def test_the_same_search_gives_the_same_bits():
+    given = settings((FIRST, SECOND), 51.0, ROAD)
+    for one, other in zip(search(given)[1], search(given)[1], strict=True):
+        np.testing.assert_array_equal(one.guess, other.guess)
+
+
+def test_words():
+    assert in_words((), ()) == ''
+    assert in_words((0, 0), ('a', 'b')) == ''
+    assert in_words((0, -1), ('a', 'b')) == 'right of b'
+    assert in_words((1, -1, 1), ('a', 'b', 'c')) == 'left of a, right of b and left of c'

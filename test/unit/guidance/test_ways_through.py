@@ -124,7 +124,7 @@ def obstacles(draw):
 @for_all(obstacles(), st.sampled_from([math.inf, 51.0]))
 def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
     given = settings(found, limit, ROAD)
-    space, ways, paths = search(given)
+    _, ways, paths = search(given)
     assert 1 <= len(ways) <= MOST_WAYS
     assert len({way.signature for way in ways}) == len(ways)
     bound = min(limit, 1e6)

@@ -212,14 +212,14 @@ class Choice:
         sound = {each.signature for each in (followed, *beside) if not each.merit.flawed}
         pose, durations = moment.start.pose, moment.horizon.durations
         road = along_road(self._settings, pose, durations)
-        guesses = [road]
-        if self._names:
+        guesses, most = [road], self._most - 1 - len(beside)
+        if self._names and most > 1:
             began = self._timer()
             space = self._task.space(road, durations)
-            ways = ways_through(self._settings, space, pose, durations)
-            guesses += [way.guess for way in ways if way.signature not in sound]
+            ways = ways_through(self._settings, space, pose, durations, most - 1, sound)
+            guesses += [way.guess for way in ways]
             self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
-        for guess in guesses[: self._most - 1 - len(beside)]:
+        for guess in guesses[:most]:
             planner = self._free_planner()
             contender = self._contender(planner, self._improved(planner, guess, moment), moment)
             yield self._settled(contender, moment, rounds)

@@ -8,7 +8,7 @@ the obstacles leave free of the road at stations along its arc, and each becomes
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,6 +71,7 @@ def ways_through(
     pose: Array,
     durations: Array,
     most: int = MOST_WAYS,
+    without: Collection[Signature] = (),
 ) -> list[Way]:
     """The most promising ways from a pose to the goal, best first.
 
@@ -81,6 +82,7 @@ def ways_through(
         pose: Where they begin, shape ``(3,)`` [m, m, rad].
         durations: Length of every step, shape ``(N,)`` [s].
         most: How many of them at most.
+        without: Signatures of ways that are not wanted.
 
     Returns:
         Ways of different signatures; none where everything is closed, or nothing is left to drive.
@@ -108,15 +110,17 @@ def ways_through(
     profiles = relax(low, high, on_road, road.center_radius, turned[1])
     reach = settings.robot.max_speed * float(durations.sum())
     costs = [_cost(profile, turned[1], road.center_radius, reach) for profile in profiles]
-    order = sorted(range(len(trails)), key=lambda i: (costs[i], trails[i].signature))
+    signatures = [tuple(int(-side) * each for each in trail.signature) for trail in trails]
+    wanted = [i for i, each in enumerate(signatures) if each not in without]
+    wanted.sort(key=lambda i: (costs[i], signatures[i]))
     return [
         Way(
-            tuple(int(-side) * each for each in trails[i].signature),
+            signatures[i],
             follow(settings, pose, durations, begin, total, profiles[i]),
             profiles[i],
             costs[i],
         )
-        for i in order[:most]
+        for i in wanted[:most]
     ]
 
 

@@ -43,7 +43,7 @@ _ROUNDS_AT_REST = 3
 # Control steps for which a plan beside the one followed may have a flaw.
 _PATIENCE = 5
 # New plans are made every control step if the one followed may not be, else ever more seldom.
-_LONGEST_PAUSE = 8
+_LONGEST_PAUSE = 7
 
 
 @dataclass(frozen=True)
@@ -172,16 +172,16 @@ class Choice:
     def _chosen(
         self, warm: Candidate, moment: _Moment, *, review: bool, at_rest: bool
     ) -> Candidate:
-        rounds = _ROUNDS_AT_REST if at_rest else 1
         followed = self._contender(self._planner, warm, moment)
         if at_rest and review:
-            followed = self._settled(followed, moment, rounds)
+            followed = self._settled(followed, moment)
         contenders = [self._continued(each, moment) for each in self._beside]
-        self._spare += [each.planner for each in contenders if each.strikes > _PATIENCE]
-        contenders = [each for each in contenders if each.strikes <= _PATIENCE]
+        # Room for a fresh plan, whatever is known already.
+        room = self._most - 2 if review else self._most - 1
+        contenders = self._worth_while(contenders, room)
         if review:
             self._review = False
-            contenders += self._new(followed, contenders, moment, rounds)
+            contenders += list(self._new(followed, contenders, moment, at_rest=at_rest))
         count = 1 + len(contenders)
         best = followed
         for each in contenders:
@@ -201,28 +201,39 @@ class Choice:
         verb = 'Changed over to' if changed else 'It is'
         return f' {verb} the best of {count} plans{way}.'
 
+    def _worth_while(self, contenders: list[_Contender], room: int) -> list[_Contender]:
+        """Those that have not had a flaw for too long; of too many, those without first."""
+        ordered = sorted(contenders, key=lambda each: each.strikes)
+        kept = [each for each in ordered[:room] if each.strikes <= _PATIENCE]
+        self._spare += [each.planner for each in ordered[len(kept) :]]
+        return kept
+
     def _new(
         self,
         followed: _Contender,
         beside: list[_Contender],
         moment: _Moment,
-        rounds: int,
+        *,
+        at_rest: bool,
     ) -> Iterator[_Contender]:
         """Plans from scratch: along the centre line, and by ways that no plan takes yet."""
         sound = {each.signature for each in (followed, *beside) if not each.merit.flawed}
         pose, durations = moment.start.pose, moment.horizon.durations
         road = along_road(self._settings, pose, durations)
         guesses, most = [road], self._most - 1 - len(beside)
-        if self._names and most > 1:
+        if at_rest and self._settings.initial_guess.type == 'road':
+            # The one followed was made from it just now.
+            guesses = []
+        if self._names and most > len(guesses):
             began = self._timer()
             space = self._task.space(road, durations)
-            ways = ways_through(self._settings, space, pose, durations, most - 1, sound)
+            ways = ways_through(self._settings, space, pose, durations, most - len(guesses), sound)
             guesses += [way.guess for way in ways]
             self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
         for guess in guesses[:most]:
             planner = self._free_planner()
             contender = self._contender(planner, self._improved(planner, guess, moment), moment)
-            yield self._settled(contender, moment, rounds)
+            yield self._settled(contender, moment) if at_rest else contender
 
     def _keep(self, best: _Contender, contenders: list[_Contender]) -> None:
         """Go on with one plan, and with the best of every other way."""
@@ -243,9 +254,9 @@ class Choice:
         found = self._contender(contender.planner, candidate, moment)
         return replace(found, strikes=contender.strikes + 1 if found.merit.flawed else 0)
 
-    def _settled(self, contender: _Contender, moment: _Moment, rounds: int) -> _Contender:
+    def _settled(self, contender: _Contender, moment: _Moment) -> _Contender:
         """Improved further, as long as it has a flaw."""
-        for _ in range(rounds - 1):
+        for _ in range(_ROUNDS_AT_REST - 1):
             if not contender.merit.flawed or not contender.candidate.improvement.solved:
                 break
             controls = contender.candidate.plan.controls

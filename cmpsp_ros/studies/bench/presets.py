@@ -52,8 +52,7 @@ class Preset:
 def chosen(names: Sequence[str]) -> list[Preset]:
     """Presets of these names; without any, all presets and the runs of the paper's tables.
 
-    The latter are Case 3 from guesses and headings from which most first plans need slack, so that
-    a second one is made beside them.
+    The latter are Case 3 from guesses and headings from which most first plans need slack.
 
     Raises:
         ParameterError: No such preset, or one that cannot be used.

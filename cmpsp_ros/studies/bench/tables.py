@@ -102,8 +102,8 @@ def _presets(results: Results) -> Table:
     note = (
         'All that the guidance law does in a control step: warm start, two iterations with line'
         ' search, audit. *First* is the median of the first steps, which have the full horizon;'
-        ' the columns after it are of every step. Where a plan needs slack, as most first ones do'
-        " in the runs of the paper's tables, a second one is made beside it."
+        ' the columns after it are of every step. At the start, and where a plan has a flaw,'
+        ' plans for other ways through the obstacles are made beside it.'
     )
     return Table('Control step of the guidance law [ms]', columns, rows, note)
 

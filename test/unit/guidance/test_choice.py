@@ -136,6 +136,36 @@ def test_no_more_plans_than_candidates(monkeypatch):
         assert max(counts[steps] for steps in range(1, 50)) <= candidates
 
 
+def test_where_new_plans_do_not_help_they_are_made_ever_more_seldom(monkeypatch):
+    given = settings((), 20.0, ROAD)  # Far too slow to arrive in time.
+    counts = counted(monkeypatch)
+    closed_loop(given)
+    tried = [51 - steps for steps in range(50, 0, -1) if counts[steps] > 1]
+    # The first step tries one plan thrice, since there is nothing but the road to try.
+    assert tried[:6] == [1, 3, 7, 15, 23, 31]
+    assert counts[50] == 3
+
+
+def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
+    given = replace(settings(BOTH, 51.0, ROAD), failure_tolerance=50)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:6])
+    improve, guesses = Planner.improve, []
+
+    def fail(planner, pose, held, guess, horizon):
+        guesses.append(guess)
+        return replace(improve(planner, pose, held, guess, horizon), solved=False, reason='No.')
+
+    monkeypatch.setattr(Planner, 'improve', fail)
+    pose = run.pose
+    for k in range(6, 12):
+        guesses.clear()
+        law.update(k * PERIOD, pose)
+        fresh = along_road(given, pose, np.full(50 - k, 0.2))
+        assert any(np.array_equal(guess, fresh) for guess in guesses)
+        assert len(guesses) <= 4
+
+
 @pytest.mark.parametrize('candidates', [0, 9])
 def test_a_number_of_candidates_that_cannot_be(candidates):
     with pytest.raises(ValueError, match=f'candidates: found {candidates}, wanted 1 to 8'):

@@ -84,7 +84,7 @@ def _paths(
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
-    axes.legend(loc='center')
+    figure.legend(loc='outside lower center', ncols=len(named))
     axes.set_title(title)
     return figure
 
@@ -160,7 +160,8 @@ def _draw_clearance(axes: Axes, driven: Driven) -> None:
             axes.plot(stamps, ground, '|', color=color, label=rung.name.lower())
     axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
     axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
-    axes.legend(ncols=2, fontsize=6.0)
+    keys = axes.get_legend_handles_labels()
+    axes.figure.legend(*keys, loc='outside lower center', ncols=6, fontsize=6.0)
 
 
 def _save(figure: Figure, path: Path) -> Path:

@@ -144,7 +144,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         time = '' if each['trouble_time_s'] is None else f'{each["trouble_time_s"]:.1f} s: '
         failures.add_row(
             str(each['run']), each['verdict'], f'{each["miss_m"]:.4g}',
-            f'{each["clearance_m"]:+.4f}', judge, 
+            f'{each["clearance_m"]:+.4f}', judge,
             escape(each['exception'] or time + each['trouble']),
         )  # fmt: skip
     return [counts, spreads, failures]

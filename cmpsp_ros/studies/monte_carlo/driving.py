@@ -111,11 +111,26 @@ def outcome(driven: Driven) -> Outcome:
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,
         shortest_way=shortest_way(settings.road, start[:2], settings.goal),
-        farthest=settings.robot.max_speed * settings.final_time,
+        farthest=farthest(task),
         obstacles=len(settings.obstacles),
         x=x,
         y=y,
     )
+
+
+def farthest(task: Task) -> float:
+    """What the robot drives from rest until the final time, asked for its limit at once [m].
+
+    Slip that varies may now and then be none, and is no limit then.
+    """
+    plant, time = task.plant, task.settings.final_time
+    if plant.wheel_slip_stddev > 0.0:
+        return math.inf
+    grip = 1.0 - sum(plant.wheel_slip) / len(plant.wheel_slip)
+    obeyed = max(time - plant.actuation_delay, 0.0)
+    lag = plant.wheel_lag
+    behind = lag * -math.expm1(-obeyed / lag) if lag > 0.0 else 0.0
+    return plant.robot.max_speed * grip * (obeyed - behind)
 
 
 def _advance(plant: Plant, driven: Driven, stamp: int) -> None:

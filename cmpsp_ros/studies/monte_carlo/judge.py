@@ -1,13 +1,14 @@
 """Whether a run that failed could have been driven at all, by somebody else's solver.
 
-IPOPT, through CasADi, is given the whole horizon at once, for a robot that is as modelled. It is
-believed only as far as its wheel speeds lead: their exact arcs are judged like any other path. That
+IPOPT, through CasADi, is given the whole horizon at once, for a robot without disturbances, whose
+wheels are slower by what those of the run cost it in the way that it can make. It is believed only as far as its wheel speeds lead: their exact arcs are judged like any other path. That
 it finds nothing from any start proves nothing.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -18,6 +19,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
@@ -42,7 +45,7 @@ def judged(task: Task) -> dict[str, Any]:
     """What the judge finds of a run.
 
     Args:
-        task: The run; the disturbances of its plant do not count.
+        task: The run; noise and delay of its plant do not count.
 
     Returns:
         `answer`; and, if a way was found, from the how-manieth `start` and its `clearance_m` and
@@ -53,7 +56,7 @@ def judged(task: Task) -> dict[str, Any]:
     """
     pose = np.array(task.scenario.pose)
     # First what the guidance law keeps to, then samples alone with a little to spare.
-    guarded = replace(task.settings, command_delay=0.0)
+    guarded = replace(task.settings, robot=_slowed(task), command_delay=0.0)
     spaces = {
         FEASIBLE: guarded,
         UNGUARDED: replace(guarded, safety=Safety(_UNGUARDED_MARGIN, between_samples=False)),
@@ -106,6 +109,15 @@ def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
         beside.replace(folder / NAME)
     except OSError as error:
         raise StudyError(f'{beside}: {error.strerror or error}') from error
+
+
+def _slowed(task: Task) -> DifferentialDrive:
+    robot = task.settings.robot
+    driven = farthest(task)
+    if not math.isfinite(driven):
+        return robot
+    limit = driven / task.settings.final_time / robot.wheel_radius
+    return replace(robot, max_wheel_speed=limit)
 
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:

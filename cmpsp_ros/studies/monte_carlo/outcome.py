@@ -18,6 +18,7 @@ class Verdict(StrEnum):
     LEFT_ROAD = 'left the road'
     TOUCHED = 'touched an obstacle'
     ARRIVED = 'arrived'
+    STOPPED = 'clear, but stopped on the way'
     TOO_FAR = 'clear, but no robot could arrive in time'
     MISSED = 'clear, but missed the goal'
 
@@ -48,7 +49,7 @@ class Outcome:
         trouble_time: When that was [s]; None without trouble.
         exception: Type and text of what the law raised; empty if it raised nothing.
         shortest_way: From start to goal, obstacles left aside [m].
-        farthest: What wheels at their limit drive until the final time [m].
+        farthest: What this robot drives until the final time with its wheels at their limit [m].
         obstacles: On the road.
         x: At control instants and the final time [m].
         y: See `x`.
@@ -102,6 +103,7 @@ class Outcome:
             Verdict.TOUCHED: self.obstacle_clearance is not None
             and not self.obstacle_clearance >= 0.0,
             Verdict.ARRIVED: self.miss <= tolerance,
+            Verdict.STOPPED: self.stop > 0,
             Verdict.TOO_FAR: self.out_of_reach,
         }
         return next((verdict for verdict, holds in tests.items() if holds), Verdict.MISSED)

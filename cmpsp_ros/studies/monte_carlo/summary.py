@@ -61,6 +61,7 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
         runs('exceptions', *(bool(each.exception) for each in outcomes)),
         runs('commands not finite', *(each.not_finite > 0 for each in outcomes)),
         runs('commands above the wheel limit', *(each.too_fast > 0 for each in outcomes)),
+        runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
         runs('nominal all the way', *(not each.trouble for each in outcomes)),
         *(
             Share(f'control steps {rung}', sum(getattr(each, rung) for each in outcomes), steps)

@@ -1,8 +1,9 @@
 """Whether a run that failed could have been driven at all, by somebody else's solver.
 
-IPOPT, through CasADi, is given the whole horizon at once, for a robot without disturbances, whose
-wheels are slower by what those of the run cost it in the way that it can make. It is believed only as far as its wheel speeds lead: their exact arcs are judged like any other path. That
-it finds nothing from any start proves nothing.
+IPOPT, through CasADi, is given the whole horizon at once, for a robot without noise or delay whose
+wheels are slower by the way that delay, lag and slip cost it. It is believed only as far as its
+wheel speeds lead: their exact arcs are judged like any other path. That it finds nothing from any
+start proves nothing.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.studies.monte_carlo.way import shortest_way
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge import judge
@@ -32,6 +34,7 @@ Array = NDArray[np.float64]
 FEASIBLE: Final = 'feasible'
 UNGUARDED: Final = 'feasible, but not between samples by the guard'
 NOT_FOUND: Final = 'not found'
+OUT_OF_REACH: Final = 'impossible: too far'
 
 NAME: Final = 'judged.json'
 
@@ -55,6 +58,9 @@ def judged(task: Task) -> dict[str, Any]:
         StudyError: CasADi is not installed.
     """
     pose = np.array(task.scenario.pose)
+    way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+    if way > farthest(task):
+        return {'answer': OUT_OF_REACH}
     # First what the guidance law keeps to, then samples alone with a little to spare.
     guarded = replace(task.settings, robot=_slowed(task), command_delay=0.0)
     spaces = {

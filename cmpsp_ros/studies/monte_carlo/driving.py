@@ -164,7 +164,7 @@ def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[floa
     period = to_nanoseconds(driven.task.settings.control_period)
     chosen, due = [], 0
     for motion in driven.motions:
-        if due <= motion.stamp_ns <= final:
+        if due <= motion.stamp_ns < final:
             chosen.append(motion.pose)
             due += period
     chosen.append(driven.at(final))

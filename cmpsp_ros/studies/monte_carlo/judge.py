@@ -23,6 +23,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.monte_carlo.way import shortest_way
 from cmpsp_ros.studies.paper.drives import Path
@@ -127,11 +128,12 @@ def _slowed(task: Task) -> DifferentialDrive:
 
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
-    """Paths along the road, on its centre and beside it: the sides on which to pass obstacles."""
+    """Where to start from decides on which side obstacles are passed: where most room is, first."""
     road = settings.road
     half = (road.outer_radius - road.inner_radius) / 2.0
     steps = round(settings.final_time / settings.control_period)
     durations = np.full(steps, settings.control_period)
+    yield slalom(settings, pose)
     for offset in _OFFSETS:
         shifted = replace(
             road,

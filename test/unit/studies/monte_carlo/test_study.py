@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
@@ -17,6 +18,7 @@ from cmpsp_ros.cli import app
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
 from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo.ledger import NAME, open_ledger
+from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
 PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb'}
@@ -221,3 +223,11 @@ def test_without_casadi_the_judge_says_what_it_wants(monkeypatch):
     monkeypatch.setitem(sys.modules, 'casadi', None)
     with pytest.raises(StudyError, match='pip install casadi'):
         judges.judged(STUDY.run(next_arrived()))
+
+
+def test_a_start_for_the_judge_passes_obstacles_where_there_is_room():
+    task = Study('nominal', 2).run(224)
+    points = slalom(task.settings, np.array(task.scenario.pose)).points()
+    for each in task.settings.obstacles:
+        assert np.linalg.norm(points - each.center, axis=1).min() > each.radius
+    assert points[-1] == pytest.approx(task.settings.goal)

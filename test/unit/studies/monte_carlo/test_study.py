@@ -110,6 +110,22 @@ def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     assert {number: kept[number] for number in range(RUNS)} == ledger_of(made[0])
 
 
+def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path):
+    folder = tmp_path / 'nominal'
+    line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal', '--runs', '400']
+    arguments = [*line, '--workers', '2', '--output', str(folder)]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as child:
+        deadline = time.monotonic() + 60.0
+        while len(lines_of(folder)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert said.splitlines()[-1] == f'{folder}: interrupted; the same command goes on'
+    assert 'Traceback' not in said
+    assert 2 <= len(ledger_of(folder)) < 400
+
+
 def len_of(_):
     return None
 

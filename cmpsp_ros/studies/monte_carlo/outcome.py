@@ -84,6 +84,16 @@ class Outcome:
         return min(self.road_clearance, self.obstacle_clearance)
 
     @property
+    def left_road(self) -> bool:
+        """Whether the path cut an edge; what is not a number is no pass."""
+        return not self.road_clearance >= 0.0
+
+    @property
+    def touched(self) -> bool:
+        """Whether the path cut an obstacle; what is not a number is no pass."""
+        return self.obstacle_clearance is not None and not self.obstacle_clearance >= 0.0
+
+    @property
     def out_of_reach(self) -> bool:
         """Whether even the shortest way is longer than the wheels can turn in time."""
         return self.shortest_way > self.farthest
@@ -98,10 +108,8 @@ class Outcome:
             Verdict.EXCEPTION: bool(self.exception),
             Verdict.NOT_FINITE: self.not_finite > 0,
             Verdict.TOO_FAST: self.too_fast > 0,
-            # Written so that what is not a number is no pass.
-            Verdict.LEFT_ROAD: not self.road_clearance >= 0.0,
-            Verdict.TOUCHED: self.obstacle_clearance is not None
-            and not self.obstacle_clearance >= 0.0,
+            Verdict.LEFT_ROAD: self.left_road,
+            Verdict.TOUCHED: self.touched,
             Verdict.ARRIVED: self.miss <= tolerance,
             Verdict.STOPPED: self.stop > 0,
             Verdict.TOO_FAR: self.out_of_reach,

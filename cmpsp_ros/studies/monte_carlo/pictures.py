@@ -93,13 +93,15 @@ def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure
     figure = Figure(figsize=(WIDTH, 0.45 * WIDTH), layout='constrained')
     figure.suptitle(title)
     misses, clearances = figure.subplots(1, 2)
-    reachable = [max(each.miss, _SMALLEST_MISS) for each in outcomes if not each.out_of_reach]
+    misses_in_reach = [each.miss for each in outcomes if not each.out_of_reach]
+    reachable = [max(each, _SMALLEST_MISS) for each in misses_in_reach if np.isfinite(each)]
     if reachable:
         low, high = np.floor(np.log10(min(reachable))), np.ceil(np.log10(max(reachable)))
         misses.hist(reachable, bins=np.logspace(low, max(high, low + 1.0), 41).tolist())
     misses.axvline(tolerance, color=_RIM, ls='--', lw=0.8)
     misses.set(xscale='log', xlabel='miss at the final time, goal in reach [m]', ylabel='runs')
-    clearances.hist([each.clearance for each in outcomes], bins=40)
+    known = [each.clearance for each in outcomes if np.isfinite(each.clearance)]
+    clearances.hist(known, bins=40)
     clearances.axvline(0.0, color=_RIM, ls='--', lw=0.8)
     clearances.set(xlabel='least clearance of the true path [m]')
     return figure

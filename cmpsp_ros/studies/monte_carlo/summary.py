@@ -16,6 +16,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
 from cmpsp_ros.studies.monte_carlo.wilson import wilson
 
+_RUNGS = ('nominal', 'elastic', 'shifted', 'stop')
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
@@ -43,8 +44,6 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
     """What is counted of runs."""
     total = len(outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach]
-    with_obstacles = [each for each in outcomes if each.obstacle_clearance is not None]
-    steps = sum(each.nominal + each.elastic + each.shifted + each.stop for each in outcomes)
 
     def runs(name: str, *holds: bool) -> Share:
         return Share(name, sum(holds), total)
@@ -52,21 +51,19 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
     def in_reach(name: str, largest: float) -> Share:
         return Share(name, sum(each.miss <= largest for each in reachable), len(reachable))
 
-    touched = [each.verdict(0.0) == Verdict.TOUCHED for each in with_obstacles]
+    touched = [each.touched for each in outcomes if each.obstacle_clearance is not None]
     return [
         in_reach('arrived within 1 mm, goal in reach', 1e-3),
         in_reach('arrived within 5 cm, goal in reach', 0.05),
         Share('touched an obstacle, of runs with any', sum(touched), len(touched)),
-        runs('left the road', *(not each.road_clearance >= 0.0 for each in outcomes)),
+        runs('left the road', *(each.left_road for each in outcomes)),
         runs('exceptions', *(bool(each.exception) for each in outcomes)),
         runs('commands not finite', *(each.not_finite > 0 for each in outcomes)),
         runs('commands above the wheel limit', *(each.too_fast > 0 for each in outcomes)),
         runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
         runs('nominal all the way', *(not each.trouble for each in outcomes)),
-        *(
-            Share(f'control steps {rung}', sum(getattr(each, rung) for each in outcomes), steps)
-            for rung in ('nominal', 'elastic', 'shifted', 'stop')
-        ),
+        runs('elastic at some step', *(each.elastic > 0 for each in outcomes)),
+        runs('shifted at some step', *(each.shifted > 0 for each in outcomes)),
     ]
 
 
@@ -94,6 +91,8 @@ def figures(
             each.name: {'count': each.count, 'of': each.total, 'wilson_95': each.interval}
             for each in shares(outcomes)
         },
+        # Without an interval: the steps of a run hang together.
+        'control_steps': {rung: sum(getattr(each, rung) for each in outcomes) for rung in _RUNGS},
         'miss_in_reach_m': _quantiles([each.miss for each in reachable]),
         'clearance_m': _quantiles([each.clearance for each in outcomes]),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
@@ -127,6 +126,10 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
     for name, share in values['shares'].items():
         low, high = (f'{100.0 * each:.2f}' for each in share['wilson_95'])
         counts.add_row(name, str(share['count']), str(share['of']), f'{low} to {high} %')
+    counts.add_section()
+    steps = sum(values['control_steps'].values())
+    for rung, count in values['control_steps'].items():
+        counts.add_row(f'control steps {rung}', str(count), str(steps), '')
     counts.add_section()
     for name, count in values['verdicts'].items():
         counts.add_row(name, str(count), str(values['runs']), '')

@@ -53,6 +53,7 @@ def test_a_study_counts_keeps_and_draws(made):
     share = values['shares']['left the road']
     assert share['of'] == RUNS
     assert share['wilson_95'][0] <= share['count'] / RUNS <= share['wilson_95'][1]
+    assert sum(values['control_steps'].values()) == 50 * RUNS
     table = parquet.read_table(folder / 'runs.parquet')
     assert table.column('number').to_pylist() == list(range(RUNS))
     outcomes = ledger_of(folder)

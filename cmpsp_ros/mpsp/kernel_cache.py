@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 from collections.abc import Callable
 from functools import cache
@@ -71,8 +72,19 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep the machine code for a signature, if that can be done."""
-        self._without_failing(lambda: super(KernelCache, self).save_overload(sig, data))
+        """Keep the machine code for a signature, if that can be done.
+
+        One process at a time: numba reads the index, adds to it and writes it, and would lose what
+        another one has written in between.
+        """
+        self._without_failing(lambda: self._save_alone(sig, data))
+
+    def _save_alone(self, sig: Any, data: Any) -> None:
+        folder = Path(self.cache_path)
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / 'lock').open('w') as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            super().save_overload(sig, data)
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), *sorted(_sources_behind(sig)))

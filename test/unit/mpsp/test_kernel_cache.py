@@ -145,6 +145,25 @@ def test_a_copy_of_the_package_finds_what_another_compiled(environment, tmp_path
     assert said == [['0', places[0]], ['1', places[1]]]
 
 
+def test_processes_that_compile_at_once_lose_nothing_of_each_other_s(environment, tmp_path):
+    names = [f'T{i}' for i in range(4)]
+    (tmp_path / 'kernel.py').write_text(
+        'from typing import NamedTuple\n'
+        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        + ''.join(f'class {name}(NamedTuple):\n    x: int\n' for name in names)
+        + '@compiled\ndef double(x):\n    return 2 * x.x\n'
+    )
+    program = 'import kernel, sys\nfor name in sys.argv[1:]: kernel.double(vars(kernel)[name](4))\n'
+    program += 'print(sum(kernel.double.stats.cache_hits.values()))'
+    command = [sys.executable, '-c', program]
+    at_once = [subprocess.Popen([*command, name], cwd=tmp_path) for name in names]
+    assert [each.wait() for each in at_once] == [0] * len(names)
+    done = subprocess.run(
+        [*command, *names], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f'{len(names)}\n'
+
+
 def test_a_changed_program_of_somebody_else_s_is_compiled_anew(run, tmp_path):
     assert run()[:2] == ['8', '0']
     path = tmp_path / 'kernel.py'

@@ -29,6 +29,7 @@ for _command in (
     inspecting.audit,
     studies.bench,
     studies.paper,
+    studies.study,
     inspecting.export,
     recording.record,
     recording.recover,

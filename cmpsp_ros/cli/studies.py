@@ -1,4 +1,4 @@
-"""`cmpsp bench`, `paper` and `warmup`: what is computed, measured and drawn without a bag."""
+"""`cmpsp bench`, `paper`, `study` and `warmup`: what needs no bag."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.progress import Progress
 
-from cmpsp_ros.cli.console import console, errors, exit_on
+from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.parameters.errors import ParameterError
 
@@ -94,6 +94,60 @@ def paper(
 
         report = run(output, only or (), progress, judge=judge)
     console.print(f'{report}: every claim, and ours beside it')
+
+
+def study(
+    name: Annotated[str, typer.Argument(metavar='NAME', help='nominal or disturbed.')],
+    runs: Annotated[int, typer.Option(min=1, help='How many: those numbered from 0 on.')] = 200,
+    seed: Annotated[int, typer.Option(min=0, help='Of all starts, obstacles and noise.')] = 1,
+    workers: Annotated[int, typer.Option(min=1, help='Processes that share the runs.')] = 1,
+    output: Annotated[
+        Path | None,
+        typer.Option(help='New folder, or one to go on with; without: study_NAME.'),
+    ] = None,
+    judge: Annotated[
+        bool, typer.Option('--judge', help='Ask CasADi and IPOPT about each run that failed.')
+    ] = False,
+    only: Annotated[
+        int | None,
+        typer.Option('--run', min=0, metavar='NUMBER', help='Instead, one run again, drawn.'),
+    ] = None,
+    obstacles: Annotated[int, typer.Option(min=0, max=6, help='Most in one run.')] = 4,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
+    ] = None,
+) -> None:
+    """Drive many random courses and count what happens; no ROS is needed.
+
+    Whatever is interrupted or killed goes on with the same command.
+    """
+    from cmpsp_ros.studies import monte_carlo as room  # noqa: PLC0415 (plots, kernels)
+
+    chosen = room.Study(name, seed, obstacles, tuple(assignments or ()))
+    folder = output or Path(f'study_{name}')
+    with exit_on(room.StudyError, ParameterError, code=1):
+        if only is not None:
+            outcome, changes, picture = room.run_one(chosen, only, folder)
+            say('\n'.join(changes))
+            verdict = outcome.verdict(chosen.tolerance)
+            say(f'{verdict}: miss {outcome.miss:.3g} m, clearance {outcome.clearance:+.3f} m')
+            say(f'{picture}: drawn')
+            return
+        try:
+            with Progress(console=errors) as bar:
+
+                def progress(part: str, pieces: int) -> Callable[[int], None]:
+                    task = bar.add_task(part, total=pieces)
+                    return lambda count: bar.advance(task, count)
+
+                values = room.run(room.Order(chosen, runs, folder, workers, judge), progress)
+        except KeyboardInterrupt:
+            complain(f'{folder}: interrupted; the same command goes on')
+            raise typer.Exit(130) from None
+    for table in room.tables(values):
+        console.print(table)
+    say(f'{folder}: summary, every run and pictures')
 
 
 def warmup() -> None:

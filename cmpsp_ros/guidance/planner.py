@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +62,12 @@ class Planner:
         self._rate = settings.weights.control_rate
         self._space: ClearSpace | None = None
         self._horizon: Horizon | None = None
-        self._improve: Callable[[Any, Packed, int, int, Rules], None] | None = None
-        self._packed, self._room = self._make_room(_longest(settings))
+        longest = _longest(settings)
+        self._packed, self._room = self._make_room(len(longest.durations))
+        if self._compiled:
+            nothing = np.zeros((len(longest.edges), 2))
+            data = self._data(np.zeros(3), nothing[0], nothing, longest)
+            self._improve = entry_for(improve, data, self._packed, 1, 0, self._rules)
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
@@ -90,8 +93,6 @@ class Planner:
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
         data = self._data(pose, held, guess, horizon)
-        if self._improve is None:
-            self._improve = entry_for(improve, data, self._packed, steps, over, self._rules)
         self._improve(data, self._packed, steps, over, self._rules)
         if room.counts[OUTCOME] in _WANTING:
             return self._back_end.improve(pose, held, guess, horizon)
@@ -140,10 +141,10 @@ class Planner:
         )
 
 
-def _longest(settings: GuidanceSettings) -> int:
-    """Steps of the longest horizon, which is the first."""
+def _longest(settings: GuidanceSettings) -> Horizon:
+    """The longest horizon, which is the first."""
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    return len(remaining(0, period, final).edges) - 1
+    return remaining(0, period, final)
 
 
 def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:

@@ -11,6 +11,7 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
+from cmpsp_ros.mpsp.kernel_files import KernelFiles
 from cmpsp_ros.mpsp.kernel_folder import PACKAGE, kernel_folder
 
 _implementations: dict[type, set[str]] = {}
@@ -61,27 +62,30 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
 
     _impl_class = _Files
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        locator = self._impl.locator
+        self._cache_file = KernelFiles(
+            Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
+        )
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The machine code for a signature, or None."""
         try:
             return super().load_overload(sig, target_context)
         except Exception:
             # A file cut short, as by a loss of power, must not keep a robot from starting.
-            self._without_failing(self.flush)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the machine code for a signature, if that can be done."""
-        self._without_failing(lambda: super(KernelCache, self).save_overload(sig, data))
+        try:
+            super().save_overload(sig, data)
+        except OSError:
+            self.disable()
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
         return (*super()._index_key(sig, codegen), *sorted(_sources_behind(sig)))
-
-    def _without_failing(self, write: Callable[[], None]) -> None:
-        try:
-            write()
-        except OSError:
-            self.disable()
 
 
 def enable_cache(dispatcher: Any, function: Callable[..., Any]) -> None:

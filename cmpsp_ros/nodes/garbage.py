@@ -15,8 +15,8 @@ _OVERDUE = 1.0
 class GarbageCollection:
     """Collects when it is told that there is time for it, instead of whenever Python pleases.
 
-    What exists when it begins is not looked at again: the whole heap of a node, which takes a
-    tenth of a second to go through, becomes a few objects that a control step has left.
+    What exists when it begins is not looked at again: of the whole heap of a node remain the few
+    objects that a control step has left.
     """
 
     def __init__(self) -> None:
@@ -28,21 +28,25 @@ class GarbageCollection:
         """Whether there was no time for it for so long that some must be taken."""
         return self._on and time.monotonic() - self._latest > _OVERDUE
 
+    def settle(self) -> None:
+        """Go through the whole heap, once: it takes a tenth of a second, in which nobody waits."""
+        gc.collect()
+        gc.freeze()
+
     def begin(self) -> None:
         """Take it over from Python."""
         self._took = {_YOUNG: 0.0, _FULL: 0.0}
         self._since_full = 0
         self._latest = time.monotonic()
         self._on = True
-        gc.collect()
-        gc.freeze()
+        self.settle()
         gc.disable()
 
     def end(self) -> None:
         """Give it back to Python."""
+        gc.unfreeze()
         if self._on:
             self._on = False
-            gc.unfreeze()
             gc.enable()
 
     def collect(self, slack: float = math.inf) -> None:

@@ -99,6 +99,7 @@ class GuidanceNode(LifecycleNode):
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
+        self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)
 
@@ -127,6 +128,7 @@ class GuidanceNode(LifecycleNode):
         self.destroy_service(service)
         self.destroy_timer(timer)
         self._outputs.close()
+        self._garbage.end()
         self._state = UNCONFIGURED
         return super().on_cleanup(state)
 
@@ -142,6 +144,7 @@ class GuidanceNode(LifecycleNode):
         """Give back what an active node has taken, for the process may go on without it."""
         if self._state == ACTIVE:
             self._rest()
+        self._garbage.end()
         super().destroy_node()
 
     def _begin(self) -> None:

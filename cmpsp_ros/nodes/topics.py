@@ -75,6 +75,9 @@ class Topic:
         return node.create_subscription(self.type, self.name, callback, self.qos)
 
 
+# In lockstep a run takes a second or two: who records it on a busy machine lags far behind.
+_OF_A_RUN = 1000
+
 _STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; stamped as the odometry it answers'
 
 GUIDANCE_ODOM = Topic(
@@ -139,7 +142,7 @@ SIM_ODOM = Topic(
     'odom',
     Odometry,
     'at `odom_rate` on an exact time grid, with all errors of `noise`',
-    depth=50,
+    depth=_OF_A_RUN,
 )
 TRUTH = Topic(
     'sim',
@@ -147,10 +150,10 @@ TRUTH = Topic(
     '~/truth',
     Odometry,
     'the ground truth: no errors, none lost, and one more whenever the wheels change speed',
-    depth=50,
+    depth=_OF_A_RUN,
 )
 SIM_WHEELS = Topic(
-    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=50
+    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=_OF_A_RUN
 )
 CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`')
 SIM_RESET = Topic(

@@ -57,7 +57,9 @@ class Outcome:
         if self.folder is not None and self.folder.parent == wanted:
             return ''
         instead = (
-            'nothing is kept' if self.folder is None else 'a restart of the machine may remove it'
+            'nothing would be kept'
+            if self.folder is None
+            else 'a restart of the machine may remove it'
         )
         return f'{wanted} is no folder that only you can write to: {instead} (NUMBA_CACHE_DIR).'
 
@@ -65,12 +67,16 @@ class Outcome:
 def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
     """Run everything that is compiled, and remove what other versions have left.
 
+    Nothing is run where there is no folder to keep its machine code in.
+
     Args:
         progress: Told the name of each part before it begins.
 
     Raises:
         ParameterError: The presets cannot be read.
     """
+    if kernel_folder() is None:
+        return Outcome(None, (), ())
     parts = []
     for name, run in WORK.items():
         progress(name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
+
+from cmpsp_ros.mpsp.kernel_folder import kernel_folder
 
 pytestmark = pytest.mark.integration
 
@@ -30,15 +33,26 @@ def scheduling(thread):
     return policy, os.sched_getaffinity(thread)
 
 
-@pytest.mark.timeout(900)
-def test_it_compiles_before_it_is_active_once_for_all_processes(
-    start_node, make_client, monkeypatch, tmp_path
-):
+@pytest.fixture
+def cache_without_the_audit(monkeypatch, tmp_path):
+    """A cache of kernels of its own, in which those of one file are missing."""
+    folder = kernel_folder()
+    kept = tmp_path / 'cache' / folder.parent.name / folder.name
+    shutil.copytree(folder, kept)
+    missing = [*(kept / 'guidance').glob('audit.*')]
+    assert missing
+    for each in missing:
+        each.unlink()
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path / 'cache'))
+
+
+@pytest.mark.timeout(300)
+@pytest.mark.usefixtures('cache_without_the_audit')
+def test_it_compiles_before_it_is_active_once_for_all_processes(start_node, make_client):
     for place, announced in (('/first', 1), ('/second', 0)):
         client = make_client(prefix=place)
         running = start_node('guidance_node', {}, '-r', f'__ns:={place}')
-        client.until_health(600.0, state='active')
+        client.until_health(240.0, state='active')
         assert running.stderr.count(ANNOUNCED) == announced
         assert running.stderr.count(' kernels in ') == announced
 

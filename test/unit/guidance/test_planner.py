@@ -40,6 +40,7 @@ def test_plan_is_the_path_of_its_controls():
     np.testing.assert_array_equal(plan.poses, path)
 
 
+@pytest.mark.xdist_group('control_rate')
 def test_plan_with_a_control_rate_has_poses_alone():
     given = replace(CASES['case 3'], weights=Weights(control_rate=1.0))
     plan = improve(given).plan
@@ -48,6 +49,7 @@ def test_plan_with_a_control_rate_has_poses_alone():
     np.testing.assert_array_equal(plan.poses, path)
 
 
+@pytest.mark.xdist_group('control_rate')
 def test_control_rate_counts_from_the_command_held_until_now():
     given = replace(CASES['case 1'], weights=Weights(control_rate=100.0))
     held = improve(given, held=(45.0, 45.0)).plan.controls[0]

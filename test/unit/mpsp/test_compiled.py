@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cmpsp_ros.mpsp.compiled import compiled, implements
+from cmpsp_ros.mpsp.compiled import allocation_free, compiled, entry_for, implements, inlined
 
 # Two classes of data, one loop for both; it says what it computed and what came from the cache.
 PROGRAM = """
@@ -191,3 +191,29 @@ def test_the_bits_are_those_of_python():
 
     x = np.random.default_rng(3).standard_normal(1001)
     assert compiled(product)(x) == product(x)
+
+
+def test_an_entry_is_the_function_itself_without_the_look_at_types():
+    @compiled
+    def scaled(x, factor):
+        return x * factor
+
+    entry = entry_for(scaled, np.zeros(2), 1.0)
+    np.testing.assert_array_equal(entry(np.array([1.0, 2.0, 3.0]), 2.0), [2.0, 4.0, 6.0])
+    assert len(scaled.overloads) == 1
+
+
+def test_a_function_can_become_a_part_of_its_callers():
+    @inlined
+    def add(x, y):
+        for i in range(x.shape[0]):
+            x[i] += y
+
+    @allocation_free
+    def add_twice(x, y):
+        add(x, y)
+        add(x, 2.0 * y)
+
+    x = np.arange(3.0)
+    add_twice(x, 1.0)
+    np.testing.assert_array_equal(x, [3.0, 4.0, 5.0])

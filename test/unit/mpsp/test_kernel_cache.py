@@ -110,12 +110,37 @@ def test_without_any_place_kernels_are_compiled_all_the_same(run, environment, t
 
 def test_files_cut_short_are_compiled_anew_and_mended(run):
     folder = Path(run()[2])
-    for suffix in ('nbi', 'nbc'):
-        (file,) = [*folder.glob(f'*/kernel.double-*.{suffix}')]
-        assert run()[:2] == ['8', '1']
-        file.write_bytes(file.read_bytes()[:10])
+    (file,) = [*folder.glob('*/kernel.double-*')]
+    whole = file.read_bytes()
+    for length in (0, 10, len(whole) // 2, len(whole) - 1):
+        file.write_bytes(whole[:length])
         assert run()[:2] == ['8', '0']
         assert run()[:2] == ['8', '1']
+    assert [*folder.glob('*/*')] == [file]
+
+
+def test_a_kernel_is_found_beside_one_for_a_class_that_cannot_be_imported(environment, tmp_path):
+    (tmp_path / 'kernel.py').write_text(
+        'from typing import NamedTuple\n'
+        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        'class Own(NamedTuple):\n    x: int\n'
+        '@compiled\ndef double(x):\n    return 2 * x.x\n'
+        'def hits(x):\n    double(x)\n    print(sum(double.stats.cache_hits.values()))\n'
+    )
+    mine = tmp_path / 'mine.py'
+    mine.write_text('from typing import NamedTuple\nclass Mine(NamedTuple):\n    x: int\n')
+    own = 'import kernel; kernel.hits(kernel.Own(4))'
+    program = 'import kernel, mine; kernel.hits(mine.Mine(4))'
+
+    def hits(code):
+        done = subprocess.run(
+            [sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        return done.stdout
+
+    assert [hits(own), hits(program), hits(own), hits(program)] == ['0\n', '0\n', '1\n', '1\n']
+    mine.unlink()
+    assert hits(own) == '1\n'
 
 
 def test_a_folder_that_vanishes_in_between_does_no_harm(environment, tmp_path):
@@ -143,6 +168,25 @@ def test_a_copy_of_the_package_finds_what_another_compiled(environment, tmp_path
         said.append(done.stdout.split())
     places = [str(tmp_path / name / PACKAGE.name / 'robot/arcs.py') for name in ('first', 'second')]
     assert said == [['0', places[0]], ['1', places[1]]]
+
+
+def test_processes_that_compile_at_once_lose_nothing_of_each_other_s(environment, tmp_path):
+    names = [f'T{i}' for i in range(4)]
+    (tmp_path / 'kernel.py').write_text(
+        'from typing import NamedTuple\n'
+        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        + ''.join(f'class {name}(NamedTuple):\n    x: int\n' for name in names)
+        + '@compiled\ndef double(x):\n    return 2 * x.x\n'
+    )
+    program = 'import kernel, sys\nfor name in sys.argv[1:]: kernel.double(vars(kernel)[name](4))\n'
+    program += 'print(sum(kernel.double.stats.cache_hits.values()))'
+    command = [sys.executable, '-c', program]
+    at_once = [subprocess.Popen([*command, name], cwd=tmp_path) for name in names]
+    assert [each.wait() for each in at_once] == [0] * len(names)
+    done = subprocess.run(
+        [*command, *names], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f'{len(names)}\n'
 
 
 def test_a_changed_program_of_somebody_else_s_is_compiled_anew(run, tmp_path):

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 
 import pytest
+
+from cmpsp_ros.mpsp.kernel_folder import kernel_folder
 
 CMPSP = [sys.executable, '-m', 'cmpsp_ros.cli']
 
@@ -32,14 +35,27 @@ def run(tmp_path):
     return run_command
 
 
-def test_the_second_time_everything_is_there(run, tmp_path):
+@pytest.fixture
+def caches(tmp_path):
+    """A cache in which the machine code of some files is missing, and that of another version."""
     caches = tmp_path / 'home' / '.cache' / 'cmpsp_ros'
+    caches.mkdir(parents=True, mode=0o700)
+    folder = kernel_folder()
+    shutil.copytree(folder, caches / folder.name)
+    for each in ('guidance/audit.*', 'mpsp/condensing.*'):
+        missing = [*(caches / folder.name).glob(each)]
+        assert missing
+        for file in missing:
+            file.unlink()
+    (caches / 'kernels-of-before').mkdir()
+    return caches
+
+
+def test_the_second_time_everything_is_there(run, caches):
     old = caches / 'kernels-of-before'
-    old.mkdir(parents=True, mode=0o700)
-    caches.chmod(0o700)
     first = run()
     assert first.returncode == 0, first.stderr
-    assert 'kernels compiled' in first.stdout
+    assert first.stdout.count('kernels compiled') == 2
     assert 'removed: machine code of 1 other version(s)' in first.stdout
     assert not old.exists()
     (folder,) = caches.iterdir()
@@ -50,15 +66,16 @@ def test_the_second_time_everything_is_there(run, tmp_path):
     second = run()
     assert second.returncode == 0, second.stderr
     assert 'kernels compiled' not in second.stdout
-    assert second.stdout.count('all there') == first.stdout.count('kernels compiled')
+    assert second.stdout.count('all there') == 2
     assert 'removed' not in second.stdout
 
 
-def test_a_folder_that_cannot_be_written_is_told(run, tmp_path):
+def test_without_a_folder_that_can_be_written_nothing_is_compiled_for_nothing(run, tmp_path):
     (tmp_path / 'file').touch()
     (tmp_path / 'tmp' / f'cmpsp_ros-{os.getuid()}').touch()
     done = run(NUMBA_CACHE_DIR=tmp_path / 'file')
     assert done.returncode == 1
     (said,) = done.stderr.splitlines()
     assert said.startswith(f'{tmp_path}/file/cmpsp_ros is no folder that only you can write to')
-    assert 'nothing is kept (NUMBA_CACHE_DIR)' in said
+    assert 'nothing would be kept (NUMBA_CACHE_DIR)' in said
+    assert 'compiled' not in done.stdout

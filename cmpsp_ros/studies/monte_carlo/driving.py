@@ -1,0 +1,172 @@
+"""One run: the guidance law and the plant, over the whole time, judged by the true path."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Decision, Rung
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.plant import Motion, Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.studies.monte_carlo.way import shortest_way
+
+Array = NDArray[np.float64]
+
+_LAGS_TO_REST = 20.0
+_ROUNDING = 1e-9
+_EDGES = 2
+
+
+@dataclass
+class Driven:
+    """A run as it was driven.
+
+    Attributes:
+        task: What it depended on.
+        motions: Changes of the motion and odometry instants, the last at rest.
+        decisions: Of the law, up to the final time.
+        exception: Type and text of what the law raised; empty if it raised nothing.
+    """
+
+    task: Task
+    motions: list[Motion] = field(default_factory=list)
+    decisions: list[Decision] = field(default_factory=list)
+    exception: str = ''
+
+    def at(self, stamp: int) -> Array:
+        """Pose at an instant that is among the motions, shape ``(3,)`` [m, m, rad]."""
+        return next(each.pose for each in reversed(self.motions) if each.stamp_ns == stamp)
+
+    def clearance(self) -> Array:
+        """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
+        settings = self.task.settings
+        space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        poses = np.array([each.pose for each in self.motions])
+        twists = np.array([each.twist for each in self.motions])
+        durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
+        return space.clearance(*reach(poses[:-1], twists[:-1], durations, space.centers))
+
+
+def drive(task: Task) -> Driven:
+    """Make a run: odometry at its rate, the law's commands until the final time, then to rest.
+
+    An exception in the law ends its part as it does in the node: the robot is told to stop.
+    """
+    driven, plant = Driven(task), Plant(task.plant)
+    driven.motions.append(plant.motion)
+    final = to_nanoseconds(task.settings.final_time)
+    period = to_nanoseconds(1.0 / task.plant.odom_rate)
+    try:
+        law = GuidanceLaw(task.settings)
+        for stamp in range(0, final, period):
+            _advance(plant, driven, stamp)
+            pose = plant.measure()
+            _obey(plant, driven, None if pose is None else law.update(stamp, pose))
+    except Exception as error:
+        # Whatever it is, the study goes on and tells.
+        text = ' '.join(str(error).split())
+        driven.exception = f'{type(error).__name__}: {text}'
+        plant.command(plant.stamp_ns, 0.0, 0.0)
+    _advance(plant, driven, final)
+    plant.command(final, 0.0, 0.0)
+    _advance(plant, driven, final + to_nanoseconds(_to_rest(task.plant)))
+    return driven
+
+
+def outcome(driven: Driven) -> Outcome:
+    """The figures of a run."""
+    task, settings = driven.task, driven.task.settings
+    final = to_nanoseconds(settings.final_time)
+    clearance = driven.clearance()
+    speeds = [each.wheel_speeds for each in driven.decisions]
+    largest = [float(np.abs(each).max()) for each in speeds if np.isfinite(each).all()]
+    limit = settings.robot.max_wheel_speed * (1.0 + _ROUNDING)
+    rungs = Counter(each.rung for each in driven.decisions)
+    worst = max(driven.decisions, key=lambda each: each.rung, default=None)
+    x, y = _instants(driven, final)
+    start = task.scenario.pose
+    return Outcome(
+        number=task.scenario.number,
+        miss=math.dist(driven.at(final)[:2], settings.goal),
+        road_clearance=float(clearance[:, :_EDGES].min()),
+        obstacle_clearance=float(clearance[:, _EDGES:].min()) if settings.obstacles else None,
+        began_outside=_is_outside(driven),
+        max_wheel_speed=max(largest, default=0.0),
+        too_fast=sum(each > limit for each in largest),
+        not_finite=len(speeds) - len(largest),
+        nominal=rungs[Rung.NOMINAL],
+        elastic=rungs[Rung.ELASTIC],
+        shifted=rungs[Rung.SHIFTED],
+        stop=rungs[Rung.STOP],
+        trouble=worst.reason if worst is not None and worst.rung else '',
+        trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
+        exception=driven.exception,
+        shortest_way=shortest_way(settings.road, start[:2], settings.goal),
+        farthest=farthest(task),
+        obstacles=len(settings.obstacles),
+        x=x,
+        y=y,
+    )
+
+
+def farthest(task: Task) -> float:
+    """What the robot drives from rest until the final time, asked for its limit at once [m].
+
+    Slip that varies may now and then be none, and is no limit then.
+    """
+    plant, time = task.plant, task.settings.final_time
+    if plant.wheel_slip_stddev > 0.0:
+        return math.inf
+    grip = 1.0 - sum(plant.wheel_slip) / len(plant.wheel_slip)
+    obeyed = max(time - plant.actuation_delay, 0.0)
+    lag = plant.wheel_lag
+    behind = lag * -math.expm1(-obeyed / lag) if lag > 0.0 else 0.0
+    return plant.robot.max_speed * grip * (obeyed - behind)
+
+
+def _advance(plant: Plant, driven: Driven, stamp: int) -> None:
+    driven.motions += plant.advance(stamp)
+    driven.motions.append(plant.motion)
+
+
+def _obey(plant: Plant, driven: Driven, decision: Decision | None) -> None:
+    if decision is None:
+        return
+    driven.decisions.append(decision)
+    if np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
+        plant.command(plant.stamp_ns, *decision.twist.tolist())
+
+
+def _to_rest(plant: PlantSettings) -> float:
+    """Time after which a stop has taken effect [s]; the wheels' lag never quite ends."""
+    lag = _LAGS_TO_REST * plant.wheel_lag
+    return plant.actuation_delay + plant.actuation_jitter + lag + 1.0 / plant.odom_rate
+
+
+def _is_outside(driven: Driven) -> bool:
+    settings = driven.task.settings
+    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    away = np.linalg.norm(driven.motions[0].pose[:2] - space.centers, axis=1)[None]
+    return bool(space.clearance(away, away).min() < 0.0)
+
+
+def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The way at the beginning of each control period, and at the final time [m]."""
+    period = to_nanoseconds(driven.task.settings.control_period)
+    chosen, due = [], 0
+    for motion in driven.motions:
+        if due <= motion.stamp_ns < final:
+            chosen.append(motion.pose)
+            due += period
+    chosen.append(driven.at(final))
+    x, y = (tuple(float(each[axis]) for each in chosen) for axis in (0, 1))
+    return x, y

@@ -1,0 +1,151 @@
+"""Whether a run that failed could have been driven at all, by somebody else's solver.
+
+IPOPT, through CasADi, is given the whole horizon at once, for a robot without noise or delay whose
+wheels are slower by the way that delay, lag and slip cost it. It is believed only as far as its
+wheel speeds lead: their exact arcs are judged like any other path. That it finds nothing from any
+start proves nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.studies.monte_carlo.driving import farthest
+from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.slalom import slalom
+from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.studies.monte_carlo.way import shortest_way
+from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.studies.paper.errors import PaperError
+from cmpsp_ros.studies.paper.judge import judge
+
+Array = NDArray[np.float64]
+
+FEASIBLE: Final = 'feasible'
+UNGUARDED: Final = 'feasible, but not between samples by the guard'
+NOT_FOUND: Final = 'not found'
+OUT_OF_REACH: Final = 'impossible: too far'
+
+NAME: Final = 'judged.json'
+
+_OFFSETS: Final = (0.0, 0.5, -0.5, 0.8, -0.8)
+"""Parts of the road's half width beside its centre, where guesses lead [1]."""
+
+_MISS, _ROUNDING, _UNGUARDED_MARGIN = 1e-4, 1e-6, 0.02
+
+
+def judged(task: Task) -> dict[str, Any]:
+    """What the judge finds of a run.
+
+    Args:
+        task: The run; noise and delay of its plant do not count.
+
+    Returns:
+        `answer`; and, if a way was found, from the how-manieth `start` and its `clearance_m` and
+        `miss_m`.
+
+    Raises:
+        StudyError: CasADi is not installed.
+    """
+    pose = np.array(task.scenario.pose)
+    way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+    if way > farthest(task):
+        return {'answer': OUT_OF_REACH}
+    # First what the guidance law keeps to, then samples alone with a little to spare.
+    guarded = replace(task.settings, robot=_slowed(task), command_delay=0.0)
+    spaces = {
+        FEASIBLE: guarded,
+        UNGUARDED: replace(guarded, safety=Safety(_UNGUARDED_MARGIN, between_samples=False)),
+    }
+    for answer, settings in spaces.items():
+        for place, start in enumerate(_starts(settings, pose)):
+            try:
+                found = judge(settings, pose, start)
+            except PaperError as error:
+                raise StudyError(str(error)) from error
+            if not np.isfinite(found.wheel_speeds).all():
+                continue
+            path = _driven(guarded, pose, found.wheel_speeds)
+            clearance = float(path.clearance(between_samples=True).min())
+            if path.miss <= _MISS and clearance >= -_ROUNDING:
+                return {
+                    'answer': answer,
+                    'start': place,
+                    'clearance_m': clearance,
+                    'miss_m': path.miss,
+                }
+    return {'answer': NOT_FOUND}
+
+
+def kept(folder: FilePath) -> dict[int, dict[str, Any]]:
+    """What the judge has found of runs of a study before, by number.
+
+    Raises:
+        StudyError: The file is not one of the judge's.
+    """
+    path = folder / NAME
+    try:
+        if not path.exists():
+            return {}
+        found = json.loads(path.read_text(encoding='utf-8'))
+        return {int(number): dict(each) for number, each in found.items()}
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise StudyError(f'{path}: {error}') from error
+
+
+def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
+    """Write what the judge has found, in one move.
+
+    Raises:
+        StudyError: The disk refuses.
+    """
+    beside = folder / f'{NAME}.new'
+    try:
+        beside.write_text(json.dumps(dict(sorted(found.items())), indent=1), encoding='utf-8')
+        beside.replace(folder / NAME)
+    except OSError as error:
+        raise StudyError(f'{beside}: {error.strerror or error}') from error
+
+
+def _slowed(task: Task) -> DifferentialDrive:
+    robot = task.settings.robot
+    driven = farthest(task)
+    if not math.isfinite(driven):
+        return robot
+    limit = driven / task.settings.final_time / robot.wheel_radius
+    return replace(robot, max_wheel_speed=limit)
+
+
+def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
+    """Where to start from decides on which side obstacles are passed: where most room is, first."""
+    road = settings.road
+    half = (road.outer_radius - road.inner_radius) / 2.0
+    steps = round(settings.final_time / settings.control_period)
+    durations = np.full(steps, settings.control_period)
+    yield slalom(settings, pose)
+    for offset in _OFFSETS:
+        shifted = replace(
+            road,
+            inner_radius=road.inner_radius + offset * half,
+            outer_radius=road.outer_radius + offset * half,
+        )
+        controls = along_road(replace(settings, road=shifted), pose, durations)
+        yield _driven(settings, pose, controls[:-1])
+
+
+def _driven(settings: GuidanceSettings, pose: Array, wheel_speeds: Array) -> Path:
+    limit = settings.robot.max_wheel_speed
+    within = np.clip(wheel_speeds, -limit, limit)
+    durations = np.full(len(within), settings.control_period)
+    return Path(settings, settings.robot.roll_out(pose, within, durations), within)

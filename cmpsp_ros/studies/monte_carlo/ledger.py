@@ -1,0 +1,117 @@
+"""The file that runs are added to as they finish: whoever is killed, what was finished stays."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import cmpsp_ros
+from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.study import Study
+
+NAME: Final = 'runs.jsonl'
+
+_DECIDING: Final = ('mpsp', 'robot', 'guidance', 'parameters', 'studies/monte_carlo')
+
+_READ_WRITE: Final = 0o644
+
+
+def open_ledger(folder: Path, study: Study) -> dict[int, Outcome]:
+    """Begin a study in a folder, or go on with the one that is there.
+
+    Args:
+        folder: New, empty, or of the same study.
+        study: What its runs depend on.
+
+    Returns:
+        The outcomes that are there, by number.
+
+    Raises:
+        StudyError: Something else is there, or it cannot be read or written.
+        ParameterError: The study's parameters are wrong.
+    """
+    head = _head(study)
+    path = folder / NAME
+    try:
+        if not path.exists():
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                wanted = f'a new or empty folder, or one with the {NAME} of this study'
+                raise StudyError(f'{folder}: found something else there, wanted {wanted}')
+            folder.mkdir(parents=True, exist_ok=True)
+            _append(path, json.dumps(head))
+            return {}
+        lines = path.read_text(encoding='utf-8', errors='replace').splitlines()
+    except OSError as error:
+        raise StudyError(f'{folder}: {error.strerror or error}') from error
+    values = list(_values(lines))
+    found = values[0] if values else {}
+    if found != json.loads(json.dumps(head)):
+        differing = [key for key in head if found.get(key) != head[key]]
+        wanted = 'the same, or another folder'
+        raise StudyError(
+            f'{path}: found other {", ".join(differing) or "content"}, wanted {wanted}'
+        )
+    return {each.number: each for each in _outcomes(values[1:])}
+
+
+def append(folder: Path, outcome: Outcome) -> None:
+    """Add a finished run, from whatever process.
+
+    Raises:
+        OSError: The disk refuses.
+    """
+    _append(folder / NAME, outcome.to_json())
+
+
+def _append(path: Path, line: str) -> None:
+    # One call of the system: neither a kill nor another process comes between. The line break in
+    # front keeps what a power cut left of a line apart from this one.
+    file = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, _READ_WRITE)
+    try:
+        os.write(file, f'\n{line}\n'.encode())
+    finally:
+        os.close(file)
+
+
+def _head(study: Study) -> dict[str, Any]:
+    return {
+        'code': _code(),
+        'study': study.name,
+        'seed': study.seed,
+        'obstacles': study.most_obstacles,
+        'parameters': study.values(),
+    }
+
+
+def _code() -> str:
+    """A digest of all code that outcomes depend on: runs of different code are no one study."""
+    root = Path(cmpsp_ros.__file__).parent
+    digest = hashlib.sha256()
+    for room in _DECIDING:
+        for path in sorted((root / room).rglob('*.py')):
+            digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
+    return digest.hexdigest()[:16]
+
+
+def _values(lines: list[str]) -> Iterator[dict[str, Any]]:
+    """Whole lines; a part of one is a run that was not finished."""
+    for line in lines:
+        try:
+            value = json.loads(line)
+        except ValueError:
+            continue
+        if isinstance(value, dict):
+            yield value
+
+
+def _outcomes(values: list[dict[str, Any]]) -> Iterator[Outcome]:
+    for each in values:
+        try:
+            yield Outcome.from_values(each)
+        except (KeyError, TypeError):
+            continue

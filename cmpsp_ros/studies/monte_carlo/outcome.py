@@ -1,0 +1,136 @@
+"""What a run came to, in figures that repeat bit for bit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import StrEnum
+from typing import Any
+
+
+class Verdict(StrEnum):
+    """What a run is counted as; the first of these that applies."""
+
+    EXCEPTION = 'exception'
+    NOT_FINITE = 'command not finite'
+    TOO_FAST = 'command above the wheel limit'
+    LEFT_ROAD = 'left the road'
+    TOUCHED = 'touched an obstacle'
+    ARRIVED = 'arrived'
+    STOPPED = 'clear, but stopped on the way'
+    TOO_FAR = 'clear, but no robot could arrive in time'
+    MISSED = 'clear, but missed the goal'
+
+
+HARMLESS = frozenset({Verdict.ARRIVED, Verdict.TOO_FAR})
+"""Verdicts that ask for no explanation."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Figures of one run.
+
+    Attributes:
+        number: Of the run in its study.
+        miss: Distance from the goal at the final time [m].
+        road_clearance: Least clearance of the true path from the road's edges, between samples
+            too and until the robot rests, its own radius taken off [m].
+        obstacle_clearance: The same from obstacles; None without any.
+        began_outside: Whether the start itself was not clear.
+        max_wheel_speed: Largest wheel speed commanded [rad/s].
+        too_fast: Commands above the wheel limit.
+        not_finite: Commands that were not finite.
+        nominal: Control steps on this rung of the ladder.
+        elastic: See `nominal`.
+        shifted: See `nominal`.
+        stop: See `nominal`, the stops after the final time left out.
+        trouble: Reason of the first step on the worst rung, if that is not the nominal one.
+        trouble_time: When that was [s]; None without trouble.
+        exception: Type and text of what the law raised; empty if it raised nothing.
+        shortest_way: From start to goal, obstacles left aside [m].
+        farthest: What this robot drives until the final time with its wheels at their limit [m].
+        obstacles: On the road.
+        x: At control instants and the final time [m].
+        y: See `x`.
+    """
+
+    number: int
+    miss: float
+    road_clearance: float
+    obstacle_clearance: float | None
+    began_outside: bool
+    max_wheel_speed: float
+    too_fast: int
+    not_finite: int
+    nominal: int
+    elastic: int
+    shifted: int
+    stop: int
+    trouble: str
+    trouble_time: float | None
+    exception: str
+    shortest_way: float
+    farthest: float
+    obstacles: int
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    @property
+    def clearance(self) -> float:
+        """Least clearance from anything [m]."""
+        if self.obstacle_clearance is None:
+            return self.road_clearance
+        return min(self.road_clearance, self.obstacle_clearance)
+
+    @property
+    def left_road(self) -> bool:
+        """Whether the path cut an edge; what is not a number is no pass."""
+        return not self.road_clearance >= 0.0
+
+    @property
+    def touched(self) -> bool:
+        """Whether the path cut an obstacle; what is not a number is no pass."""
+        return self.obstacle_clearance is not None and not self.obstacle_clearance >= 0.0
+
+    @property
+    def out_of_reach(self) -> bool:
+        """Whether even the shortest way is longer than the wheels can turn in time."""
+        return self.shortest_way > self.farthest
+
+    def verdict(self, tolerance: float) -> Verdict:
+        """What the run is counted as.
+
+        Args:
+            tolerance: Miss up to which it has arrived [m].
+        """
+        tests = {
+            Verdict.EXCEPTION: bool(self.exception),
+            Verdict.NOT_FINITE: self.not_finite > 0,
+            Verdict.TOO_FAST: self.too_fast > 0,
+            Verdict.LEFT_ROAD: self.left_road,
+            Verdict.TOUCHED: self.touched,
+            Verdict.ARRIVED: self.miss <= tolerance,
+            Verdict.STOPPED: self.stop > 0,
+            Verdict.TOO_FAR: self.out_of_reach,
+        }
+        return next((verdict for verdict, holds in tests.items() if holds), Verdict.MISSED)
+
+    def failed(self, tolerance: float) -> bool:
+        """Whether the run asks for an explanation."""
+        return self.verdict(tolerance) not in HARMLESS
+
+    def to_json(self) -> str:
+        """One line; floats read back bit for bit."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any]) -> Outcome:
+        """The outcome of which those are the values, as JSON has them.
+
+        Raises:
+            KeyError: One is missing.
+            TypeError: One is no outcome's.
+        """
+        named = {each.name: values[each.name] for each in fields(cls)}
+        return cls(**{**named, 'x': tuple(named['x']), 'y': tuple(named['y'])})

@@ -1,0 +1,171 @@
+"""A study to look at: all its paths, how its figures spread, and single runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Wedge
+
+from cmpsp_ros.guidance.decision import Decision, Rung
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.arcs import arc_ends
+from cmpsp_ros.studies.journal import WIDTH, journal
+from cmpsp_ros.studies.monte_carlo.driving import Driven
+from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+
+_DPI: Final = 150
+_PER_ARC: Final = 4
+_SMALLEST_MISS: Final = 1e-16
+
+_ROAD, _EDGE, _OBSTACLE, _RIM = '0.93', '0.55', '0.72', '0.3'
+_LOOKS: Final = {
+    Verdict.ARRIVED: ('tab:blue', 0.5),
+    Verdict.TOO_FAR: ('0.45', 0.5),
+    Verdict.MISSED: ('tab:orange', 1.2),
+}
+_FAILED: Final = ('tab:red', 1.2)
+_RUNGS: Final = {
+    Rung.NOMINAL: 'tab:blue',
+    Rung.ELASTIC: 'tab:orange',
+    Rung.SHIFTED: 'tab:purple',
+    Rung.STOP: 'tab:red',
+}
+
+
+def draw_study(
+    folder: Path, title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome],
+    tolerance: float,
+) -> list[Path]:  # fmt: skip
+    """Draw all paths into one picture, and the spread of miss and clearance into another.
+
+    Args:
+        folder: Where to.
+        title: Of both.
+        settings: Road and goal.
+        outcomes: Of all runs.
+        tolerance: Miss up to which a run has arrived [m].
+    """
+    with journal():
+        return [
+            _save(_paths(title, settings, outcomes, tolerance), folder / 'paths.png'),
+            _save(_spread(title, outcomes, tolerance), folder / 'spread.png'),
+        ]
+
+
+def draw_run(path: Path, title: str, driven: Driven) -> Path:
+    """Draw one run: its path by the rung it was driven on, and its clearance over time."""
+    with journal():
+        figure = Figure(figsize=(WIDTH, 0.55 * WIDTH), layout='constrained')
+        figure.suptitle(title, fontsize=7.0, family='monospace', wrap=True)
+        way, over_time = figure.subplots(1, 2)
+        _draw_way(way, driven)
+        _draw_clearance(over_time, driven)
+        return _save(figure, path)
+
+
+def _paths(
+    title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome], tolerance: float
+) -> Figure:
+    figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
+    axes = figure.add_subplot()
+    _draw_road(axes, settings)
+    named = set[Verdict]()
+    # What went wrong is drawn last, on top.
+    for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
+        verdict = each.verdict(tolerance)
+        color, width = _LOOKS.get(verdict, _FAILED)
+        label = None if verdict in named else verdict.value
+        named.add(verdict)
+        axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
+    axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
+    figure.legend(loc='outside lower center', ncols=len(named))
+    axes.set_title(title)
+    return figure
+
+
+def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure:
+    figure = Figure(figsize=(WIDTH, 0.45 * WIDTH), layout='constrained')
+    figure.suptitle(title)
+    misses, clearances = figure.subplots(1, 2)
+    misses_in_reach = [each.miss for each in outcomes if not each.out_of_reach]
+    reachable = [max(each, _SMALLEST_MISS) for each in misses_in_reach if np.isfinite(each)]
+    if reachable:
+        low, high = np.floor(np.log10(min(reachable))), np.ceil(np.log10(max(reachable)))
+        misses.hist(reachable, bins=np.logspace(low, max(high, low + 1.0), 41).tolist())
+    misses.axvline(tolerance, color=_RIM, ls='--', lw=0.8)
+    misses.set(xscale='log', xlabel='miss at the final time, goal in reach [m]', ylabel='runs')
+    known = [each.clearance for each in outcomes if np.isfinite(each.clearance)]
+    clearances.hist(known, bins=40)
+    clearances.axvline(0.0, color=_RIM, ls='--', lw=0.8)
+    clearances.set(xlabel='least clearance of the true path [m]')
+    return figure
+
+
+def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
+    road = settings.road
+    width = road.outer_radius - road.inner_radius
+    axes.add_patch(Wedge(road.center, road.outer_radius, 0, 360, width=width, fc=_ROAD, lw=0))
+    for radius in (road.inner_radius, road.outer_radius):
+        axes.add_patch(Circle(road.center, radius, fill=False, ec=_EDGE, lw=0.7))
+    for each in settings.obstacles:
+        axes.add_patch(Circle(each.center, each.radius, fc=_OBSTACLE, ec=_RIM, lw=0.7))
+    axes.set(xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+
+
+def _draw_way(axes: Axes, driven: Driven) -> None:
+    """The exact arcs, each in the colour of the rung that was decided on last."""
+    settings = driven.task.settings
+    _draw_road(axes, settings)
+    begins = np.array([each.stamp_ns for each in driven.motions])
+    poses = np.array([each.pose for each in driven.motions])[:-1]
+    twists = np.array([each.twist for each in driven.motions])[:-1]
+    parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
+    durations = np.repeat(np.diff(begins) / NANOSECONDS, _PER_ARC) * np.tile(parts, len(poses))
+    arcs = np.repeat(poses, _PER_ARC, axis=0), np.repeat(twists, _PER_ARC, axis=0)
+    points = arc_ends(*arcs, durations)[:, :2]
+    stamps = np.repeat(begins[:-1], _PER_ARC)
+    for decision, end in _spans(driven.decisions):
+        # One point more, so that what comes next begins where this ends.
+        chosen = (stamps >= decision.stamp) & (stamps <= end)
+        axes.plot(*points[chosen].T, color=_RUNGS[decision.rung], lw=1.2)
+    axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
+    axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
+    centers = [(*each.center, each.radius) for each in settings.obstacles]
+    corners = np.vstack([points, [settings.goal], *([[x - r, y - r], [x + r, y + r]]
+                         for x, y, r in centers)])  # fmt: skip
+    (left, low), (right, high) = corners.min(axis=0) - 0.5, corners.max(axis=0) + 0.5
+    axes.set(xlim=(left, right), ylim=(low, high))
+
+
+def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
+    ends = [*(each.stamp for each in decisions[1:]), np.inf]
+    return list(zip(decisions, ends, strict=True))
+
+
+def _draw_clearance(axes: Axes, driven: Driven) -> None:
+    clearance = driven.clearance()
+    times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
+    names = ('outer edge', 'inner edge', *(each.name for each in driven.task.settings.obstacles))
+    for name, column in zip(names, clearance.T, strict=True):
+        axes.plot(times, column, lw=0.9, label=name)
+    for rung, color in _RUNGS.items():
+        stamps = [each.stamp / NANOSECONDS for each in driven.decisions if each.rung == rung]
+        if stamps:
+            ground = [-0.02] * len(stamps)
+            axes.plot(stamps, ground, '|', color=color, label=rung.name.lower())
+    axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
+    axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
+    keys = axes.get_legend_handles_labels()
+    axes.figure.legend(*keys, loc='outside lower center', ncols=6, fontsize=6.0)
+
+
+def _save(figure: Figure, path: Path) -> Path:
+    figure.savefig(path, dpi=_DPI, metadata={'Software': None})
+    return path

@@ -1,0 +1,150 @@
+"""A study from its first run to its pictures."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.studies.monte_carlo import judge as judges
+from cmpsp_ros.studies.monte_carlo import parquet, pictures
+from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
+from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.ledger import open_ledger
+from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.study import Study
+from cmpsp_ros.studies.monte_carlo.summary import figures, to_json
+from cmpsp_ros.studies.monte_carlo.workers import make
+
+PICTURES: Final = 12
+"""Failures of which a picture is drawn."""
+
+
+@dataclass(frozen=True)
+class Order:
+    """What is asked for.
+
+    Attributes:
+        study: What the runs depend on.
+        runs: How many: those numbered from 0 on.
+        folder: Where everything is written to.
+        workers: Processes that share the runs.
+        judge: Whether IPOPT is asked about runs that failed.
+    """
+
+    study: Study
+    runs: int
+    folder: Path
+    workers: int = 1
+    judge: bool = False
+
+
+Progress = Callable[[str, int], Callable[[int], None]]
+"""Told of a part of the work and its pieces; answers with what to tell of pieces done."""
+
+
+def run(order: Order, progress: Progress) -> dict[str, Any]:
+    """Make whatever runs are missing, and sum all of them up.
+
+    Args:
+        order: What is asked for.
+        progress: Told how far it is.
+
+    Returns:
+        The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
+        where pyarrow is installed, and the pictures.
+
+    Raises:
+        StudyError: The folder holds something else, or cannot be used; a worker died; or CasADi
+            is not installed and wanted.
+        ParameterError: A parameter is wrong.
+    """
+    study, folder = order.study, order.folder
+    there = open_ledger(folder, study)
+    missing = [number for number in range(order.runs) if number not in there]
+    advance = progress('runs', order.runs)
+    advance(order.runs - len(missing))
+    for made in make(study, missing, folder, order.workers, advance):
+        there[made.number] = made
+    outcomes = [there[number] for number in range(order.runs)]
+    failed = [each.number for each in outcomes if each.failed(study.tolerance)]
+    judged = judges.kept(folder)
+    if order.judge:
+        advance = progress('judge', len(failed))
+        for number in failed:
+            if number not in judged:
+                judged[number] = judges.judged(study.run(number))
+                judges.keep(folder, judged)
+            advance(1)
+    values = figures(study, outcomes, judged)
+    try:
+        (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
+        parquet.write(folder / 'runs.parquet', outcomes, study.tolerance, judged)
+        _draw(order, outcomes, failed[:PICTURES], progress)
+    except OSError as error:
+        raise StudyError(f'{folder}: {error.strerror or error}') from error
+    return values
+
+
+def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str], Path]:
+    """Make one run again and draw it.
+
+    Args:
+        study: What it depends on.
+        number: Which run.
+        folder: Where the picture goes; whatever else is there stays.
+
+    Returns:
+        Its outcome, what was decided whenever the rung changed, and the picture.
+
+    Raises:
+        StudyError: The picture cannot be written.
+        ParameterError: A parameter is wrong.
+    """
+    study.values()
+    driven = drive(study.run(number))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        picture = _draw_one(folder, study, driven)
+    except OSError as error:
+        raise StudyError(f'{folder}: {error.strerror or error}') from error
+    return outcome(driven), _changes(driven), picture
+
+
+def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Progress) -> None:
+    study, folder = order.study, order.folder
+    advance = progress('pictures', 1 + len(failed))
+    title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
+    settings = study.told()[0]
+    pictures.draw_study(folder, title, settings, outcomes, study.tolerance)
+    advance(1)
+    beside = folder / 'failures'
+    # Those of fewer runs than this time may be among them.
+    for old in beside.glob('run_*.png'):
+        with contextlib.suppress(FileNotFoundError):
+            old.unlink()
+    for number in failed:
+        beside.mkdir(exist_ok=True)
+        _draw_one(beside, study, drive(study.run(number)))
+        advance(1)
+
+
+def _draw_one(folder: Path, study: Study, driven: Driven) -> Path:
+    number = driven.task.scenario.number
+    made = outcome(driven)
+    title = f'{study.command(number)}\n{made.verdict(study.tolerance).value}, '
+    title += f'miss {made.miss:.3g} m, clearance {made.clearance:+.3f} m'
+    return pictures.draw_run(folder / f'run_{number:05d}.png', title, driven)
+
+
+def _changes(driven: Driven) -> list[str]:
+    texts, before = [], None
+    for each in driven.decisions:
+        if each.rung != before:
+            time = each.stamp / NANOSECONDS
+            texts.append(f'{time:6.2f} s  {each.rung.name.lower():8} {each.reason}')
+        before = each.rung
+    return [*texts, driven.exception] if driven.exception else texts

@@ -1,0 +1,100 @@
+"""Where a run begins and what lies in its way, drawn from the study's seed and its own number."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.studies.monte_carlo.passage import is_open
+from cmpsp_ros.studies.monte_carlo.way import angle_between
+
+FROM_EDGE: Final = 0.05
+"""Least distance of the start from road edges, and of start and goal from obstacles [m]."""
+
+GAP: Final = 0.4
+"""Width that obstacles leave free all along the road [m]."""
+
+RADII: Final = (0.1, 0.8)
+"""Least and greatest radius of an obstacle [m]."""
+
+_BEYOND: Final = 0.5
+"""Angle by which obstacles may lie behind the start and past the goal [rad]."""
+
+_ATTEMPTS: Final = 1000
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A run to be made.
+
+    Attributes:
+        number: Of the run in its study.
+        pose: Where the robot stands at first (x, y, heading) [m, m, rad].
+        obstacles: What lies on the road.
+        seed: Of all that is random in the plant.
+    """
+
+    number: int
+    pose: tuple[float, float, float]
+    obstacles: tuple[Obstacle, ...]
+    seed: int
+
+
+def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:
+    """The scenario of a run: the same one, whatever runs came before it and wherever it is made.
+
+    Args:
+        settings: Road, goal and radius of the robot; their obstacles do not count.
+        seed: Of the study, not negative.
+        number: Of the run, not negative.
+        most_obstacles: On the road.
+    """
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    road, goal = settings.road, settings.goal
+    away = settings.robot_radius + FROM_EDGE
+    start = _point(random, road, (0.0, math.tau), away)
+    ahead = angle_between(road, start, goal)
+    bearing = _bearing(road, start)
+    along = bearing + math.copysign(math.pi / 2.0, ahead)
+    heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)
+    beyond = math.copysign(_BEYOND, ahead)
+    first, last = sorted((bearing - beyond, bearing + ahead + beyond))
+    wanted, obstacles = int(random.integers(most_obstacles + 1)), list[Obstacle]()
+    for _ in range(_ATTEMPTS):
+        if len(obstacles) == wanted:
+            break
+        drawn = _obstacle(random, road, (first, last), f'o{len(obstacles) + 1}')
+        clear = all(math.dist(each, drawn.center) >= drawn.radius + away for each in (start, goal))
+        if clear and is_open(road, [*obstacles, drawn], GAP + 2.0 * settings.robot_radius):
+            obstacles.append(drawn)
+    return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+
+
+def _obstacle(
+    random: np.random.Generator, road: Annulus, bearings: tuple[float, float], name: str
+) -> Obstacle:
+    return Obstacle(name, _point(random, road, bearings, 0.0), float(random.uniform(*RADII)))
+
+
+def _point(
+    random: np.random.Generator, road: Annulus, bearings: tuple[float, float], away: float
+) -> Point:
+    """A point of the road so far from its edges, every square metre as likely as another."""
+    bearing = random.uniform(*bearings)
+    inner, outer = road.inner_radius + away, road.outer_radius - away
+    distance = math.sqrt(random.uniform(inner**2, outer**2))
+    x, y = road.center
+    return x + distance * math.cos(bearing), y + distance * math.sin(bearing)
+
+
+def _bearing(road: Annulus, point: Point) -> float:
+    return math.atan2(point[1] - road.center[1], point[0] - road.center[0])

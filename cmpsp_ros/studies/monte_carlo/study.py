@@ -1,0 +1,148 @@
+"""The studies that have a name, and what each of their runs is told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from types import MappingProxyType
+from typing import Any, Final
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
+from cmpsp_ros.robot.plant import PlantSettings
+from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
+
+PRESET: Final = 'case3'
+MOST_OBSTACLES: Final = 4
+
+# The paper's first guess is made for the paper's start.
+_ALWAYS: Final = {'initial_guess.type': 'road', 'obstacles.names': []}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What makes one study differ from another.
+
+    Attributes:
+        changes: Parameters that differ from those of the preset.
+        tolerance: Miss up to which a run has arrived [m].
+    """
+
+    changes: Mapping[str, Any]
+    tolerance: float
+
+
+KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
+    {
+        'nominal': Kind({}, 1e-3),
+        'disturbed': Kind(
+            {
+                'noise.position_stddev': 0.005,
+                'noise.heading_stddev': math.radians(0.5),
+                'wheel_lag': 0.05,
+                'wheel_slip': [0.03, 0.03],
+                'actuation_delay': 0.06,
+                'command_delay': 0.06,
+                'safety.margin': 0.05,
+            },
+            0.05,
+        ),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Study:
+    """A campaign: every run of it follows from this value and the run's number.
+
+    Attributes:
+        name: Of its kind.
+        seed: Of all its scenarios.
+        most_obstacles: On the road in one run.
+        assignments: Parameters changed beside, each as `key=value`.
+    """
+
+    name: str
+    seed: int = 1
+    most_obstacles: int = MOST_OBSTACLES
+    assignments: tuple[str, ...] = ()
+
+    @property
+    def tolerance(self) -> float:
+        """Miss up to which a run has arrived [m]."""
+        return KINDS[self.name].tolerance
+
+    def values(self) -> dict[str, Any]:
+        """All parameters, without obstacles.
+
+        Raises:
+            StudyError: There is no study of that name, or there is no room on its road.
+            ParameterError: An assignment is wrong.
+        """
+        if self.name not in KINDS:
+            raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
+        given = load_parameter_file(PRESET)
+        for name in given['obstacles.names']:
+            given = {k: v for k, v in given.items() if not k.startswith(f'obstacles.{name}.')}
+        given |= {**_ALWAYS, **KINDS[self.name].changes}
+        given.update(parse_assignment(each) for each in self.assignments)
+        values = TABLE.resolve(given)
+        settings = guidance_settings(values)
+        plant_settings(values)
+        width = settings.road.outer_radius - settings.road.inner_radius
+        needed = max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
+        if width <= needed:
+            raise StudyError(f'road: found {width:g} m of width, wanted more than {needed:g} m')
+        if settings.obstacles:
+            raise StudyError('obstacles.names: found obstacles, wanted none: they are drawn')
+        return dict(values)
+
+    def told(self) -> tuple[GuidanceSettings, PlantSettings]:
+        """What law and plant are told in every run, but for start, obstacles and seed."""
+        return _told(self)
+
+    def run(self, number: int) -> Task:
+        """What the run of that number is."""
+        settings, plant = self.told()
+        drawn = scenario(settings, self.seed, number, self.most_obstacles)
+        return Task(
+            drawn,
+            replace(settings, obstacles=drawn.obstacles),
+            replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
+        )
+
+    def command(self, number: int) -> str:
+        """The command that makes one run again."""
+        words: Sequence[str] = (
+            f'cmpsp study {self.name} --seed {self.seed} --run {number}',
+            *([f'--obstacles {self.most_obstacles}'] * (self.most_obstacles != MOST_OBSTACLES)),
+            *(f'--set {each}' for each in self.assignments),
+        )
+        return ' '.join(words)
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that one run depends on.
+
+    Attributes:
+        scenario: Start and obstacles.
+        settings: What the guidance law is told.
+        plant: What the simulated robot is told.
+    """
+
+    scenario: Scenario
+    settings: GuidanceSettings
+    plant: PlantSettings
+
+
+@cache
+def _told(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+    """What all runs of a study have in common; to read it takes as long as a run."""
+    values = study.values()
+    return guidance_settings(values), plant_settings(values)

@@ -1,0 +1,159 @@
+"""A study in figures: counts with their intervals, as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Table
+
+from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+from cmpsp_ros.studies.monte_carlo.study import Study
+from cmpsp_ros.studies.monte_carlo.wilson import wilson
+
+_RUNGS = ('nominal', 'elastic', 'shifted', 'stop')
+_QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
+
+
+@dataclass(frozen=True)
+class Share:
+    """How many of how many.
+
+    Attributes:
+        name: What was counted.
+        count: How often.
+        total: Out of how many.
+    """
+
+    name: str
+    count: int
+    total: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's, for 95 %."""
+        return wilson(self.count, self.total)
+
+
+def shares(outcomes: Sequence[Outcome]) -> list[Share]:
+    """What is counted of runs."""
+    total = len(outcomes)
+    reachable = [each for each in outcomes if not each.out_of_reach]
+
+    def runs(name: str, *holds: bool) -> Share:
+        return Share(name, sum(holds), total)
+
+    def in_reach(name: str, largest: float) -> Share:
+        return Share(name, sum(each.miss <= largest for each in reachable), len(reachable))
+
+    touched = [each.touched for each in outcomes if each.obstacle_clearance is not None]
+    return [
+        in_reach('arrived within 1 mm, goal in reach', 1e-3),
+        in_reach('arrived within 5 cm, goal in reach', 0.05),
+        Share('touched an obstacle, of runs with any', sum(touched), len(touched)),
+        runs('left the road', *(each.left_road for each in outcomes)),
+        runs('exceptions', *(bool(each.exception) for each in outcomes)),
+        runs('commands not finite', *(each.not_finite > 0 for each in outcomes)),
+        runs('commands above the wheel limit', *(each.too_fast > 0 for each in outcomes)),
+        runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
+        runs('nominal all the way', *(not each.trouble for each in outcomes)),
+        runs('elastic at some step', *(each.elastic > 0 for each in outcomes)),
+        runs('shifted at some step', *(each.shifted > 0 for each in outcomes)),
+    ]
+
+
+def figures(
+    study: Study, outcomes: Sequence[Outcome], judged: Mapping[int, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """All figures of a study, ready for JSON.
+
+    Args:
+        study: What it is.
+        outcomes: Of its runs, by number.
+        judged: What the judge found of runs, by number.
+    """
+    verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
+    reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
+    return {
+        'study': study.name,
+        'seed': study.seed,
+        'obstacles': study.most_obstacles,
+        'assignments': list(study.assignments),
+        'runs': len(outcomes),
+        'tolerance_m': study.tolerance,
+        'verdicts': {each.value: verdicts[each] for each in Verdict},
+        'shares': {
+            each.name: {'count': each.count, 'of': each.total, 'wilson_95': each.interval}
+            for each in shares(outcomes)
+        },
+        # Without an interval: the steps of a run hang together.
+        'control_steps': {rung: sum(getattr(each, rung) for each in outcomes) for rung in _RUNGS},
+        'miss_in_reach_m': _quantiles([each.miss for each in reachable]),
+        'clearance_m': _quantiles([each.clearance for each in outcomes]),
+        'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
+        'failures': [
+            {
+                'run': each.number,
+                'verdict': each.verdict(study.tolerance).value,
+                'miss_m': each.miss,
+                'clearance_m': each.clearance,
+                'trouble': each.trouble,
+                'trouble_time_s': each.trouble_time,
+                'exception': each.exception,
+                'judge': judged.get(each.number),
+                'command': study.command(each.number),
+            }
+            for each in outcomes
+            if each.failed(study.tolerance)
+        ],
+    }
+
+
+def to_json(values: Mapping[str, Any]) -> str:
+    """The figures as text; floats read back bit for bit."""
+    return json.dumps(values, indent=2) + '\n'
+
+
+def tables(values: Mapping[str, Any]) -> list[Table]:
+    """The figures to look at: counts, and each run that failed."""
+    title = f'{values["study"]}: {values["runs"]} runs of seed {values["seed"]}'
+    counts = Table('', 'count', 'of', '95 % interval', title=title, title_justify='left')
+    for name, share in values['shares'].items():
+        low, high = (f'{100.0 * each:.2f}' for each in share['wilson_95'])
+        counts.add_row(name, str(share['count']), str(share['of']), f'{low} to {high} %')
+    counts.add_section()
+    steps = sum(values['control_steps'].values())
+    for rung, count in values['control_steps'].items():
+        counts.add_row(f'control steps {rung}', str(count), str(steps), '')
+    counts.add_section()
+    for name, count in values['verdicts'].items():
+        counts.add_row(name, str(count), str(values['runs']), '')
+    spreads = Table('', *_QUANTILES)
+    for name, key in (
+        ('miss [m], goal in reach', 'miss_in_reach_m'),
+        ('clearance [m]', 'clearance_m'),
+    ):
+        spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
+    if not values['failures']:
+        return [counts, spreads]
+    titles = ('run', 'verdict', 'miss [m]', 'clearance [m]', 'judge', 'first on the worst rung')
+    failures = Table(*map(escape, titles))
+    for each in values['failures']:
+        judge = each['judge']['answer'] if each['judge'] else ''
+        time = '' if each['trouble_time_s'] is None else f'{each["trouble_time_s"]:.1f} s: '
+        failures.add_row(
+            str(each['run']), each['verdict'], f'{each["miss_m"]:.4g}',
+            f'{each["clearance_m"]:+.4f}', judge,
+            escape(each['exception'] or time + each['trouble']),
+        )  # fmt: skip
+    return [counts, spreads, failures]
+
+
+def _quantiles(numbers: Sequence[float]) -> dict[str, float]:
+    at = np.quantile(numbers, list(_QUANTILES.values()))
+    return dict(zip(_QUANTILES, at.tolist(), strict=True))

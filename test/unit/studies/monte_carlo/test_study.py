@@ -1,0 +1,250 @@
+"""Whole studies: the same whoever makes them in whatever order, and never begun from nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from pyarrow import parquet
+from typer.testing import CliRunner
+
+from cmpsp_ros.cli import app
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
+from cmpsp_ros.studies.monte_carlo import judge as judges
+from cmpsp_ros.studies.monte_carlo.ledger import NAME, open_ledger
+from cmpsp_ros.studies.monte_carlo.slalom import slalom
+from cmpsp_ros.studies.monte_carlo.workers import make
+
+PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb'}
+STUDY = Study('nominal', 1)
+RUNS = 20
+
+
+def command(*arguments):
+    return CliRunner().invoke(app, ['study', *map(str, arguments)], env=PLAIN)
+
+
+def ledger_of(folder):
+    return dict(sorted(open_ledger(folder, STUDY).items()))
+
+
+@pytest.fixture(scope='module')
+def made(tmp_path_factory):
+    """A study of one process, by the command."""
+    folder = tmp_path_factory.mktemp('study') / 'nominal'
+    result = command('nominal', '--runs', RUNS, '--output', folder)
+    assert result.exit_code == 0, result.output
+    return folder, result.stdout
+
+
+def test_a_study_counts_keeps_and_draws(made):
+    folder, printed = made
+    assert 'nominal: 20 runs of seed 1' in printed
+    assert 'arrived within 1 mm, goal in reach' in printed
+    assert 'miss [m]' in printed
+    values = json.loads((folder / 'summary.json').read_text())
+    assert sum(values['verdicts'].values()) == values['runs'] == RUNS
+    share = values['shares']['left the road']
+    assert share['of'] == RUNS
+    assert share['wilson_95'][0] <= share['count'] / RUNS <= share['wilson_95'][1]
+    assert sum(values['control_steps'].values()) == 50 * RUNS
+    table = parquet.read_table(folder / 'runs.parquet')
+    assert table.column('number').to_pylist() == list(range(RUNS))
+    outcomes = ledger_of(folder)
+    assert table.column('miss').to_pylist() == [each.miss for each in outcomes.values()]
+    assert table.column('verdict').to_pylist().count('arrived') == values['verdicts']['arrived']
+    for picture in ('paths.png', 'spread.png'):
+        assert (folder / picture).read_bytes().startswith(b'\x89PNG')
+    drawn = {each.name for each in folder.glob('failures/*')}
+    assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
+
+
+def test_two_workers_come_to_the_same(made, tmp_path):
+    folder = tmp_path / 'nominal'
+    told = []
+    run(Order(STUDY, RUNS, folder, workers=2), lambda *_: told.append)
+    assert ledger_of(folder) == ledger_of(made[0])
+    assert (folder / 'summary.json').read_bytes() == (made[0] / 'summary.json').read_bytes()
+    assert sum(told) >= RUNS
+
+
+def test_any_order_comes_to_the_same(made, tmp_path):
+    folder = tmp_path / 'nominal'
+    open_ledger(folder, STUDY)
+    outcomes = list(make(STUDY, [17, 3, 11], folder, 1, lambda _: None))
+    assert [each.number for each in outcomes] == [17, 3, 11]
+    kept = ledger_of(made[0])
+    assert outcomes == [kept[17], kept[3], kept[11]]
+    assert ledger_of(folder) == {number: kept[number] for number in (3, 11, 17)}
+
+
+def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
+    folder = tmp_path / 'nominal'
+    line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal']
+    arguments = [*line, '--runs', '400', '--workers', '2', '--output', str(folder)]
+    with subprocess.Popen(arguments, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as child:
+        deadline = time.monotonic() + 60.0
+        while len(finished := lines_of(folder)) < 4 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        os.kill(child.pid, signal.SIGKILL)
+    finished = lines_of(folder)
+    assert 4 <= len(finished) < 400
+    # The workers end with their parent: nothing is added any more.
+    time.sleep(1.0)
+    after = lines_of(folder)
+    time.sleep(1.0)
+    assert lines_of(folder) == after
+    assert after[: len(finished)] == finished
+    there = ledger_of(folder)
+    assert len(there) >= len(finished)
+    missing = [number for number in range(RUNS) if number not in there]
+    told = []
+    run(Order(STUDY, RUNS, folder), lambda part, _: told.append if part == 'runs' else len_of)
+    assert told == [RUNS - len(missing), *[1] * len(missing)]
+    kept = ledger_of(folder)
+    assert {number: kept[number] for number in range(RUNS)} == ledger_of(made[0])
+
+
+def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path):
+    folder = tmp_path / 'nominal'
+    line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal', '--runs', '400']
+    arguments = [*line, '--workers', '2', '--output', str(folder)]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as child:
+        deadline = time.monotonic() + 60.0
+        while len(lines_of(folder)) < 2 and time.monotonic() < deadline:
+            time.sleep(0.01)
+        child.send_signal(signal.SIGINT)
+        _, said = child.communicate(timeout=60)
+    assert child.returncode == 130
+    assert said.splitlines()[-1] == f'{folder}: interrupted; the same command goes on'
+    assert 'Traceback' not in said
+    assert 2 <= len(ledger_of(folder)) < 400
+
+
+def len_of(_):
+    return None
+
+
+def lines_of(folder):
+    """Whole lines of finished runs, the head left out."""
+    try:
+        text = (folder / NAME).read_text()
+    except FileNotFoundError:
+        return []
+    return [each for each in text.splitlines() if each.startswith('{"number"') and each[-1] == '}']
+
+
+def test_what_a_power_cut_left_of_a_line_is_made_again(made, tmp_path):
+    path = tmp_path / NAME
+    content = (made[0] / NAME).read_bytes().rstrip()
+    path.write_bytes(content[:-30])
+    last = next(number for number in range(RUNS) if number not in open_ledger(tmp_path, STUDY))
+    list(make(STUDY, [last], tmp_path, 1, lambda _: None))
+    assert ledger_of(tmp_path) == ledger_of(made[0])
+
+
+@pytest.mark.parametrize(
+    ('change', 'text'),
+    [
+        (('--seed', 2), 'found other seed, wanted the same, or another folder'),
+        (('--obstacles', 6), 'found other obstacles'),
+        (('--set', 'weights.road_center=1.0'), 'found other parameters'),
+    ],
+)
+def test_another_study_does_not_go_on_in_its_folder(made, change, text):
+    result = command('nominal', '--runs', 2, '--output', made[0], *change)
+    assert result.exit_code == 1
+    assert text in result.output
+    assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_folder_with_something_else_is_left_alone(tmp_path):
+    (tmp_path / 'mine').write_text('mine')
+    with pytest.raises(StudyError, match='found something else there'):
+        open_ledger(tmp_path, STUDY)
+    (tmp_path / NAME).write_text('what\n')
+    with pytest.raises(StudyError, match='found other code, study, seed'):
+        open_ledger(tmp_path, STUDY)
+    with pytest.raises(StudyError, match=r'mine: found something else there'):
+        open_ledger(tmp_path / 'mine', STUDY)
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'code', 'text'),
+    [
+        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (('nominal', '--set', 'robot.radios=1'), 1, 'robot.radios'),
+        (('nominal', '--set', 'obstacles.names=[a]'), 1, 'obstacles.a.center'),
+        (('nominal', '--run', 3, '--set', 'final_time=x'), 1, 'final_time'),
+        (('nominal', '--runs', 0), 2, '--runs'),
+        (('nominal', '--seed', -1), 2, '--seed'),
+        (('nominal', '--obstacles', 7), 2, '--obstacles'),
+        ((), 2, 'NAME'),
+    ],
+)
+def test_bad_input_is_told(tmp_path, arguments, code, text):
+    result = command(*arguments, '--output', tmp_path / 'study')
+    assert result.exit_code == code
+    assert text in result.output
+    assert 'Traceback' not in result.output
+    assert not (tmp_path / 'study').exists()
+
+
+def test_one_run_again(made, tmp_path):
+    result = command('nominal', '--run', 17, '--output', tmp_path)
+    assert result.exit_code == 0, result.output
+    kept = ledger_of(made[0])[17]
+    assert f'{kept.verdict(1e-3)}: miss {kept.miss:.3g} m' in result.stdout
+    assert (tmp_path / 'run_00017.png').read_bytes().startswith(b'\x89PNG')
+    assert '0.00 s  ' in result.stdout
+
+
+def test_its_own_command_is_what_a_failure_is_titled_with():
+    study = Study('disturbed', 4, 6, ('final_time=11.0',))
+    said = 'cmpsp study disturbed --seed 4 --run 17 --obstacles 6 --set final_time=11.0'
+    assert study.command(17) == said
+
+
+def test_the_judge_finds_a_way_where_there_is_one(tmp_path):
+    assert judges.judged(STUDY.run(next_arrived()))['answer'] == judges.FEASIBLE
+    blocked = Study('nominal', 1, 0, ('robot.max_wheel_speed=0.5',)).run(0)
+    assert judges.judged(blocked) == {'answer': judges.OUT_OF_REACH}
+    assert judges.kept(tmp_path) == {}
+    judges.keep(tmp_path, {3: {'answer': judges.NOT_FOUND}})
+    assert judges.kept(tmp_path) == {3: {'answer': judges.NOT_FOUND}}
+    (tmp_path / judges.NAME).write_text('[1]')
+    with pytest.raises(StudyError, match=r'judged\.json'):
+        judges.kept(tmp_path)
+
+
+def next_arrived():
+    """The first run of which the goal is in reach."""
+    from cmpsp_ros.studies.monte_carlo.driving import farthest
+    from cmpsp_ros.studies.monte_carlo.way import shortest_way
+
+    for number in range(100):
+        task = STUDY.run(number)
+        way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+        if way < 0.8 * farthest(task):
+            return number
+    raise AssertionError
+
+
+def test_without_casadi_the_judge_says_what_it_wants(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'casadi', None)
+    with pytest.raises(StudyError, match='pip install casadi'):
+        judges.judged(STUDY.run(next_arrived()))
+
+
+def test_a_start_for_the_judge_passes_obstacles_where_there_is_room():
+    task = Study('nominal', 2).run(224)
+    points = slalom(task.settings, np.array(task.scenario.pose)).points()
+    for each in task.settings.obstacles:
+        assert np.linalg.norm(points - each.center, axis=1).min() > each.radius
+    assert points[-1] == pytest.approx(task.settings.goal)

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
 from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.problem import Hessian
@@ -43,8 +45,19 @@ def answer(
     hard = _with_curvature(subproblem, partial(_solve_hard, qp=qp))
     if hard.solution.status is QPStatus.SOLVED or penalties is None:
         return hard
-    relaxed = partial(solve_qp, name=qp, penalties=penalties)
-    return _with_curvature(hard.subproblem, relaxed)._replace(elastic=True)
+    first = partial(solve_qp, name=qp, penalties=_of_the_lightest(penalties))
+    found = _with_curvature(hard.subproblem, first)
+    if found.solution.status is not QPStatus.SOLVED:
+        every = partial(solve_qp, name=qp, penalties=penalties)
+        found = _with_curvature(hard.subproblem, every)
+    return found._replace(elastic=True)
+
+
+def _of_the_lightest(penalties: Penalties) -> Penalties:
+    """All rows hard but the lightest; see `cmpsp_ros.mpsp.realtime.giving_way`."""
+    both = penalties.terminal, penalties.path
+    lightest = min(float(each.min(initial=np.inf)) for each in both)
+    return Penalties(*(np.where(each <= lightest, each, np.inf) for each in both))
 
 
 def _solve_hard(subproblem: Subproblem, qp: str) -> QPSolution:

@@ -23,6 +23,9 @@ from cmpsp_ros.mpsp.subproblem import Subproblem
 class Options:
     """How the iteration is run.
 
+    Where constraints contradict each other those with the least penalty give way first and alone,
+    and only where that is not enough all of them do.
+
     Attributes:
         penalty_terminal: Weight of each terminal output in merit and relaxation, shape ``(m,)``.
         penalty_path: Weight of each path constraint in merit and relaxation, shape ``(l,)``.

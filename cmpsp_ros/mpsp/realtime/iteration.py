@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.functions import evaluate, linearise, predict
+from cmpsp_ros.mpsp.realtime.giving_way import ATTEMPTS, let_give_way
 from cmpsp_ros.mpsp.realtime.merit import promised, weigh
 from cmpsp_ros.mpsp.realtime.packed import Packed, unpack
 from cmpsp_ros.mpsp.realtime.search import attempt, copy, search
@@ -104,11 +105,11 @@ def _step(data: Any, room: Workspace, rules: Rules, last_length: float) -> Any:
         counts[RELAXED] = 0
         counts[OUTCOME] = NO_CURVATURE
         return 0.0, 0.0
-    for relaxed in range(2):
-        penalty = room.relaxed if relaxed else room.hard
-        hint = solver.hint_relaxed if relaxed else solver.hint_hard
-        counts[RELAXED] = relaxed
-        counts[OUTCOME] = solve(qp, penalty, hint, solver)
+    for trying in range(ATTEMPTS):
+        let_give_way(room.relaxed, trying, room.most)
+        hint = solver.hint_relaxed if trying else solver.hint_hard
+        counts[RELAXED] = int(trying > 0)
+        counts[OUTCOME] = solve(qp, room.most, hint, solver)
         counts[QP_ITERATIONS] = iterations(solver)
         if counts[OUTCOME] == SOLVED:
             break

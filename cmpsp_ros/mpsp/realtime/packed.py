@@ -140,7 +140,7 @@ def unpack(packed: Packed, N: int) -> Workspace:
     trial, at = _trajectory(packed, N, at)
     lower, at = _matrix(x, at, full, r)
     upper, at = _matrix(x, at, full, r)
-    hard, at = _penalty(packed, N, at)
+    most, at = _penalty(packed, N, at)
     relaxed, at = _penalty(packed, N, at)
     merit, at = _penalty(packed, N, at)
     bend, at = _matrix(x, at, full, r)
@@ -153,7 +153,7 @@ def unpack(packed: Packed, N: int) -> Workspace:
         trial,
         lower[:K],
         upper[:K],
-        hard,
+        most,
         relaxed,
         merit,
         bend[:K],

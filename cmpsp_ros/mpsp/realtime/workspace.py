@@ -42,7 +42,7 @@ class Workspace(NamedTuple):
         trial: What the line search tries.
         lower: Least controls, shape ``(N + 1, r)``.
         upper: Largest controls, shape ``(N + 1, r)``.
-        hard: Penalties that keep every row hard.
+        most: Penalties in force, infinite where a row is hard; see `giving_way`.
         relaxed: Penalties of the relaxation.
         merit: Weights of the merit function, at least the relaxed penalties.
         bend: Second-order correction, shape ``(N + 1, r)``.
@@ -56,7 +56,7 @@ class Workspace(NamedTuple):
     trial: Trajectory
     lower: Array
     upper: Array
-    hard: Penalty
+    most: Penalty
     relaxed: Penalty
     merit: Penalty
     bend: Array
@@ -88,7 +88,7 @@ def workspace(
         trial=_trajectory(size),
         lower=np.full((K, r), -np.inf),
         upper=np.full((K, r), np.inf),
-        hard=Penalty(np.full(m, np.inf), np.full((K, l), np.inf)),
+        most=Penalty(np.full(m, np.inf), np.full((K, l), np.inf)),
         relaxed=relaxed,
         merit=Penalty(relaxed.terminal.copy(), relaxed.path.copy()),
         bend=np.zeros((K, r)),

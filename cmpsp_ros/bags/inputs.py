@@ -86,6 +86,11 @@ class Inputs:
         """The parameters, after all that was read by now."""
         return self._parameters.values
 
+    @property
+    def said(self) -> frozenset[str]:
+        """Keys of the parameters that the recording has; the others are defaults."""
+        return self._parameters.given
+
     def __iter__(self) -> Iterator[Input]:
         """Read on.
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from cmpsp_ros.bags.comparison import Comparison, Difference
 from cmpsp_ros.bags.custom_data import own_version, software_versions
@@ -18,6 +19,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import Values
+
+_OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 
 
 @dataclass
@@ -104,6 +107,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
 
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
+        _refuse_another_law(path, names, inputs.said)
         outcome = Outcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
         follower, comparison = Follower(settings_of), Comparison(tolerance)
         for told in inputs:
@@ -114,6 +118,16 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
                 outcome.add(recorded, differences)
         outcome.skipped = inputs.skipped
         return outcome
+
+
+def _refuse_another_law(path: Path, names: Names, said: Collection[str]) -> None:
+    """The law of before these parameters gave way elsewhere, and no settings make it so again."""
+    missing = [key for key in _OF_THIS_LAW if key not in said]
+    if missing:
+        raise BagError(
+            f'{path}: found no {missing[0]} among the parameters of {names.node}, wanted a'
+            ' recording of a law that has it: the one before decided otherwise'
+        )
 
 
 def _compare(

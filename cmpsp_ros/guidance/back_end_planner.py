@@ -26,12 +26,15 @@ class BackEndPlanner:
         """Take the task."""
         self._task = task
 
-    def improve(self, pose: Array, held: Array, guess: Array, horizon: Horizon) -> Improvement:
+    def improve(
+        self, pose: Array, held: Array, guess: Array, horizon: Horizon, *, at_rest: bool = False
+    ) -> Improvement:
         """As `cmpsp_ros.guidance.planner.Planner.improve`."""
         problem = self.problem(pose, held, guess, horizon)
         iteration = CMPSP(problem, self.options(problem))
         iterate = iteration.init(guess)
-        while iterate.index < self._task.settings.solver.iterations_per_step:
+        most = self._task.settings.solver.iterations(at_rest=at_rest)
+        while iterate.index < most:
             iterate = iteration.step(iterate)
             if iteration.terminate(iterate) is not None:
                 break

@@ -7,9 +7,8 @@ one for each of the most promising ways is kept and improved beside the one that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,33 +16,26 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Candidate, Start
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.gaps import Signature
 from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.merit_of_plan import Judge, Merit
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.guidance.ways_through import (
-    MOST_WAYS,
-    Signature,
-    in_words,
-    signature_of,
-    ways_through,
-)
+from cmpsp_ros.guidance.ways_through import in_words, signature_of, ways_through
 
 Array = NDArray[np.float64]
 
-CANDIDATES: Final = 4
-"""How many plans are compared at a control step, at most."""
-
 _MILLISECONDS = 1e-6
 
-# Times a plan is improved before it is judged when there was none before, as long as it has a flaw.
-_ROUNDS_AT_REST = 3
-# Control steps for which a plan beside the one followed may have a flaw.
+# Control steps for which a plan beside the one followed may have a flaw, or cost more than it.
 _PATIENCE = 5
 # New plans are made every control step if the one followed may not be, else ever more seldom.
 _LONGEST_PAUSE = 7
+# Control steps for which a plan that may be followed is given the time to mend a flaw. A robot that
+# is not quite as modelled puts a little of one into every plan, and each change of plans is a jerk.
+_TRANSIENT = 4
 
 
 @dataclass(frozen=True)
@@ -55,7 +47,8 @@ class _Contender:
         candidate: The plan, improved and audited.
         merit: How good it is.
         signature: Which way it takes.
-        strikes: For how many control steps in a row it has had a flaw.
+        strikes: For how many control steps in a row it has had a flaw, or cost more than the plan
+            followed.
     """
 
     planner: Planner
@@ -67,11 +60,12 @@ class _Contender:
 
 @dataclass(frozen=True)
 class _Moment:
-    """What all plans of one control step have in common."""
+    """What all plans of one control step have in common; at rest there was none before."""
 
     start: Start
     held: Array
     horizon: Horizon
+    at_rest: bool
 
 
 class Choice:
@@ -82,7 +76,6 @@ class Choice:
         settings: GuidanceSettings,
         audit: Audit,
         timer: Callable[[], int],
-        candidates: int = CANDIDATES,
     ) -> None:
         """Take the settings, with nothing known yet.
 
@@ -90,18 +83,11 @@ class Choice:
             settings: All settings of the guidance law.
             audit: What every plan must pass.
             timer: Monotonic time [ns].
-            candidates: How many plans to compare at most; with 1, only the one along the centre
-                line is tried, where the one followed needs slack or fails its audit.
-
-        Raises:
-            ValueError: The number of candidates is not from 1 to `MOST_WAYS`.
         """
-        if not 1 <= candidates <= MOST_WAYS:
-            raise ValueError(f'candidates: found {candidates}, wanted 1 to {MOST_WAYS}')
         self._settings, self._audit, self._timer = settings, audit, timer
-        self._most = candidates
+        self._most = settings.solver.candidates
         self._planner = Planner(settings)
-        self._spare = [Planner(settings)]
+        self._spare = [Planner(settings) for _ in range(max(1, self._most - 1))]
         self._task, self._judge = Task(settings), Judge(settings)
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
@@ -115,7 +101,7 @@ class Choice:
         self._spare += [each.planner for each in self._beside]
         self._beside = []
         self._review = True
-        self._pause = self._waited = 0
+        self._pause = self._waited = self._troubled = 0
         self._remark = ''
 
     @property
@@ -133,27 +119,58 @@ class Choice:
             horizon: Horizon of the plans wanted.
         """
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
-        moment = _Moment(start, held, horizon)
+        moment = _Moment(start, held, horizon, at_rest=plan is None)
         if plan is None:
             self._planner.forget()
-            guess = initial_guess(self._settings, start.pose, horizon.durations)
+            guess, *others = self._first_guesses(moment)
         else:
-            guess = shift(plan.controls, plan.horizon, horizon)
+            guess, others = shift(plan.controls, plan.horizon, horizon), None
         warm = self._improved(self._planner, guess, moment)
         if self._most == 1:
             return self._or_fresh(warm, moment)
-        review = self._is_wanted(warm)
+        review = others is not None or self._is_wanted(warm)
         if not review and not self._beside:
             return warm
-        return self._chosen(warm, moment, review=review, at_rest=plan is None)
+        return self._chosen(warm, moment, others, review=review)
+
+    def _first_guesses(self, moment: _Moment) -> list[Array]:
+        """Where to begin without a plan: as the settings say, and by the ways that there are."""
+        given = initial_guess(self._settings, moment.start.pose, moment.horizon.durations)
+        if self._most == 1:
+            return [given]
+        if self._settings.initial_guess.type == 'road':
+            return self._fresh_guesses(moment, self._most)
+        return [given, *self._fresh_guesses(moment, self._most - 1)]
+
+    def _fresh_guesses(
+        self, moment: _Moment, most: int, without: Collection[Signature] = ()
+    ) -> list[Array]:
+        """By the most promising ways; along the centre line where there is no choice of them."""
+        began = self._timer()
+        pose, durations = moment.start.pose, moment.horizon.durations
+        road, ways = along_road(self._settings, pose, durations), []
+        if self._names:
+            space = self._task.space(road, durations)
+            ways = ways_through(self._settings, space, pose, durations, most, without)
+        self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
+        return [way.guess for way in ways] or [road]
 
     def _is_wanted(self, warm: Candidate) -> bool:
         """Whether to look for new plans; seldom, where that has not helped for a while."""
         if not self._judge.is_flawed(warm):
-            self._pause = self._waited = 0
+            self._pause = self._waited = self._troubled = 0
             return self._review
         self._waited += 1
-        return self._review or not warm.usable or self._waited > self._pause
+        self._troubled += 1
+        return (
+            self._review
+            or not warm.usable
+            or (self._troubled > _TRANSIENT and self._waited > self._pause)
+        )
+
+    def _may_leave(self, warm: Candidate) -> bool:
+        """Whether to change over at all from a plan that is under way."""
+        return self._review or not warm.usable or self._troubled > _TRANSIENT
 
     def _or_fresh(self, warm: Candidate, moment: _Moment) -> Candidate:
         """The plan along the centre line, if the warm one has a flaw that it has not."""
@@ -170,22 +187,23 @@ class Choice:
         return fresh
 
     def _chosen(
-        self, warm: Candidate, moment: _Moment, *, review: bool, at_rest: bool
+        self, warm: Candidate, moment: _Moment, guesses: list[Array] | None, *, review: bool
     ) -> Candidate:
-        followed = self._contender(self._planner, warm, moment)
-        if at_rest and review:
-            followed = self._settled(followed, moment)
-        contenders = [self._continued(each, moment) for each in self._beside]
+        followed, may_leave = self._contender(self._planner, warm, moment), self._may_leave(warm)
         # Room for a fresh plan, whatever is known already.
         room = self._most - 2 if review else self._most - 1
-        contenders = self._worth_while(contenders, room)
+        contenders = [
+            self._continued(each, moment) for each in self._worth_while(self._beside, room)
+        ]
         if review:
             self._review = False
-            contenders += list(self._new(followed, contenders, moment, at_rest=at_rest))
+            contenders += self._fresh([followed, *contenders], moment, guesses)
         count = 1 + len(contenders)
         best = followed
-        for each in contenders:
-            best = each if each.merit.beats(best.merit) else best
+        if may_leave:
+            for each in contenders:
+                best = each if each.merit.beats(best.merit) else best
+        self._troubled = self._troubled if best is followed else 0
         self._keep(best, [followed, *contenders])
         if review:
             self._waited = 0
@@ -202,67 +220,52 @@ class Choice:
         return f' {verb} the best of {count} plans{way}.'
 
     def _worth_while(self, contenders: list[_Contender], room: int) -> list[_Contender]:
-        """Those that have not had a flaw for too long; of too many, those without first."""
+        """Those that have not been worse for too long; of too many, the better ones first."""
         ordered = sorted(contenders, key=lambda each: each.strikes)
         kept = [each for each in ordered[:room] if each.strikes <= _PATIENCE]
         self._spare += [each.planner for each in ordered[len(kept) :]]
         return kept
 
-    def _new(
-        self,
-        followed: _Contender,
-        beside: list[_Contender],
-        moment: _Moment,
-        *,
-        at_rest: bool,
-    ) -> Iterator[_Contender]:
-        """Plans from scratch: along the centre line, and by ways that no plan takes yet."""
-        sound = {each.signature for each in (followed, *beside) if not each.merit.flawed}
-        pose, durations = moment.start.pose, moment.horizon.durations
-        road = along_road(self._settings, pose, durations)
-        guesses, most = [road], self._most - 1 - len(beside)
-        if at_rest and self._settings.initial_guess.type == 'road':
-            # The one followed was made from it just now.
-            guesses = []
-        if self._names and most > len(guesses):
-            began = self._timer()
-            space = self._task.space(road, durations)
-            ways = ways_through(self._settings, space, pose, durations, most - len(guesses), sound)
-            guesses += [way.guess for way in ways]
-            self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
-        for guess in guesses[:most]:
-            planner = self._free_planner()
-            contender = self._contender(planner, self._improved(planner, guess, moment), moment)
-            yield self._settled(contender, moment) if at_rest else contender
+    def _fresh(
+        self, known: list[_Contender], moment: _Moment, guesses: list[Array] | None
+    ) -> list[_Contender]:
+        """Plans from scratch, by ways that no sound plan takes yet where no guesses are given."""
+        if guesses is None:
+            sound = {each.signature for each in known if not each.merit.flawed}
+            room = self._most - len(known)
+            guesses = self._fresh_guesses(moment, room, sound)[:room]
+        fresh = [self._new(guess, moment) for guess in guesses]
+        if not moment.at_rest or any(each.candidate.usable for each in (*known, *fresh)):
+            return fresh
+        # Whatever moves may come too close at first: standing still does not.
+        return [*fresh, self._new(np.zeros((len(moment.horizon.edges), 2)), moment)]
+
+    def _new(self, guess: Array, moment: _Moment) -> _Contender:
+        planner = self._free_planner()
+        return self._contender(planner, self._improved(planner, guess, moment), moment)
 
     def _keep(self, best: _Contender, contenders: list[_Contender]) -> None:
-        """Go on with one plan, and with the best of every other way."""
+        """Go on with one plan, and with the best of every other way that may yet be better."""
         kept = {best.signature: best}
         for each in contenders:
             rival = kept.get(each.signature)
             if rival is None or (rival is not best and each.merit.beats(rival.merit)):
                 kept[each.signature] = each
         self._planner = best.planner
-        self._beside = [each for each in kept.values() if each is not best]
-        going_on = {id(each) for each in kept.values()}
-        self._spare += [each.planner for each in contenders if id(each) not in going_on]
+        self._beside = [
+            replace(each, strikes=each.strikes + 1 if each.merit.is_worse_than(best.merit) else 0)
+            for each in kept.values()
+            if each is not best and not best.merit.outclasses(each.merit)
+        ]
+        going_on = {id(each.planner) for each in (best, *self._beside)}
+        self._spare += [each.planner for each in contenders if id(each.planner) not in going_on]
 
     def _continued(self, contender: _Contender, moment: _Moment) -> _Contender:
         plan = contender.candidate.plan
         guess = shift(plan.controls, plan.horizon, moment.horizon)
         candidate = self._improved(contender.planner, guess, moment)
         found = self._contender(contender.planner, candidate, moment)
-        return replace(found, strikes=contender.strikes + 1 if found.merit.flawed else 0)
-
-    def _settled(self, contender: _Contender, moment: _Moment) -> _Contender:
-        """Improved further, as long as it has a flaw."""
-        for _ in range(_ROUNDS_AT_REST - 1):
-            if not contender.merit.flawed or not contender.candidate.improvement.solved:
-                break
-            controls = contender.candidate.plan.controls
-            candidate = self._improved(contender.planner, controls, moment)
-            contender = self._contender(contender.planner, candidate, moment)
-        return contender
+        return replace(found, strikes=contender.strikes)
 
     def _contender(self, planner: Planner, candidate: Candidate, moment: _Moment) -> _Contender:
         began = self._timer()
@@ -275,7 +278,9 @@ class Choice:
 
     def _improved(self, planner: Planner, guess: Array, moment: _Moment) -> Candidate:
         began = self._timer()
-        improvement = planner.improve(moment.start.pose, moment.held, guess, moment.horizon)
+        improvement = planner.improve(
+            moment.start.pose, moment.held, guess, moment.horizon, at_rest=moment.at_rest
+        )
         solved = self._timer()
         verdict = self.judge(moment.start, improvement.plan.controls, moment.horizon)
         self.phases['solve'] += (solved - began) * _MILLISECONDS

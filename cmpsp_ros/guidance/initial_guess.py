@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,8 @@ from cmpsp_ros.robot.differential_drive import drive
 Array = NDArray[np.float64]
 
 _LOOKAHEAD = 1.0
-_SHORTEST_LOOKAHEAD = 0.3
+SHORTEST_LOOKAHEAD: Final = 0.3
+"""Nearest point that is pursued [m]."""
 
 
 def initial_guess(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
@@ -88,7 +89,7 @@ def _follow(
         target_x, target_y, speed = _aim(
             road, poses[k, 0], poses[k, 1], left, wheel_radius * max_wheel_speed
         )
-        turn_rate = _pursue(target_x - poses[k, 0], target_y - poses[k, 1], poses[k, 2], speed)
+        turn_rate = pursue(target_x - poses[k, 0], target_y - poses[k, 1], poses[k, 2], speed)
         trusted = most_turn / durations[k]
         rim = min(max(turn_rate, -trusted), trusted) * half_track
         right, slow = (speed + rim) / wheel_radius, (speed - rim) / wheel_radius
@@ -105,10 +106,10 @@ def _aim(road: _RoadAhead, x: float, y: float, left: float, most: float) -> Any:
     """Point to pursue [m, m] and the speed that gets there in the time left [m/s]."""
     bearing = math.atan2(y - road.center_y, x - road.center_x)
     goal_bearing = math.atan2(road.goal_y - road.center_y, road.goal_x - road.center_x)
-    angle_left = _wrapped(goal_bearing - bearing)
+    angle_left = wrapped(goal_bearing - bearing)
     way_left = road.radius * abs(angle_left)
     speed = min(way_left / left, most)
-    ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
+    ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
     if way_left <= ahead:
         speed = min(math.hypot(road.goal_x - x, road.goal_y - y) / left, most)
         return road.goal_x, road.goal_y, speed
@@ -119,15 +120,15 @@ def _aim(road: _RoadAhead, x: float, y: float, left: float, most: float) -> Any:
 
 
 @allocation_free
-def _pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
+def pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
     """Turn rate [rad/s] of the arc from the pose through a target at an offset [m]."""
-    distance = max(math.hypot(offset_x, offset_y), _SHORTEST_LOOKAHEAD)
-    angle = _wrapped(math.atan2(offset_y, offset_x) - heading)
+    distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
+    angle = wrapped(math.atan2(offset_y, offset_x) - heading)
     bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
     return 2.0 * speed * bend / distance
 
 
 @allocation_free
-def _wrapped(angle: float) -> float:
+def wrapped(angle: float) -> float:
     """The angle between ``-pi`` and ``pi`` that points the same way."""
     return angle - 2.0 * math.pi * round(angle / (2.0 * math.pi))

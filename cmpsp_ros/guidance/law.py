@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Start
-from cmpsp_ros.guidance.choice import CANDIDATES, Choice
+from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
@@ -32,19 +32,14 @@ class GuidanceLaw:
         self,
         settings: GuidanceSettings,
         timer: Callable[[], int] = lambda: 0,
-        candidates: int = CANDIDATES,
     ) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
             settings: All settings.
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
-            candidates: How many plans to compare at a control step, at most, from 1 to 8.
-
-        Raises:
-            ValueError: The number of candidates is out of range.
         """
-        self._timer, self._candidates = timer, candidates
+        self._timer = timer
         self._run = self._revision = -1
         self.reconfigure(settings)
         self.reset()
@@ -67,7 +62,7 @@ class GuidanceLaw:
         self._revision += 1
         self._settings = settings
         self._audit = Audit(settings)
-        self._choice = Choice(settings, self._audit, self._timer, self._candidates)
+        self._choice = Choice(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
         self._delay = to_nanoseconds(settings.command_delay)

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 # two plans that are about as good must not take turns.
 _CLEARLY_LESS = 0.5
 _CLEARLY_CHEAPER = 0.8
+# So much dearer a plan has no prospect of being followed, while the other one is sound.
+_HOPELESSLY_DEAR = 2.0
 
 # As far as an active constraint of a linearisation may be off.
 _TOUCH = 1e-3
@@ -36,6 +38,7 @@ class Merit:
         edge: How far it is off the road [m]; 0 for not.
         miss: How far from the goal it ends [m]; 0 within the tolerance.
         elastic: Whether its last iteration needed slack.
+        turns: How often it winds around itself.
         cost: The cost (95) of its path and its controls, without the proximal term.
     """
 
@@ -44,13 +47,14 @@ class Merit:
     edge: float
     miss: float
     elastic: bool
+    turns: int
     cost: float
 
     @property
     def flawed(self) -> bool:
         """Whether another plan should be looked for."""
         touches = self.obstacle > 0.0 or self.edge > 0.0
-        return not self.usable or self.elastic or touches or self.miss > 0.0
+        return not self.usable or self.elastic or touches or self.miss > 0.0 or self.turns > 0
 
     def beats(self, other: Merit) -> bool:
         """Whether to change over from another plan: only for one that is clearly better."""
@@ -68,7 +72,17 @@ class Merit:
                 return False
         if self.elastic != other.elastic:
             return other.elastic
+        if self.turns != other.turns:
+            return self.turns < other.turns
         return self.cost < _CLEARLY_CHEAPER * other.cost
+
+    def is_worse_than(self, other: Merit) -> bool:
+        """Whether it has no advantage over the plan followed for the time being."""
+        return self.flawed or self.cost > other.cost
+
+    def outclasses(self, other: Merit) -> bool:
+        """Whether the other plan is not worth being kept beside this one."""
+        return not self.flawed and (other.flawed or other.cost > _HOPELESSLY_DEAR * self.cost)
 
 
 class Judge:
@@ -97,6 +111,7 @@ class Judge:
             _depth(self._road.check(*swept).worst_margin),
             0.0 if miss <= settings.goal_tolerance else miss,
             candidate.improvement.elastic,
+            self._turns(plan.poses),
             self._cost(plan.poses, plan.controls, held),
         )
 
@@ -104,7 +119,15 @@ class Judge:
         """`Merit.flawed` of a candidate, without the rest of its merit."""
         miss = math.dist(candidate.plan.poses[-1, :2], self._settings.goal)
         touches = candidate.verdict.worst_margin < -_TOUCH
-        return not candidate.flawless or touches or miss > self._settings.goal_tolerance
+        winds = self._turns(candidate.plan.poses) > 0
+        return not candidate.flawless or touches or winds or miss > self._settings.goal_tolerance
+
+    def _turns(self, poses: Array) -> int:
+        """Full turns of the heading beside those of the road; turning round at first is none."""
+        x, y = self._settings.road.center
+        first, last = (math.atan2(at[1] - y, at[0] - x) for at in (poses[0], poses[-1]))
+        beside = poses[-1, 2] - poses[0, 2] - math.remainder(last - first, math.tau)
+        return int(abs(beside) / math.tau + 0.25) if math.isfinite(beside) else 0
 
     def _cost(self, poses: Array, controls: Array, held: Array) -> float:
         road, weights = self._settings.road, self._settings.weights

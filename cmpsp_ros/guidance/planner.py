@@ -58,7 +58,9 @@ class Planner:
         self._back_end = BackEndPlanner(self._task)
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
-        self._rules = self._make_rules()
+        self._rules, self._first_rules = (
+            self._make_rules(solver.iterations(at_rest=at_rest)) for at_rest in (False, True)
+        )
         self._rate = settings.weights.control_rate
         self._space: ClearSpace | None = None
         self._horizon: Horizon | None = None
@@ -73,7 +75,9 @@ class Planner:
         """Begin the next plan without what is known of the last one."""
         self._horizon = None
 
-    def improve(self, pose: Array, held: Array, guess: Array, horizon: Horizon) -> Improvement:
+    def improve(
+        self, pose: Array, held: Array, guess: Array, horizon: Horizon, *, at_rest: bool = False
+    ) -> Improvement:
         """Run the iterations of one control step.
 
         Args:
@@ -81,9 +85,11 @@ class Planner:
             held: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
             guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
             horizon: Their horizon.
+            at_rest: Whether the robot stands, and there is time for more iterations.
         """
+        rules = self._first_rules if at_rest else self._rules
         if not self._compiled:
-            return self._back_end.improve(pose, held, guess, horizon)
+            return self._back_end.improve(pose, held, guess, horizon, at_rest=at_rest)
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
             self._packed, self._room = self._make_room(steps)
@@ -93,10 +99,10 @@ class Planner:
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
         data = self._data(pose, held, guess, horizon)
-        self._improve(data, self._packed, steps, over, self._rules)
+        self._improve(data, self._packed, steps, over, rules)
         if room.counts[OUTCOME] in _WANTING:
-            return self._back_end.improve(pose, held, guess, horizon)
-        return _summary(room, horizon, self._rules)
+            return self._back_end.improve(pose, held, guess, horizon, at_rest=at_rest)
+        return _summary(room, horizon, rules)
 
     def _data(
         self, pose: Array, held: Array, guess: Array, horizon: Horizon
@@ -127,11 +133,11 @@ class Planner:
         room.lower[:] = -room.upper
         return pack(room)
 
-    def _make_rules(self) -> Rules:
+    def _make_rules(self, iterations: int) -> Rules:
         task = self._task
         default = Options(task.penalty_terminal, task.penalty_path)
         return Rules(
-            iterations=task.settings.solver.iterations_per_step,
+            iterations=iterations,
             line_search=default.line_search,
             output_tolerance=default.output_tolerance * (float(np.linalg.norm(task.goal)) or 1.0),
             control_tolerance=default.control_tolerance,

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.initial_guess import SHORTEST_LOOKAHEAD, pursue, wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot.differential_drive import drive
 
 Array = NDArray[np.float64]
 
@@ -17,7 +21,6 @@ _SWEEPS = 40
 _RELAXATION = 1.6
 
 _LOOKAHEAD = 0.35
-_SHORTEST_LOOKAHEAD = 0.3
 
 
 def relax(low: Array, high: Array, ends: tuple[float, float], middle: float, step: float) -> Array:
@@ -37,16 +40,19 @@ def relax(low: Array, high: Array, ends: tuple[float, float], middle: float, ste
     """
     radii: Array = np.clip(np.full_like(low, middle), low, high)
     radii[:, 0], radii[:, -1] = ends
-    pull = (step * middle / _RETURN) ** 2
-    for _ in range(_SWEEPS):
-        for first in (1, 2):
-            inside = slice(first, low.shape[1] - 1, 2)
-            before = radii[:, first - 1 : low.shape[1] - 2 : 2]
-            after = radii[:, first + 1 : low.shape[1] : 2]
-            wanted = (before + after + pull * middle) / (2.0 + pull)
-            moved = radii[:, inside] + _RELAXATION * (wanted - radii[:, inside])
-            radii[:, inside] = np.minimum(np.maximum(moved, low[:, inside]), high[:, inside])
+    _relax(radii, low, high, middle, (step * middle / _RETURN) ** 2)
     return radii
+
+
+@allocation_free
+def _relax(radii: Array, low: Array, high: Array, middle: float, pull: float) -> None:
+    for way in range(radii.shape[0]):
+        for sweep in range(2 * _SWEEPS):
+            for k in range(1 + sweep % 2, radii.shape[1] - 1, 2):
+                here = radii[way, k]
+                wanted = radii[way, k - 1] + radii[way, k + 1] + pull * middle
+                moved = here + _RELAXATION * (wanted / (2.0 + pull) - here)
+                radii[way, k] = min(max(moved, low[way, k]), high[way, k])
 
 
 def follow(
@@ -71,63 +77,105 @@ def follow(
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
     robot, (center_x, center_y) = settings.robot, settings.road.center
-    step, side = abs(total) / (len(profile) - 1), math.copysign(1.0, total)
-    way = _Way(profile, step)
-    most_turn = settings.solver.heading_trust_region or math.pi / 2.0
-    x, y, heading = (float(value) for value in pose)
-    turned, bearing, left = 0.0, begin, float(durations.sum())
-    controls = np.empty((len(durations) + 1, 2))
-    for k, duration in enumerate(durations.tolist()):
-        speed = min(max(way.length_from(turned), 0.0) / left, robot.max_speed)
-        ahead = max(_LOOKAHEAD * speed, _SHORTEST_LOOKAHEAD)
-        at = turned + ahead / max(way.radius_at(turned), _SHORTEST_LOOKAHEAD)
-        radius, target = way.radius_at(at), begin + side * min(at, abs(total))
-        off_x = center_x + radius * math.cos(target) - x
-        off_y = center_y + radius * math.sin(target) - y
-        turn = _pursue(off_x, off_y, heading, speed) * duration
-        turn = min(max(turn, -most_turn), most_turn)
-        rim = turn / duration * robot.half_track
-        right, slow = (speed + rim) / robot.wheel_radius, (speed - rim) / robot.wheel_radius
-        # Both wheels are slowed alike where one would exceed its limit.
-        slowed = min(1.0, robot.max_wheel_speed / max(abs(right), abs(slow), 1e-12))
-        controls[k] = right * slowed, slow * slowed
-        chord, turn = speed * slowed * duration, turn * slowed
-        chord *= math.sin(turn / 2.0) / (turn / 2.0) if abs(turn) > 1e-6 else 1.0
-        x += chord * math.cos(heading + turn / 2.0)
-        y += chord * math.sin(heading + turn / 2.0)
-        heading += turn
-        now = math.atan2(y - center_y, x - center_x)
-        turned += side * math.remainder(now - bearing, math.tau)
-        bearing, left = now, left - duration
-        left = max(left, 1e-9)
-    controls[-1] = controls[-2]
+    step = abs(total) / (len(profile) - 1)
+    left = np.zeros(len(profile))
+    left[:-1] = np.cumsum(lengths(profile, step)[::-1])[::-1]
+    way = _Way(center_x, center_y, begin, math.copysign(1.0, total), step, profile, left)
+    controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
+    poses[0] = pose
+    _follow(
+        controls,
+        poses,
+        durations,
+        way,
+        robot.wheel_radius,
+        robot.half_track,
+        robot.max_wheel_speed,
+        settings.solver.heading_trust_region or math.pi / 2.0,
+    )
     return controls
 
 
-class _Way:
-    """Radius and length still to go by the angle turned, from a table."""
+def lengths(profile: Array, step: float) -> Array:
+    """Lengths of ways between stations [m].
 
-    def __init__(self, profile: Array, step: float) -> None:
-        pieces = np.hypot(np.diff(profile), (profile[1:] + profile[:-1]) / 2.0 * step)
-        self._radii: list[float] = profile.tolist()
-        self._left: list[float] = [*np.cumsum(pieces[::-1])[::-1].tolist(), 0.0]
-        self._step = step
+    Args:
+        profile: Distances from the road's centre, shape ``(..., K)`` [m].
+        step: Angle from one station to the next [rad].
 
-    def radius_at(self, turned: float) -> float:
-        return self._look_up(self._radii, turned)
-
-    def length_from(self, turned: float) -> float:
-        return self._look_up(self._left, turned)
-
-    def _look_up(self, table: list[float], turned: float) -> float:
-        place = min(max(turned / self._step, 0.0), len(table) - 1.0)
-        k = min(int(place), len(table) - 2)
-        return table[k] + (place - k) * (table[k + 1] - table[k])
+    Returns:
+        Shape ``(..., K - 1)``.
+    """
+    along = (profile[..., 1:] + profile[..., :-1]) / 2.0 * step
+    pieces: Array = np.hypot(np.diff(profile), along)
+    return pieces
 
 
-def _pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
-    """Turn rate [rad/s] of the arc from the pose through a target at an offset [m]."""
-    distance = max(math.hypot(offset_x, offset_y), _SHORTEST_LOOKAHEAD)
-    angle = math.remainder(math.atan2(offset_y, offset_x) - heading, math.tau)
-    bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
-    return 2.0 * speed * bend / distance
+class _Way(NamedTuple):
+    """A way around the road's centre.
+
+    Attributes:
+        center_x: Of the road [m].
+        center_y: Of the road [m].
+        begin: Bearing at which it begins [rad].
+        side: 1 anticlockwise, -1 clockwise.
+        step: Angle from one station to the next [rad].
+        radii: At the stations, shape ``(K,)`` [m].
+        left: Length still to go from each, shape ``(K,)`` [m].
+    """
+
+    center_x: float
+    center_y: float
+    begin: float
+    side: float
+    step: float
+    radii: Array
+    left: Array
+
+
+@allocation_free
+def _follow(
+    controls: Array,
+    poses: Array,
+    durations: Array,
+    way: _Way,
+    wheel_radius: float,
+    half_track: float,
+    max_wheel_speed: float,
+    most_turn: float,
+) -> None:
+    """Fill the controls, step by step along the poses that they lead to."""
+    steps, end = durations.shape[0], way.step * (way.radii.shape[0] - 1)
+    turned, bearing, left = 0.0, way.begin, 0.0
+    for k in range(steps):
+        left += durations[k]
+    for k in range(steps):
+        speed = min(
+            max(_at(way.left, way.step, turned), 0.0) / left, max_wheel_speed * wheel_radius
+        )
+        ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
+        at = turned + ahead / max(_at(way.radii, way.step, turned), SHORTEST_LOOKAHEAD)
+        radius, target = _at(way.radii, way.step, at), way.begin + way.side * min(at, end)
+        off_x = way.center_x + radius * math.cos(target) - poses[k, 0]
+        off_y = way.center_y + radius * math.sin(target) - poses[k, 1]
+        trusted = most_turn / durations[k]
+        turn_rate = pursue(off_x, off_y, poses[k, 2], speed)
+        rim = min(max(turn_rate, -trusted), trusted) * half_track
+        right, slow = (speed + rim) / wheel_radius, (speed - rim) / wheel_radius
+        # Both wheels are slowed alike where one would exceed its limit.
+        slowed = min(1.0, max_wheel_speed / max(abs(right), abs(slow), 1e-12))
+        controls[k, 0], controls[k, 1] = right * slowed, slow * slowed
+        drive(poses, controls, k, durations[k], wheel_radius, half_track)
+        now = math.atan2(poses[k + 1, 1] - way.center_y, poses[k + 1, 0] - way.center_x)
+        turned += way.side * wrapped(now - bearing)
+        bearing, left = now, max(left - durations[k], 1e-9)
+    controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
+
+
+@allocation_free
+def _at(table: Array, step: float, turned: float) -> float:
+    """What a table has at an angle, between its stations too."""
+    place = min(max(turned / step, 0.0), table.shape[0] - 1.0)
+    k = min(int(place), table.shape[0] - 2)
+    between: float = table[k] + (place - k) * (table[k + 1] - table[k])
+    return between

@@ -35,6 +35,8 @@ class SolverSettings:
 
     Attributes:
         iterations_per_step: Iterations at each control step (the paper's "iteration unfolding").
+        initial_iterations: Iterations where there is no plan to go on with, and the robot stands.
+        candidates: How many plans are compared at a control step, at most.
         qp: Name of the QP back end.
         hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
         heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];
@@ -42,9 +44,15 @@ class SolverSettings:
     """
 
     iterations_per_step: int = 2
+    initial_iterations: int = 6
+    candidates: int = 4
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
+
+    def iterations(self, *, at_rest: bool) -> int:
+        """Iterations at a control step; at rest there is no plan to go on with."""
+        return self.initial_iterations if at_rest else self.iterations_per_step
 
 
 @dataclass(frozen=True)

@@ -14,23 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.road_profile import follow, relax
+from cmpsp_ros.guidance.gaps import SPACING, Disc, Signature, free, search, stretches_of
+from cmpsp_ros.guidance.road_profile import follow, lengths, relax
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
-Gap = tuple[float, float]
-
-Signature = tuple[int, ...]
-"""For each obstacle: 1 passed on the left, -1 on the right, 0 not passed at all."""
-
 MOST_WAYS = 8
 
-_SPACING = 0.12
 _MOST_STATIONS = 400
-# Choices followed at a time while searching: all of five obstacles in a row.
-_BEAM = 32
 # Kept from what a gap is bounded by, where it is wide enough.
 _ROOM = 0.08
 _ROOM_PART = 0.25
@@ -52,16 +45,6 @@ class Way:
     signature: Signature
     guess: Array
     radii: Array
-    cost: float
-
-
-@dataclass(frozen=True)
-class _Trail:
-    """A choice of gaps up to a station; the cost of what it takes to squeeze through them."""
-
-    signature: Signature
-    gaps: tuple[Gap, ...]
-    radius: float
     cost: float
 
 
@@ -90,26 +73,28 @@ def ways_through(
     road = settings.road
     begin, total = _arc(road, pose, settings.goal)
     length = abs(total) * road.center_radius
-    if length < 2.0 * _SPACING:
+    if length < 2.0 * SPACING:
         return []
-    count = min(math.ceil(length / _SPACING), _MOST_STATIONS) + 1
+    count = min(math.ceil(length / SPACING), _MOST_STATIONS) + 1
     turned = np.linspace(0.0, abs(total), count)
     side = math.copysign(1.0, total)
     discs = _discs(space, begin, side)
     inner, outer = float(np.median(space.inner)), float(np.median(space.outer))
-    gaps = _free(discs, turned, inner, outer)
+    gaps = free(discs, turned, inner, outer)
     ends = (math.dist(pose[:2], road.center), math.dist(settings.goal, road.center))
-    trails = _search(gaps, discs, turned, ends, road.center_radius)
+    stretches = stretches_of(gaps, discs, turned, ends)
+    trails = search(stretches, discs, ends[0], road.center_radius)
     if not trails:
         return []
-    corridors = np.array([trail.gaps for trail in trails])
+    stations = [each.stations for each in stretches]
+    corridors = np.repeat([trail.gaps for trail in trails], stations, axis=1)
     spare = np.minimum(_ROOM, _ROOM_PART * (corridors[:, :, 1] - corridors[:, :, 0]))
     low, high = corridors[:, :, 0] + spare, corridors[:, :, 1] - spare
     # A beginning or a goal off the road is no place to lead along.
     on_road = (min(max(ends[0], inner), outer), min(max(ends[1], inner), outer))
     profiles = relax(low, high, on_road, road.center_radius, turned[1])
     reach = settings.robot.max_speed * float(durations.sum())
-    costs = [_cost(profile, turned[1], road.center_radius, reach) for profile in profiles]
+    costs = _costs(profiles, turned[1], road.center_radius, reach)
     signatures = [tuple(int(-side) * each for each in trail.signature) for trail in trails]
     wanted = [i for i, each in enumerate(signatures) if each not in without]
     wanted.sort(key=lambda i: (costs[i], signatures[i]))
@@ -167,118 +152,22 @@ def in_words(signature: Signature, names: Sequence[str]) -> str:
     return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
 
 
-@dataclass(frozen=True)
-class _Disc:
-    """A grown obstacle, seen along the road: angle from the beginning, distance, radius."""
-
-    at: float
-    distance: float
-    radius: float
-
-
-def _discs(space: ClearSpace, begin: float, side: float) -> list[_Disc]:
+def _discs(space: ClearSpace, begin: float, side: float) -> list[Disc]:
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
     offsets = space.centers[1:] - space.centers[0]
     return [
-        _Disc(side * _wrapped(math.atan2(y, x) - begin), math.hypot(x, y), radius)
+        Disc(side * _wrapped(math.atan2(y, x) - begin), math.hypot(x, y), radius)
         for (x, y), radius in zip(offsets.tolist(), radii.tolist(), strict=True)
     ]
 
 
-def _free(
-    discs: Sequence[_Disc], turned: Array, inner: float, outer: float
-) -> list[list[tuple[float, float]]]:
-    """Gaps at every station, from the road's inner edge outwards [m].
-
-    A station stands for the way to half the distance of its neighbours, so that no disc is between
-    two of them.
-    """
-    half = turned[1] / 2.0
-    gaps = []
-    for station in turned.tolist():
-        taken = []
-        for disc in discs:
-            off = max(abs(station - disc.at) - half, 0.0)
-            across = disc.distance * math.sin(min(off, math.pi / 2.0))
-            if across < disc.radius and off < math.pi / 2.0:
-                along, reach = disc.distance * math.cos(off), math.sqrt(disc.radius**2 - across**2)
-                taken.append((along - reach, along + reach))
-        gaps.append(_between(sorted(taken), inner, outer))
-    return gaps
-
-
-def _between(taken: Sequence[Gap], inner: float, outer: float) -> list[Gap]:
-    gaps, edge = [], inner
-    for low, high in taken:
-        if low > edge:
-            gaps.append((edge, min(low, outer)))
-        edge = max(edge, high)
-        if edge >= outer:
-            return gaps
-    return [*gaps, (edge, outer)] if outer > edge else gaps
-
-
-def _search(
-    gaps: Sequence[Sequence[Gap]],
-    discs: Sequence[_Disc],
-    turned: Array,
-    ends: Gap,
-    middle: float,
-) -> list[_Trail]:
-    """All choices that lead from beginning to end, but the cheapest `_BEAM` of them at a time."""
-    places: dict[int, list[int]] = {}
-    for index, disc in enumerate(discs):
-        if 0.0 < disc.at <= turned[-1]:
-            places.setdefault(round(disc.at / turned[1]), []).append(index)
-    trails = [_Trail((0,) * len(discs), (gap,), ends[0], 0.0) for gap in _reached(gaps[0], ends[0])]
-    ahead = [*gaps[1:-1], _reached(gaps[-1], ends[1])]
-    for station, here in enumerate(ahead, 1):
-        found: dict[tuple[Signature, Gap], _Trail] = {}
-        for trail in trails:
-            low, high = trail.gaps[-1]
-            for gap in here:
-                if min(high, gap[1]) <= max(low, gap[0]):
-                    continue
-                longer = _longer(trail, gap, places.get(station, ()), discs, middle)
-                known = found.get((longer.signature, gap))
-                if known is None or longer.cost < known.cost:
-                    found[longer.signature, gap] = longer
-        trails = sorted(found.values(), key=lambda each: (each.cost, each.signature))[:_BEAM]
-    best: dict[Signature, _Trail] = {}
-    for trail in trails:
-        best.setdefault(trail.signature, trail)
-    return list(best.values())
-
-
-def _longer(
-    trail: _Trail, gap: Gap, passed: Sequence[int], discs: Sequence[_Disc], middle: float
-) -> _Trail:
-    radius = min(max(middle, gap[0]), gap[1])
-    cost = trail.cost + (radius - middle) ** 2 * _SPACING + abs(radius - trail.radius)
-    signature = trail.signature
-    if passed:
-        sides = list(signature)
-        for index in passed:
-            sides[index] = 1 if (gap[0] + gap[1]) / 2.0 > discs[index].distance else -1
-        signature = tuple(sides)
-    return _Trail(signature, (*trail.gaps, gap), radius, cost)
-
-
-def _reached(gaps: Sequence[Gap], radius: float) -> Sequence[Gap]:
-    """The gap that a place is in; those beside it where it is in none."""
-    within = [gap for gap in gaps if gap[0] <= radius <= gap[1]]
-    if within:
-        return within[:1]
-    below = [gap for gap in gaps if gap[1] < radius]
-    above = [gap for gap in gaps if gap[0] > radius]
-    return [*below[-1:], *above[:1]]
-
-
-def _cost(profile: Array, step: float, middle: float, reach: float) -> float:
-    rise = np.diff(profile)
-    length = float(np.hypot(rise, (profile[1:] + profile[:-1]) / 2.0 * step).sum())
-    off = float(((profile - middle) ** 2).sum() + (rise**2).sum()) * step * middle
-    return off + _TOO_LONG * max(0.0, length - reach)
+def _costs(profiles: Array, step: float, middle: float, reach: float) -> list[float]:
+    length = lengths(profiles, step).sum(axis=1)
+    squares = ((profiles - middle) ** 2).sum(axis=1) + (np.diff(profiles) ** 2).sum(axis=1)
+    costs: list[float] = (
+        squares * step * middle + _TOO_LONG * np.maximum(0.0, length - reach)
+    ).tolist()
+    return costs
 
 
 def _arc(road: Annulus, pose: Array, goal: tuple[float, float]) -> tuple[float, float]:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.choice import CANDIDATES
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
@@ -16,21 +15,18 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 Array = NDArray[np.float64]
 
 
-def drive(
-    settings: GuidanceSettings, pose: Array, candidates: int = CANDIDATES
-) -> Iterator[Decision]:
+def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
     """Decide and drive until the final time.
 
     Args:
         settings: All settings of the law.
         pose: Pose to start from, shape ``(3,)`` [m, m, rad].
-        candidates: How many plans the law compares at a control step, at most.
 
     Yields:
         The decision of each control instant, up to and including the one that says that the final
         time has passed.
     """
-    law = GuidanceLaw(settings, candidates=candidates)
+    law = GuidanceLaw(settings)
     period = to_nanoseconds(settings.control_period)
     stamp, finished = 0, False
     while not finished:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -140,11 +140,10 @@ class Drive:
 
 def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
     """Drive one run of the paper with the guidance law."""
-    settings = experiment.with_bound(between_samples)
+    settings = _as_in_the_paper(experiment.with_bound(between_samples))
     pose = np.array(experiment.pose)
     decisions, times = [], []
-    # The paper follows one plan, from the guess that it gives.
-    steps = drive(settings, pose, candidates=1)
+    steps = drive(settings, pose)
     finished = False
     while not finished:
         began = time.perf_counter_ns()
@@ -161,6 +160,12 @@ def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
         tuple(decision.rung.name.lower() for decision in decisions[:-1]),
         np.array(times[:-1]),
     )
+
+
+def _as_in_the_paper(settings: GuidanceSettings) -> GuidanceSettings:
+    """One plan, from the guess given, with as many iterations at the first step as at any other."""
+    each = settings.solver.iterations_per_step
+    return replace(settings, solver=replace(settings.solver, candidates=1, initial_iterations=each))
 
 
 def drive_open(settings: GuidanceSettings, pose: Array, wheel_speeds: Array) -> Path:

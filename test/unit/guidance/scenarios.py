@@ -41,6 +41,11 @@ CASES = {
 }
 
 
+def with_one_plan(given):
+    """The same settings, with one plan that is followed, as in the paper."""
+    return replace(given, solver=replace(given.solver, candidates=1, initial_iterations=2))
+
+
 @dataclass
 class Run:
     """What happened in a closed loop: decisions, and where the robot was at the end of each."""

@@ -18,6 +18,7 @@ from scenarios import (
     closed_loop,
     drive,
     settings,
+    with_one_plan,
 )
 
 from cmpsp_ros.guidance.decision import Rung
@@ -55,7 +56,8 @@ def test_cases_of_the_paper(name):
         assert decision.margin == pytest.approx(clearance(path, given), abs=2e-5)
         assert decision.worst_margin <= decision.margin
         assert 0.0 < decision.time_left <= 10.0
-        assert decision.iterations in {1, 2}
+        most = given.solver.iterations(at_rest=decision.step == 0)
+        assert 1 <= decision.iterations <= most
         assert decision.reason
         start = path[-1]
     times_left = [decision.time_left for decision in run.moves]
@@ -104,8 +106,8 @@ def test_two_runs_give_the_same_bits():
 
 def test_a_timer_measures_and_decides_nothing():
     ticks = iter(range(0, 10**9, 1_500_000))
-    given = CASES['case 3']
-    timed, plain = GuidanceLaw(given, lambda: next(ticks), 1), GuidanceLaw(given, candidates=1)
+    given = with_one_plan(CASES['case 3'])
+    timed, plain = GuidanceLaw(given, lambda: next(ticks)), GuidanceLaw(given)
     pose = np.array(START)
     one, other = timed.update(5, pose), plain.update(5, pose)
     np.testing.assert_array_equal(one.wheel_speeds, other.wheel_speeds)
@@ -261,8 +263,8 @@ def broken(monkeypatch):
     """From here on no subproblem is solved."""
     improve = Planner.improve
 
-    def fail(*arguments):
-        return replace(improve(*arguments), solved=False, reason='No.')
+    def fail(*arguments, **rest):
+        return replace(improve(*arguments, **rest), solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
 
@@ -375,10 +377,11 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     guesses = {}
     improve = Planner.improve
 
-    def fail(planner, pose, held, guess, horizon):
+    def fail(planner, pose, held, guess, horizon, **rest):
         # The first one of a step; others may be tried beside it.
         guesses.setdefault(len(horizon.durations), guess)
-        return replace(improve(planner, pose, held, guess, horizon), solved=False, reason='No.')
+        improvement = improve(planner, pose, held, guess, horizon, **rest)
+        return replace(improvement, solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
     drive(law, given, ON_TIME[11:14], start=_after(run, given))

@@ -56,6 +56,11 @@ SAYS = [
     (LAWS, 'frame', r"Odometry is in frame 'map', wanted 'odom' \(frame_id\)"),
     (DRIVES, 'frame', r"Odometry is in frame 'map', wanted 'odom' \(frame_id\)"),
     (LAWS, 'key', r'parameters of /guidance: final_tim: found .* \(did you mean final_time\?\)'),
+    (
+        ('replay',),
+        'older',
+        r'found no solver\.candidates among the parameters of /guidance, wanted',
+    ),
     (DRIVES, 'key', r'parameters of /guidance: final_tim: found .* \(did you mean final_time\?\)'),
 ]
 
@@ -126,6 +131,11 @@ def make(drive, alter, tmp_path, monkeypatch):
                 spoilt(lambda each: setattr(each.pose.pose.position, 'y', float(kind)))
             case 'frame':
                 spoilt(lambda each: setattr(each.header, 'frame_id', 'map'))
+            case 'older':
+                with Bag(bag) as whole:
+                    said = dict(whole.parameters['/guidance'])
+                del said['solver.candidates']
+                replaced(alter(parameters={'/guidance': said}))
             case 'key':
                 replaced(alter(parameters={'/guidance': {'final_tim': 1.0}}))
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -281,3 +282,27 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
         assert 'best of' not in decision.reason
         held = decision.wheel_speeds
         pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]
+
+
+def test_a_stop_is_no_trap():
+    """Right beside an edge, with an obstacle ahead: whatever is fast comes too close at first."""
+    start = (-8.97032137798457, 1.7492257483124498, 1.5474811673095823)
+    ahead = Obstacle('ahead', (-9.19, 2.57), 0.669)
+    given = settings((ahead, Obstacle('beyond', (-7.13, 7.25), 0.477)), 51.0, ROAD)
+    run = closed_loop(given, start)
+    stopped = [decision.step for decision in run.moves if decision.rung is Rung.STOP]
+    assert len(stopped) < 10
+    assert run.moves[-1].rung is Rung.ELASTIC
+    assert clearance(run.path, given) >= -1e-9
+
+
+def test_a_plan_that_may_be_followed_is_given_time_to_mend_a_flaw():
+    """Odometry that is a little off puts a flaw into plans, and no plan is changed for it."""
+    given, rng = settings(BOTH, 51.0, ROAD), np.random.default_rng(3)
+    law, pose, changes = GuidanceLaw(given), np.array(START), []
+    for k in range(45):
+        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.02, 0.02, 0.02]))
+        if 'Changed over' in decision.reason:
+            changes.append(k)
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
+    assert all(later - earlier > 4 for earlier, later in pairwise(changes))

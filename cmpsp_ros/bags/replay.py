@@ -107,6 +107,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
 
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
+        settings_of(inputs.values)
         _refuse_another_law(path, names, inputs.said)
         outcome = Outcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
         follower, comparison = Follower(settings_of), Comparison(tolerance)

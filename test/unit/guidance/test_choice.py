@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -296,13 +295,13 @@ def test_a_stop_is_no_trap():
     assert clearance(run.path, given) >= -1e-9
 
 
-def test_a_plan_that_may_be_followed_is_given_time_to_mend_a_flaw():
-    """Odometry that is a little off puts a flaw into plans, and no plan is changed for it."""
-    given, rng = settings(BOTH, 51.0, ROAD), np.random.default_rng(3)
-    law, pose, changes = GuidanceLaw(given), np.array(START), []
+@pytest.mark.parametrize('seed', [0, 2])
+def test_a_plan_that_may_be_followed_is_given_time_to_mend_a_flaw(seed):
+    """Odometry that is a little off puts a flaw into plans; hardly ever is one changed for it."""
+    given, rng = settings(BOTH, 51.0, ROAD), np.random.default_rng(seed)
+    law, pose, changes = GuidanceLaw(given), np.array(START), 0
     for k in range(45):
-        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.02, 0.02, 0.02]))
-        if 'Changed over' in decision.reason:
-            changes.append(k)
+        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.03, 0.03, 0.03]))
+        changes += 'Changed over' in decision.reason
         pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
-    assert all(later - earlier > 4 for earlier, later in pairwise(changes))
+    assert changes <= 1

@@ -71,12 +71,7 @@ class _Moment:
 class Choice:
     """Improves plans and says which to follow."""
 
-    def __init__(
-        self,
-        settings: GuidanceSettings,
-        audit: Audit,
-        timer: Callable[[], int],
-    ) -> None:
+    def __init__(self, settings: GuidanceSettings, audit: Audit, timer: Callable[[], int]) -> None:
         """Take the settings, with nothing known yet.
 
         Args:

@@ -64,6 +64,12 @@ def free(
 
     A station stands for the way to half the distance of its neighbours, so that no disc is between
     two of them.
+
+    Args:
+        discs: What takes room.
+        turned: Angles of the stations from the beginning, evenly apart, shape ``(K,)`` [rad].
+        inner: Least distance from the road's centre [m].
+        outer: Greatest distance from it [m].
     """
     half = turned[1] / 2.0
     gaps = []
@@ -93,7 +99,14 @@ def _between(taken: Sequence[Gap], inner: float, outer: float) -> list[Gap]:
 def stretches_of(
     gaps: Sequence[Sequence[Gap]], discs: Sequence[Disc], turned: Array, ends: Gap
 ) -> list[Stretch]:
-    """The stations, the first and the last alone with the gap that a plan begins or ends in."""
+    """The stations, the first and the last alone with the gap that a plan begins or ends in.
+
+    Args:
+        gaps: Of each station, as `free` gives them [m].
+        discs: What is passed.
+        turned: Angles of the stations, shape ``(K,)`` [rad].
+        ends: Distances from the road's centre at which ways begin and end [m].
+    """
     places: dict[int, list[int]] = {}
     for index, disc in enumerate(discs):
         if 0.0 < disc.at <= turned[-1]:
@@ -111,7 +124,17 @@ def stretches_of(
 def search(
     stretches: Sequence[Stretch], discs: Sequence[Disc], begin: float, middle: float
 ) -> list[Trail]:
-    """All choices that lead from beginning to end, but the cheapest `_BEAM` of them at a time."""
+    """All choices that lead from beginning to end, but the cheapest `_BEAM` of them at a time.
+
+    Args:
+        stretches: As `stretches_of` gives them.
+        discs: What is passed.
+        begin: Distance from the road's centre at the beginning [m].
+        middle: Radius of the centre line [m].
+
+    Returns:
+        The cheapest trail of each signature; the sides are inner and outer, not left and right.
+    """
     trails = [Trail((0,) * len(discs), (gap,), begin, 0.0) for gap in stretches[0].gaps]
     for stretch in stretches[1:]:
         found: dict[tuple[Signature, Gap], Trail] = {}

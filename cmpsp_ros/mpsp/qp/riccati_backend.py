@@ -1,9 +1,11 @@
 """The compiled Riccati active-set method as a back end; nothing is condensed.
 
-Where it gives up, the interior point is asked.
+Where it gives up, or takes rounding for a contradiction, the interior point is asked.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from cmpsp_ros.mpsp.qp.solution import (
     Penalties,
     QPSolution,
     QPStatus,
+    Row,
     largest_multipliers,
 )
 from cmpsp_ros.mpsp.qp.stage_answer import named, solved
@@ -49,14 +52,28 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
             outcome = solver.solve(qp, largest_multipliers(size, penalties), hint, room)
         if outcome == SOLVED:
             return solved(room.dU, room.multipliers, int(solver.iterations(room)))
+        if outcome == NO_CURVATURE:
+            return QPSolution.unsolved(size, QPStatus.FAILED)
         if outcome == INFEASIBLE:
             at = room.active
             conflict = named(qp, at.conflict[: at.counts[CONFLICT]].tolist())
-            return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
-        if outcome == NO_CURVATURE:
-            return QPSolution.unsolved(size, QPStatus.FAILED)
+            if _contradict(subproblem, conflict):
+                return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
     hint.length[0] = 0
     return interior_backend.solve(subproblem, penalties)
+
+
+def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
+    """Whether rows that seem to contradict each other do: among very many, rounding may do it."""
+    size = subproblem.size
+    least = Penalties(np.zeros(size.output), np.zeros((size.horizon + 1, size.path)))
+    for row in rows:
+        if row.kind == 'terminal':
+            least.terminal[row.index] = np.inf
+        elif row.kind == 'path':
+            least.path[row.stage, row.index] = np.inf
+    alone = interior_backend.solve(subproblem.only(rows), least)
+    return alone.status is QPStatus.INFEASIBLE
 
 
 def second_order_correction(

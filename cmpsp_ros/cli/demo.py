@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 def demo(
     preset: Annotated[str, typer.Argument(help='Preset, or path of a parameter file.')] = 'case3',
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar='NAME', help='Robot of config/robots, or path of its file.'),
+    ] = None,
     lockstep: Annotated[
         bool, typer.Option('--lockstep', help='As fast as the solver, and exactly repeatable.')
     ] = False,
@@ -47,7 +51,9 @@ def demo(
 
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
-            scenario = load_scenario(preset, assignments or [], lockstep=lockstep)
+            scenario = load_scenario(preset, assignments or [], lockstep=lockstep, robot=robot)
+            for remark in scenario.remarks:
+                errors.print(remark, markup=False, highlight=False, soft_wrap=True)
             folder = make_folder(output, force=force)
             summary = _run(scenario, folder)
     except KeyboardInterrupt:

@@ -71,7 +71,7 @@ def test_help_names_every_command_and_option(invoke):
     assert 'demo' in result.output
     result = invoke('demo', '--help')
     assert result.exit_code == 0
-    for option in ('--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
+    for option in ('--robot', '--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
         assert option in words(result.output)
     assert 'Exit code 0 only if' in words(result.output)
 
@@ -117,6 +117,16 @@ def test_a_good_run_is_exit_code_0_with_its_figures(invoke, outcome, tmp_path):
     assert (scenario.settings.final_time, scenario.values['odom_rate']) == (11.0, 100.0)
     for said in ('case3: 50 steps', '1e-09 m', '+0.0100 m', '50 nominal', '1.00 / 2.00 / 3.00 ms'):
         assert said in words(result.stdout)
+
+
+def test_what_a_chosen_robot_changes_is_said_before_the_run(invoke, outcome, tmp_path):
+    outcome(DemoError('nothing was driven'))
+    args = ('demo', 'case3', '--robot', 'turtlebot3_burger', '--output', tmp_path / 'run')
+    said = words(invoke(*args).stderr)
+    assert said.index('s instead of 10 s: this robot drives') < said.index('nothing was driven')
+    refused = invoke('demo', '--robot', 'jakal', '--output', tmp_path / 'other')
+    assert refused.exit_code == 1
+    assert 'did you mean jackal?' in words(refused.stderr)
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Guide a robot: the guidance node, and beside it a recorder and RViz if wanted.
+"""Guide a robot: the guidance node, and beside it a recorder, a page or RViz if wanted.
 
 `ros2 launch cmpsp_ros guidance.launch.py params_file:=my_course.yaml record:=my_bag rviz:=true`
 """
@@ -38,6 +38,9 @@ ARGUMENTS = (
     ),
     DeclareLaunchArgument('rviz', default_value='false', description='Whether to open RViz.'),
     DeclareLaunchArgument(
+        'view', default_value='false', description='Whether to serve a page for a browser.'
+    ),
+    DeclareLaunchArgument(
         'log_level', default_value='info', description='Of all nodes: debug, info, warn, error.'
     ),
 )
@@ -72,6 +75,15 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
         condition=IfCondition(NotEqualsSubstitution(record, '')),
     )
+    viewer = Node(
+        package='cmpsp_ros',
+        executable='viewer',
+        namespace=namespace,
+        parameters=[clock],
+        arguments=LOGGING,
+        output='screen',
+        condition=IfCondition(LaunchConfiguration('view')),
+    )
     rviz = Node(
         package='rviz2',
         executable='rviz2',
@@ -84,4 +96,4 @@ def generate_launch_description() -> LaunchDescription:
         ],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )
-    return LaunchDescription([*ARGUMENTS, guidance, recorder, rviz])
+    return LaunchDescription([*ARGUMENTS, guidance, recorder, viewer, rviz])

@@ -48,8 +48,8 @@ def outcome(monkeypatch):
     asked = []
 
     def set_outcome(result):
-        def run(scenario, folder, progress):
-            asked.append((scenario, folder))
+        def run(scenario, folder, progress, view_port):
+            asked.append((scenario, folder, view_port))
             progress(1.0)
             if isinstance(result, BaseException):
                 raise result
@@ -80,7 +80,7 @@ def test_help_lists_the_commands_in_the_order_of_their_use(invoke):
     listed = re.findall(r'^│ ([a-z]+)  ', invoke('--help').stdout, re.MULTILINE)
     assert listed == [
         'demo', 'audit', 'bench', 'paper', 'study', 'export', 'record', 'recover', 'replay',
-        'report', 'play', 'warmup',
+        'report', 'play', 'view', 'warmup',
     ]  # fmt: skip
 
 
@@ -110,8 +110,8 @@ def test_a_good_run_is_exit_code_0_with_its_figures(invoke, outcome, tmp_path):
         '--output', folder,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    ((scenario, where),) = asked
-    assert where == folder
+    ((scenario, where, view_port),) = asked
+    assert (where, view_port) == (folder, None)
     assert scenario.name == 'case2'
     assert scenario.lockstep
     assert (scenario.settings.final_time, scenario.values['odom_rate']) == (11.0, 100.0)
@@ -146,6 +146,14 @@ def test_a_bad_run_is_exit_code_1_and_says_why(invoke, outcome, tmp_path, result
     assert said not in words(done.stdout)
 
 
+def test_a_view_is_announced_with_its_address(invoke, outcome, tmp_path):
+    asked = outcome(summary())
+    result = invoke('demo', '--view', '--port', '8123', '--output', tmp_path / 'run')
+    assert result.exit_code == 0, result.output
+    assert 'http://127.0.0.1:8123/ shows the run' in words(result.stderr)
+    assert asked[0][2] == 8123
+
+
 def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
     outcome(KeyboardInterrupt())
     done = invoke('demo', '--output', tmp_path / 'run')
@@ -154,7 +162,7 @@ def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
 
 
 def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
-    def run(scenario, folder, progress):
+    def run(scenario, folder, progress, view_port):
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(demo_run, 'run', run)

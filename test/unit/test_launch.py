@@ -66,7 +66,7 @@ def test_it_has_the_usual_arguments_described(file):
 
 
 def test_guidance_can_record_and_show():
-    assert set(declared(ROOT / 'launch/guidance.launch.py')) == {*USUAL, 'record', 'rviz'}
+    assert set(declared(ROOT / 'launch/guidance.launch.py')) == {*USUAL, 'record', 'rviz', 'view'}
 
 
 @by_file

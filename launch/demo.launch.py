@@ -52,7 +52,7 @@ def generate_launch_description() -> LaunchDescription:
         output='screen',
         on_exit=Shutdown(reason='the simulator has ended'),
     )
-    # It finds the arguments of above where it looks for its own, and has record, view and rviz beside.
+    # It finds the arguments of above where it looks for its own, and has more beside.
     guidance = IncludeLaunchDescription(
         PythonLaunchDescriptionSource(PathJoinSubstitution([SHARE, 'launch', 'guidance.launch.py']))
     )

@@ -92,7 +92,12 @@ def generate_launch_description() -> LaunchDescription:
         # The layout has the names of nodes without a namespace.
         remappings=[
             (name, [namespace, name])
-            for name in ('/odom', '/guidance/markers', '/guidance/predicted_path')
+            for name in (
+                '/odom',
+                '/guidance/markers',
+                '/guidance/plan_markers',
+                '/guidance/predicted_path',
+            )
         ],
         condition=IfCondition(LaunchConfiguration('rviz')),
     )

@@ -11,7 +11,9 @@ import yaml
 from rclpy.time import Time
 
 from cmpsp_ros.guidance.facts import facts
+from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.nodes.markers import marker_array
+from cmpsp_ros.nodes.plan_markers import PlanMarkers
 from cmpsp_ros.nodes.topics import TOPICS
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -52,14 +54,16 @@ def foxglove():
 def test_every_display_of_rviz_shows_a_topic_of_its_type(rviz, topics):
     shown = set()
     for display in rviz['Visualization Manager']['Displays']:
-        assert display['Enabled'] is display['Value'] is True
+        assert display['Enabled'] is display['Value']
         wanted = DISPLAYS[display['Class']]
         if wanted is None:
             continue
         topic = topics[display['Topic']['Value']]
         assert topic.type.__name__ == wanted
         shown.add(display['Topic']['Value'])
-    assert shown == {'/guidance/markers', '/guidance/predicted_path', '/odom'}
+    assert shown == {
+        '/guidance/markers', '/guidance/plan_markers', '/guidance/predicted_path', '/odom',
+    }  # fmt: skip
 
 
 def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):
@@ -71,15 +75,22 @@ def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):
             assert asked['Reliability Policy'] == 'Best Effort' or not topic.best_effort
 
 
+def halt(settings):
+    return GuidanceLaw(settings).halt(1, 'No odometry.')
+
+
 def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
-    (display,) = (
-        each
-        for each in rviz['Visualization Manager']['Displays']
-        if each['Class'].endswith('MarkerArray')
-    )
-    markers = marker_array(settings, Time(nanoseconds=1).to_msg()).markers
-    assert set(display['Namespaces']) == {each.ns for each in markers if each.ns}
+    listed = {
+        display['Topic']['Value']: set(display['Namespaces'])
+        for display in rviz['Visualization Manager']['Displays']
+        if display['Class'].endswith('MarkerArray')
+    }
+    for topic, array in (
+        ('/guidance/markers', marker_array(settings, Time(nanoseconds=1).to_msg())),
+        ('/guidance/plan_markers', PlanMarkers('odom', 0.2).fill(halt(settings))),
+    ):
+        assert listed[topic] == {each.ns for each in array.markers if each.ns}
     assert rviz['Visualization Manager']['Global Options']['Fixed Frame'] == settings.frame_id
 
 

@@ -37,6 +37,7 @@ EXTRAS_REQUIRE = {
         'ros-jazzy-rosgraph-msgs',
     ],
     'casadi': ['casadi>=3.6'],
+    'mujoco': ['mujoco>=3.1'],
     'parquet': ['pyarrow>=15.0'],
     'report': ['plotly>=5.0'],  # its plotly.min.js goes into the page
     'test': [
@@ -46,6 +47,7 @@ EXTRAS_REQUIRE = {
         'pytest-xdist',
         'hypothesis',
         'casadi',
+        'mujoco',
         'pyarrow',
         'plotly',
         'scipy',

@@ -117,14 +117,23 @@ def read_run(path: Path, namespace: str = '') -> Run:
         plans: tuple[Planned, ...] = ()
         if f'{namespace}/guidance/predicted_path' in bag.topics:
             plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
-        truth = f'{namespace}/sim/truth'
-        simulated = truth in bag.topics
-        wheels = (
-            f'{namespace}/sim/wheel_speeds' if simulated else (f'{namespace}/guidance/wheel_speeds')
-        )
-        stamps, speeds = _wheels(bag, wheels)
-        driven = _driven(bag, truth if simulated else f'{namespace}/odom')
-        return Run(decisions, plans, driven, stamps, speeds)
+        node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
+        stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
+        return Run(decisions, plans, _driven(bag, namespace), stamps, speeds)
+
+
+def read_driven(path: Path, namespace: str = '') -> Driven:
+    """Read the path driven alone: the simulator's own where there is one, else odometry's.
+
+    Args:
+        path: The bag.
+        namespace: Namespace of the nodes, as in `/r1`.
+
+    Raises:
+        BagError: Not a bag, or there is no path in it.
+    """
+    with Bag(path) as bag:
+        return _driven(bag, namespace)
 
 
 def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
@@ -139,7 +148,9 @@ def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
     return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
 
 
-def _driven(bag: Bag, topic: str) -> Driven:
+def _driven(bag: Bag, namespace: str) -> Driven:
+    truth = f'{namespace}/sim/truth'
+    topic = truth if truth in bag.topics else f'{namespace}/odom'
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.

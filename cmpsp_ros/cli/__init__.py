@@ -31,6 +31,7 @@ for _command in (
     studies.paper,
     studies.study,
     inspecting.export,
+    inspecting.film,
     recording.record,
     recording.recover,
     replaying.replay,

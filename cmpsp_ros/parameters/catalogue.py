@@ -208,6 +208,21 @@ def _parameters() -> Iterator[Parameter]:
     yield plant('noise.seed', _INTEGER, 0, '',
         'Seed of all that is random here: the same seed gives the same numbers.',
         range=_NOT_NEGATIVE, **_FIXED)
+
+    physics = _Group('Physics of the simulator', 'sim')
+    yield physics('plant', _STRING, 'kinematic', '',
+        'What moves: exact arcs of the commanded wheel speeds, or a robot with mass, motors and '
+        'tyres in MuJoCo (an option of its own to install).',
+        choices=('kinematic', 'mujoco'), **_FIXED)
+    yield physics('physics.mass', _DOUBLE, 1.0, 'kg', 'Of the whole robot.',
+        range=_POSITIVE, **_FIXED)
+    yield physics('physics.friction', _DOUBLE, 1.0, '',
+        'Sliding friction between tyres and floor.', range=_POSITIVE, **_FIXED)
+    yield physics('physics.torque', _DOUBLE, 0.2, 'N m', 'Most that one motor gives.',
+        range=_POSITIVE, **_FIXED)
+    yield physics('physics.odometry', _STRING, 'truth', '',
+        'Where odometry comes from: the true pose, or what wheel encoders make of the way.',
+        choices=('truth', 'encoders'), **_FIXED)
 # fmt: on
 
 

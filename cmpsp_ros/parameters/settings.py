@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, Final
 
+import numpy as np
+
 from cmpsp_ros.guidance.settings import (
     GuidanceSettings,
     InitialGuess,
@@ -21,6 +23,7 @@ from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.physics import Physics
 from cmpsp_ros.robot.plant import PlantSettings
 from cmpsp_ros.robot.road import Annulus
 
@@ -73,7 +76,8 @@ def plant_settings(values: Values) -> PlantSettings:
         values: A set resolved by the table.
 
     Raises:
-        ParameterError: If the times at which odometry is lost are no pairs in order.
+        ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
+            asked of a robot whose tyres slip by themselves.
     """
     return PlantSettings(
         robot=_robot(values),
@@ -94,6 +98,7 @@ def plant_settings(values: Values) -> PlantSettings:
             dropout_windows=_dropout_windows(values),
         ),
         seed=values['noise.seed'],
+        physics=_physics(values),
     )
 
 
@@ -150,6 +155,26 @@ def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:
         wanted = 'pairs of times, each later than the one before'
         raise ParameterError(Problem('noise.dropout_windows', describe(times), wanted))
     return tuple(zip(times[::2], times[1::2], strict=True))
+
+
+def _physics(values: Values) -> Physics | None:
+    if values['plant'] != 'mujoco':
+        return None
+    _raise_if_any(
+        [
+            Problem(
+                key, describe(values[key]), 'no slip: with plant mujoco it is friction that decides'
+            )
+            for key in ('wheel_slip', 'wheel_slip_stddev')
+            if np.any(values[key])
+        ]
+    )
+    return Physics(
+        mass=values['physics.mass'],
+        friction=values['physics.friction'],
+        torque=values['physics.torque'],
+        encoders=values['physics.odometry'] == 'encoders',
+    )
 
 
 def _whole(seconds: float) -> int:

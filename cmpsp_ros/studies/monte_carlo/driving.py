@@ -13,8 +13,9 @@ from cmpsp_ros.guidance.decision import Decision, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.body import Motion
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.plant import Motion, Plant, PlantSettings
+from cmpsp_ros.robot.plant import Plant, PlantSettings
 from cmpsp_ros.robot.way import shortest_way
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task

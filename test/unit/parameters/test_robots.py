@@ -68,3 +68,12 @@ def test_a_robot_of_the_user(tmp_path):
     path.write_text('/**:\n  ros__parameters:\n    robot: {radius: 0.1}\n    final_time: 3.0\n')
     assert 'found final_time in the file of a robot, wanted only robot.*' in refusal(path)
     assert 'No such file' in refusal(tmp_path / 'none.yaml')
+
+
+@pytest.mark.parametrize('name', robot_names())
+def test_the_page_about_robots_has_its_figures(name):
+    page = (config_directory().parent / 'doc' / 'robots.md').read_text(encoding='utf-8')
+    said = {key.removeprefix('robot.'): value for key, value in load_robot(name).items()}
+    wheel, track, radius = (said[key] for key in ('wheel_radius', 'half_track', 'radius'))
+    speed = MAKERS[name][0]
+    assert f'| `{name}` | {wheel} m | {track} m | {speed} m/s | {radius} m |' in page

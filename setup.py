@@ -85,7 +85,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
-    package_data={NAME: ['py.typed', 'bags/report/assets/*']},
+    package_data={NAME: ['py.typed', 'bags/report/assets/*', 'view/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),
@@ -111,6 +111,7 @@ setup(
             'guidance_node = cmpsp_ros.nodes.guidance_node:main',
             'sim_node = cmpsp_ros.nodes.sim_node:main',
             'recorder = cmpsp_ros.nodes.recorder:main',
+            'viewer = cmpsp_ros.nodes.viewer:main',
         ],
     },
 )

@@ -11,7 +11,7 @@ from typing import Final
 
 import typer
 
-from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies
+from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies, viewing
 
 __all__ = ['app', 'main']
 
@@ -37,6 +37,7 @@ for _command in (
     replaying.replay,
     inspecting.report,
     recording.play,
+    viewing.view,
     studies.warmup,
 ):
     app.command()(_command)

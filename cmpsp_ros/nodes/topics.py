@@ -42,6 +42,7 @@ class Topic:
         depth: Messages its queue holds; 0 for a service.
         best_effort: Whether a subscription hears best-effort publishers as well.
         latched: Whether late subscribers are told the last message (transient local).
+        repeats: Whether it only shows once more what other topics say; it is not recorded then.
     """
 
     node: str
@@ -52,6 +53,7 @@ class Topic:
     depth: int = 10
     best_effort: bool = False
     latched: bool = False
+    repeats: bool = False
 
     @property
     def qos(self) -> QoSProfile:
@@ -122,6 +124,14 @@ MARKERS = Topic(
     'road, obstacles, what is kept clear, goal; latched',
     depth=1,
     latched=True,
+)
+PLAN_MARKERS = Topic(
+    'guidance',
+    'out',
+    '~/plan_markers',
+    MarkerArray,
+    'the plan in the colour of its rung, and the sentence; while somebody listens',
+    repeats=True,
 )
 HEALTH = Topic(
     'guidance',

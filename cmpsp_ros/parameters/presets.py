@@ -78,6 +78,29 @@ def load_parameter_file(
     return {key: value for section in chosen.values() for key, value in section.items()}
 
 
+def file_of(path_or_name: str, kind: str, folder: Path) -> Path:
+    """The file that is meant by a path or by a name without folder and suffix.
+
+    Args:
+        path_or_name: What the user wrote.
+        kind: What the name is one of, for the message.
+        folder: Where the files with names are.
+
+    Raises:
+        ParameterError: If there is nothing of that name; the message has the nearest.
+    """
+    path = Path(path_or_name)
+    if path.suffix or path.name != path_or_name:
+        return path
+    names = sorted(each.stem for each in folder.glob('*.yaml'))
+    if path.name in names:
+        return folder / f'{path.name}.yaml'
+    nearest = difflib.get_close_matches(path.name, names, n=1)
+    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
+    wanted = f'a {kind} ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
+    raise ParameterError(Problem(describe(path_or_name), f'no such {kind}', wanted))
+
+
 def parse_assignment(text: str) -> tuple[str, Any]:
     """Key and value of ``weights.road_center=30``, the value in YAML.
 
@@ -109,16 +132,9 @@ def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]
 
 
 def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
-    path = Path(path_or_preset_name)
-    if not isinstance(path_or_preset_name, str) or path.suffix or path.name != path_or_preset_name:
-        return path
-    names = preset_names()
-    if path.name in names:
-        return config_directory() / f'{path.name}.yaml'
-    nearest = difflib.get_close_matches(path.name, names, n=1)
-    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
-    wanted = f'a preset ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
-    raise ParameterError(Problem(describe(path_or_preset_name), 'no such preset', wanted))
+    if not isinstance(path_or_preset_name, str):
+        return Path(path_or_preset_name)
+    return file_of(path_or_preset_name, 'preset', config_directory())
 
 
 def _concerns(section: str, node: str | None) -> bool:

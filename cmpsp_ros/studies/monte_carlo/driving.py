@@ -16,9 +16,9 @@ from cmpsp_ros.robot.arcs import reach
 from cmpsp_ros.robot.body import Motion
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.plant import Plant, PlantSettings
+from cmpsp_ros.robot.way import shortest_way
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.monte_carlo.way import shortest_way
 
 Array = NDArray[np.float64]
 

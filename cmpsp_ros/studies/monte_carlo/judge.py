@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.way import shortest_way
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.monte_carlo.way import shortest_way
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge import judge

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.way import angle_between
+from cmpsp_ros.robot.way import angle_between
 from cmpsp_ros.studies.paper.drives import Path
 
 Array = NDArray[np.float64]

@@ -46,6 +46,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
             found it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
+    otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
     with _rooms.of(size) as room:
         outcome = NO_CURVATURE
         if factorise(qp, room.white):
@@ -53,14 +54,16 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
         if outcome == SOLVED:
             return solved(room.dU, room.multipliers, int(solver.iterations(room)))
         if outcome == NO_CURVATURE:
-            return QPSolution.unsolved(size, QPStatus.FAILED)
+            return otherwise
         if outcome == INFEASIBLE:
             at = room.active
             conflict = named(qp, at.conflict[: at.counts[CONFLICT]].tolist())
+            otherwise = QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
             if _contradict(subproblem, conflict):
-                return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
+                return otherwise
     hint.length[0] = 0
-    return interior_backend.solve(subproblem, penalties)
+    answer = interior_backend.solve(subproblem, penalties)
+    return otherwise if answer.status is QPStatus.FAILED else answer
 
 
 def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:

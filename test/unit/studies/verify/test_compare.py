@@ -167,6 +167,7 @@ def test_active_set_is_right_with_and_without_hints(family):
         'infeasible/158/6',
         'infeasible/185/3',
         'degenerate/236/7',
+        'loop/798/8',
     ],
 )
 def test_what_rounding_makes_look_like_a_contradiction_is_looked_at_again(name):

@@ -24,6 +24,7 @@ from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.robot.obstacles import Obstacle
 
@@ -98,6 +99,19 @@ def test_started_nearer_to_an_obstacle_than_plans_keep(fault, gap):
     assert_is(fault, run.decisions[0])
     assert_safe(run, given)
     assert run.miss() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ('gap', 'heading'), [(0.0, 0.0), (0.0, 0.3), (0.02, -0.3), (0.02, 0.3), (0.08, -0.3)]
+)
+def test_started_inside_the_margin_of_an_obstacle(gap, heading):
+    rock = Obstacle('rock', (0.0, -10.5 - gap), 0.5)
+    given = settings((rock,), 51.0, ROAD, safety=Safety(margin=0.1))
+    run = closed_loop(given, (0.0, -10.0, heading))
+    assert_safe(run, given)
+    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    assert run.miss() < 1e-6
+    assert clearance(run.path[400:], given) > 0.1 - 1e-3, 'kept once it has been reached'
 
 
 def test_started_with_an_obstacle_at_the_nose(fault):

@@ -37,8 +37,13 @@ def lose_orientation(message):
     message.pose.pose.orientation.z = message.pose.pose.orientation.w = 0.0
 
 
+def go_far(message):
+    message.pose.pose.position.x = 1e300
+
+
 FAULTS = [
     (spoil_position, 'not finite'),
+    (go_far, 'wanted one on Earth'),
     (spoil_orientation, 'orientation of length inf'),
     (leave_frame, "frame 'map', wanted 'odom'"),
     (grow_old, 's old (odom_timeout 60.0 s)'),

@@ -88,8 +88,8 @@ class StepTimes:
         if not self._times or self._times[-1] <= self._period_ms:
             return []
         return [
-            f'The last control step took {self._times[-1]:.3g} ms of the'
-            f' {self._period_ms:.3g} ms until the next.'
+            f'The last control step took {self._times[-1]:.1f} ms of the'
+            f' {self._period_ms:.1f} ms until the next.'
         ]
 
     def values(self) -> dict[str, object]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
-from cmpsp_ros.guidance.candidate import Candidate, Start
+from cmpsp_ros.guidance.candidate import TOUCHING, Candidate, Start
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
@@ -18,6 +18,7 @@ from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
+from cmpsp_ros.robot.guidance_functions import EDGES
 
 Array = NDArray[np.float64]
 
@@ -88,7 +89,7 @@ class GuidanceLaw:
         self._latest = now
         if now >= self._final:
             self._due = now + self._period
-            return self._sent(self._halt(stamp, pose, 'The final time has passed.', finished=True))
+            return self._sent(self._finish(stamp, pose))
         horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
@@ -175,9 +176,11 @@ class GuidanceLaw:
 
     def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
         self._phases = dict.fromkeys(('solve', 'audit'), 0.0)
+        if self._plan is None and (reason := self._inside(pose)):
+            return self._halt(stamp, pose, reason)
         candidate = self._improve(start, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
-        rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
+        rung = Rung.ELASTIC if candidate.gives_way else Rung.NOMINAL
         reason = candidate.describe(self._audit, self._settings)
         if candidate.usable:
             self._failures = 0
@@ -265,6 +268,24 @@ class GuidanceLaw:
         """The verdict on a plan and on the way to its beginning."""
         verdict = self._audit.check(start.pose, controls, horizon.durations)
         return verdict if start.way is None else start.way.followed_by(verdict)
+
+    def _inside(self, pose: Array) -> str:
+        """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
+
+        A robot that is under way already is not stopped for it, but led out.
+        """
+        away = self._audit.at(pose)[EDGES:]
+        if not away.size or not away.min() < -TOUCHING:
+            return ''
+        name = self._audit.names([EDGES + int(away.argmin())])
+        return f'The robot is {-away.min():.3g} m inside {name}: nothing is begun there.'
+
+    def _finish(self, stamp: int, pose: Array) -> Decision:
+        miss = math.dist(pose[:2], self._settings.goal)
+        missed = miss > self._settings.goal_tolerance
+        where = f', {miss:.3g} m from the goal' if missed else ''
+        stop = self._halt(stamp, pose, f'The final time has passed{where}.', finished=True)
+        return replace(stop, missed=missed)
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 _A_RATE = 1.0
 _A_LIMIT = 50.0
+_STEPS = 50
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -36,6 +37,7 @@ def prepare(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
+    settings = _with_short_horizon(settings)
     warm_up(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
@@ -43,6 +45,12 @@ def prepare(settings: GuidanceSettings) -> None:
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
+
+
+def _with_short_horizon(settings: GuidanceSettings) -> GuidanceSettings:
+    """Compiled code is the same for any horizon, and a rehearsal of a thousand steps is long."""
+    longest = _STEPS * settings.control_period
+    return replace(settings, final_time=min(settings.final_time, longest))
 
 
 def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:

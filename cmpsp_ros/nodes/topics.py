@@ -10,7 +10,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -139,6 +139,20 @@ HEALTH = Topic(
     '/diagnostics',
     DiagnosticArray,
     'once a second and on every change: state, rung, step times, missed deadlines, odometry age',
+)
+GUIDED_BY = Topic(
+    'guidance',
+    'out',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'twice a second while active: who guides and since when; hidden',
+)
+GUIDED_BY_OTHERS = Topic(
+    'guidance',
+    'in',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'a node that hears another one guide the same robot does not become active',
 )
 RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
 

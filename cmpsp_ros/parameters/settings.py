@@ -30,6 +30,11 @@ from cmpsp_ros.robot.road import Annulus
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""
 
+_LARGEST: Final = 1e9
+_SMALLEST: Final = 1e-6
+_DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
+"""What the law divides by, beside a wheel limit that is not 0."""
+
 
 def guidance_settings(values: Values) -> GuidanceSettings:
     """What the guidance law is told.
@@ -41,10 +46,12 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
-            the final time comes before the first control step or before its command has held for
-            one, or the QP back end is not installed; with all of these.
+        ParameterError: If a number is out of all proportion; else if the road leaves no room, the
+            goal is off the road or in an obstacle, the final time comes before the first control
+            step or before its command has held for one, or the QP back end is not installed; with
+            all of these.
     """
+    _raise_if_any(list(_size_problems(values)))
     groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
@@ -209,6 +216,24 @@ def _obstacles(values: Values) -> tuple[Obstacle, ...]:
 def _section(values: Values, name: str) -> dict[str, Any]:
     prefix = f'{name}.'
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
+
+
+def _size_problems(values: Values) -> Iterator[Problem]:
+    """Numbers that no robot has, and that floats cannot calculate with."""
+    for key, value in values.items():
+        numbers = [each for each in _as_list(value) if isinstance(each, float)]
+        if any(abs(number) > _LARGEST for number in numbers):
+            yield Problem(key, describe(value), f'no number beyond {_LARGEST:.0e}')
+    for key in _DIVISORS:
+        if values[key] < _SMALLEST:
+            yield Problem(key, describe(values[key]), f'{_SMALLEST:.0e} or more')
+    if 0.0 < values['robot.max_wheel_speed'] < _SMALLEST:
+        found = f'{values["robot.max_wheel_speed"]} rad/s'
+        yield Problem('robot.max_wheel_speed', found, f'{_SMALLEST:.0e} rad/s or more, or 0')
+
+
+def _as_list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
 
 
 def _time_problems(values: Values) -> Iterator[Problem]:

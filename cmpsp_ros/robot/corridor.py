@@ -172,6 +172,7 @@ class Corridor:
             knots=line.knots,
             pieces=line.pieces,
             cells=np.searchsorted(line.knots, begins, side='right') - 1,
+            cells_in_metre=len(begins) / float(line.knots[-1] - line.knots[0]),
             stations=np.column_stack([*stations, np.cos(heading), np.sin(heading)]),
             station_step=line.length / count,
             closed=self.closed,

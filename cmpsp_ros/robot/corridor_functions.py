@@ -10,17 +10,20 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.compiled import allocation_free, implements
 from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.arcs import Arc
+from cmpsp_ros.robot.arcs import Arc, arc_part
 from cmpsp_ros.robot.between_samples import TwistLimits, at_ends, sagitta, sagitta_known
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
+# What a projection leaves of its last step is of second order in it [m].
 _MOST_STEPS = 30
-_SETTLED = 1e-9
+_SETTLED = 1e-6
 
-# Accuracy of a least clearance [m], and the finest division of an arc to find it: two to this.
+# Accuracy of a least clearance [m], and as a part of it; the finest division of an arc to find it:
+# two to this.
 _TOLERANCE = 1e-6
+_PART = 0.01
 _DEEPEST = 12
 
 # Beyond the centre of curvature a projection has no meaning; before it, this part of the radius is
@@ -40,6 +43,7 @@ class CorridorSpace(NamedTuple):
         pieces: Of each piece four cubic polynomials of the progress since its beginning, lowest
             power first: x, y, and the widths to the left and to the right, shape ``(S, 16)`` [m].
         cells: Piece with which each of some equal parts of the whole progress begins, ``(C,)``.
+        cells_in_metre: Number of these parts in a metre [1/m].
         stations: Some places, close together: x, y, and the direction there (cosine, sine), shape
             ``(Z, 4)`` [m, m, 1, 1].
         station_step: Progress from one of them to the next; the first has progress 0 [m].
@@ -59,6 +63,7 @@ class CorridorSpace(NamedTuple):
     knots: Array
     pieces: Array
     cells: Indices
+    cells_in_metre: float
     stations: Array
     station_step: float
     closed: bool
@@ -98,14 +103,14 @@ def find(road: CorridorSpace, x: float, y: float, heading: float) -> float:
         score = dx * dx + dy * dy + weight * across * across
         if score < best:
             best, nearest = score, i
-    return _project(road, x, y, nearest * road.station_step)
+    progress: float = _across(road, x, y, nearest * road.station_step)[0]
+    return progress
 
 
 @implements(road_functions.measure, CorridorSpace)
 def measure(road: CorridorSpace, k: int, x: float, y: float, progress: float) -> Any:
     """Widths less the distance from the centre line; see `road_functions.measure`."""
-    progress = _project(road, x, y, progress)
-    off, left, right = _across(road, x, y, progress)
+    progress, off, left, right = _across(road, x, y, progress)
     at = min(k, road.kept.shape[0] - 1)
     first = (off - left) * road.part[0] + road.kept[at, 0]
     return progress, off, first, (-off - right) * road.part[1] + road.kept[at, 1]
@@ -146,20 +151,17 @@ def slopes(road: CorridorSpace, x: float, y: float, progress: float) -> Any:
 def sweep(
     road: CorridorSpace, arc: Arc, progress: float, enough: float, enough_other: float
 ) -> Any:
-    """Least clearance to a micrometre; see `road_functions.sweep`.
+    """Least clearance to a hundredth of it, or a micrometre; see `road_functions.sweep`.
 
     The arc is halved until no part can hide a smaller clearance than was found at the ends of all
     parts: along it the second derivative of a clearance is bounded, which bounds the clearance from
-    below between two ends where value and slope are known.
+    below between two ends where value and slope are known. It is bounded near the road only, which
+    a part does not leave if it is short, or if clearances at its ends are as long as it is.
     """
     length, turn = abs(arc.length), abs(arc.turn)
     bound = road.bend[0] * length * length + turn * length
     bound_other = road.bend[1] * length * length + turn * length
-    coarsest = 0
-    while length > road.room * (1 << coarsest) and coarsest < _DEEPEST:
-        coarsest += 1
-    depth = coarsest
-    i, here = 0, _on_arc(road, arc, 0.0, progress)
+    depth, i, here = 0, 0, _on_arc(road, arc, 0.0, progress)
     least, other = here[1], here[2]
     while i < 1 << depth:
         step = 1.0 / (1 << depth)
@@ -169,12 +171,14 @@ def sweep(
         lowest_other = _lowest(
             here[2], here[4] * step, there[2], there[4] * step, bound_other * step * step
         )
-        known = lowest >= min(least, enough) - _TOLERANCE
-        known_other = lowest_other >= min(other, enough_other) - _TOLERANCE
-        if (known and known_other) or depth == _DEEPEST or math.isnan(lowest + lowest_other):
+        nearest = min(here[1] + there[1], here[2] + there[2])
+        known = length * step <= max(road.room, nearest)
+        known &= lowest >= _nearly(min(least, enough))
+        known &= lowest_other >= _nearly(min(other, enough_other))
+        if known or depth == _DEEPEST or math.isnan(lowest + lowest_other):
             i += 1
             here = there
-            while i % 2 == 0 and depth > coarsest and i < 1 << depth:
+            while i % 2 == 0 and depth > 0 and i < 1 << depth:
                 i //= 2
                 depth -= 1
         else:
@@ -208,6 +212,11 @@ def ahead(road: CorridorSpace, x: float, y: float, progress: float, way: float, 
 
 
 @allocation_free
+def _nearly(clearance: float) -> float:
+    return clearance - _TOLERANCE - _PART * max(clearance, 0.0)
+
+
+@allocation_free
 def _lowest(here: float, slope: float, there: float, slope_there: float, bound: float) -> float:
     """What a function on [0, 1] cannot fall below if its second derivative stays within a bound.
 
@@ -224,34 +233,32 @@ def _lowest(here: float, slope: float, there: float, slope_there: float, bound: 
 @allocation_free
 def _on_arc(road: CorridorSpace, arc: Arc, t: float, progress: float) -> Any:
     """A point of an arc: progress, both clearances, and their slopes by ``t`` from 0 to 1."""
-    half = arc.turn * t / 2.0
-    chord = (
-        arc.length * t * (math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0)
-    )
-    cosine, sine = math.cos(half), math.sin(half)
-    middle_x = arc.cosine * cosine - arc.sine * sine
-    middle_y = arc.sine * cosine + arc.cosine * sine
-    x, y = arc.x + chord * middle_x, arc.y + chord * middle_y
-    progress = _project(road, x, y, progress)
-    off, left, right = _across(road, x, y, progress)
+    if t == 0.0:
+        x, y, cosine, sine = arc.x, arc.y, arc.cosine, arc.sine
+    elif t == 1.0:
+        x, y, cosine, sine = arc.end_x, arc.end_y, arc.end_cosine, arc.end_sine
+    else:
+        x, y, cosine, sine = arc_part(arc, t)
+    progress, off, left, right = _across(road, x, y, progress)
     clear = (left - off) * road.part[0] - road.kept[0, 0]
     clear_other = (right + off) * road.part[1] - road.kept[0, 1]
-    ahead_x = (middle_x * cosine - middle_y * sine) * arc.length
-    ahead_y = (middle_y * cosine + middle_x * sine) * arc.length
     _, _, _, first_x, first_y, second_x, second_y = slopes(road, x, y, progress)
-    slope = -(first_x * ahead_x + first_y * ahead_y)
-    return progress, clear, clear_other, slope, -(second_x * ahead_x + second_y * ahead_y)
+    slope = -(first_x * cosine + first_y * sine) * arc.length
+    return progress, clear, clear_other, slope, -(second_x * cosine + second_y * sine) * arc.length
 
 
 @allocation_free
-def _project(road: CorridorSpace, x: float, y: float, progress: float) -> float:
+def _across(road: CorridorSpace, x: float, y: float, progress: float) -> Any:
     """Progress of the nearest place of the centre line, going along it from a place nearby.
 
-    Newton's method on the derivative of half the squared distance.
+    Newton's method on the derivative of half the squared distance. With it come the distance to the
+    left of the centre line, and the widths to the left and the right.
     """
     pieces = road.pieces
+    progress = _within(road, progress)
+    i, t, step = 0, 0.0, 0.0
+    dx, dy, rx, ry, squared = 1.0, 0.0, 0.0, 0.0, 1.0
     for _ in range(_MOST_STEPS):
-        progress = _within(road, progress)
         i, t = _piece(road, progress)
         dx, dy = _slope(pieces, i, X, t), _slope(pieces, i, Y, t)
         rx, ry = x - _value(pieces, i, X, t), y - _value(pieces, i, Y, t)
@@ -260,21 +267,12 @@ def _project(road: CorridorSpace, x: float, y: float, progress: float) -> float:
         # Beyond the centre of curvature Newton's step would lead away.
         step = (dx * rx + dy * ry) / (curved if curved > _LEAST_PART * squared else squared)
         step = min(max(step, -road.stride), road.stride)
-        progress += step
+        progress = _within(road, progress + step)
         if abs(step) <= _SETTLED:
             break
-    return _within(road, progress)
-
-
-@allocation_free
-def _across(road: CorridorSpace, x: float, y: float, progress: float) -> Any:
-    """Distance to the left of the centre line, and the widths to the left and the right."""
-    i, t = _piece(road, progress)
-    pieces = road.pieces
-    dx, dy = _slope(pieces, i, X, t), _slope(pieces, i, Y, t)
-    rx, ry = x - _value(pieces, i, X, t), y - _value(pieces, i, Y, t)
-    off = (dx * ry - dy * rx) / math.sqrt(dx * dx + dy * dy)
-    return off, _value(pieces, i, LEFT, t), _value(pieces, i, RIGHT, t)
+    off = (dx * ry - dy * rx) / math.sqrt(squared)
+    t += step
+    return progress, off, _value(pieces, i, LEFT, t), _value(pieces, i, RIGHT, t)
 
 
 @allocation_free
@@ -283,7 +281,7 @@ def _within(road: CorridorSpace, progress: float) -> float:
     low, high = road.knots[0], road.knots[road.knots.shape[0] - 1]
     if math.isnan(progress):
         progress = low
-    if road.closed:
+    if road.closed and not 0.0 <= progress < road.length:
         progress -= road.length * math.floor(progress / road.length)
     within: float = min(max(progress, low), high)
     return within
@@ -294,8 +292,8 @@ def _piece(road: CorridorSpace, progress: float) -> Any:
     """The piece that a place is on, and its progress since the beginning of that piece."""
     knots, cells = road.knots, road.cells
     last = knots.shape[0] - 2
-    part = (progress - knots[0]) / (knots[last + 1] - knots[0])
-    i = cells[min(max(int(part * cells.shape[0]), 0), cells.shape[0] - 1)]
+    cell = int((progress - knots[0]) * road.cells_in_metre)
+    i = cells[min(max(cell, 0), cells.shape[0] - 1)]
     while i < last and progress >= knots[i + 1]:
         i += 1
     while i > 0 and progress < knots[i]:

@@ -9,6 +9,7 @@ from pathlib import Path
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.road_files import with_road_file
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
 
@@ -51,6 +52,7 @@ def load_scenario(preset: str, assignments: Sequence[str], *, lockstep: bool) ->
     """
     given = load_parameter_file(preset)
     given.update(parse_assignment(each) for each in assignments)
+    given = with_road_file(given)
     # The nodes are activated when the recorder listens, and not before.
     given['autostart'] = False
     if lockstep:

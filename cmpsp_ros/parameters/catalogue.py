@@ -92,7 +92,8 @@ def _parameters() -> Iterator[Parameter]:
     yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
         'Radius of the outer edge: `r_o` = 11 m in the paper.', range=_POSITIVE)
     yield place('road.points', _DOUBLES, [], 'm',
-        'Points of the centre line of a `corridor`, in order: x and y of each.')
+        'Points of the centre line of a `corridor`, in order: x and y of each. With `road.file` '
+        'they are read from a file.')
     yield place('road.half_width', _DOUBLES, [1.0], 'm',
         'Distance from the centre line of a `corridor` to either edge: one, or one a point.',
         range=_POSITIVE)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.arcs import arc_ends
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -71,10 +71,6 @@ class Driven:
             np.vstack([self.at(first), self.poses[inside], self.at(last)]),
             np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
         )
-
-    def reach(self, points: Array) -> tuple[Array, Array]:
-        """Least and greatest distance of each arc to each point ``(M, 2)``, ``(K, M)`` [m]."""
-        return reach(self.poses[:-1], self.twists[:-1], self.durations, points)
 
 
 @dataclass(frozen=True)

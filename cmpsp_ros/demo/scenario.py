@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.prospects import doubts, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.road_files import with_road_file
 from cmpsp_ros.parameters.robots import load_robot
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
@@ -64,6 +65,7 @@ def load_scenario(
     """
     changes = dict(parse_assignment(each) for each in assignments)
     given = load_parameter_file(preset) | (load_robot(robot) if robot else {}) | changes
+    given = with_road_file(given)
     # The nodes are activated when the recorder listens, and not before.
     given['autostart'] = False
     if lockstep:

@@ -334,6 +334,4 @@ def warm_up(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    road = settings.road
-    start = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
-    GuidanceLaw(settings).update(0, start)
+    GuidanceLaw(settings).update(0, settings.road.middle())

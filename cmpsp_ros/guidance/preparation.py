@@ -69,11 +69,7 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     """Start well, leave the road, be lost, and be too late: every rung is reached."""
     road, law = settings.road, GuidanceLaw(settings)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-
-    def at(radius: float) -> Array:
-        return np.array([road.center[0] + radius, road.center[1], math.pi / 2.0])
-
-    on, off = at(road.center_radius), at(1.5 * road.outer_radius)
+    on, off = road.middle(), road.beside()
     for step, pose in enumerate((on, on, off, off, on)):
         law.update(step * period, pose)
     law.halt(5 * period, 'A rehearsal.')
@@ -89,7 +85,7 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     planner, road = BackEndPlanner(Task(settings)), settings.road
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
-    pose = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
+    pose = road.middle()
     guess = along_road(settings, pose, horizon.durations)
     problem = planner.problem(pose, np.zeros(2), guess, horizon)
     iteration = CMPSP(problem, planner.options(problem))

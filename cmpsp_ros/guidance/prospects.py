@@ -1,7 +1,8 @@
 """What no plan can bring about, told before a run: a goal too far, a gap too narrow.
 
 Both are certain, since both are taken for the better than they are: the shortest way is one
-without obstacles, and of a gap only its width counts.
+without obstacles, and of a gap only its width counts. On other roads than an annulus the shortest
+way is the straight one, and gaps are not looked at.
 """
 
 from __future__ import annotations
@@ -10,8 +11,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from cmpsp_ros.guidance.keep_clear import along_path
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.road import Annulus
 from cmpsp_ros.robot.way import Point, angle_between, shortest_way
 
 
@@ -31,8 +32,12 @@ def doubts(settings: GuidanceSettings, start: Point) -> list[str]:
 
 
 def _way(settings: GuidanceSettings, start: Point) -> float:
-    inner = float(along_path(settings).inner)
-    way = shortest_way(replace(settings.road, inner_radius=inner), start, settings.goal)
+    road = settings.road
+    if isinstance(road, Annulus):
+        inner = road.inner_radius + settings.robot_radius + settings.safety.margin
+        way = shortest_way(replace(road, inner_radius=inner), start, settings.goal)
+    else:
+        way = math.dist(start, settings.goal)
     return max(way - settings.goal_tolerance, 0.0)
 
 
@@ -49,6 +54,8 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
 
 def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     road = settings.road
+    if not isinstance(road, Annulus):
+        return
     wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
     whole = angle_between(road, start, settings.goal)
     for obstacle in settings.obstacles:

@@ -82,14 +82,29 @@ def _parameters() -> Iterator[Parameter]:
 
     place = _Group('Road and obstacles', 'guidance', 'sim')
     yield place('road.type', _STRING, 'annulus', '',
-        'Shape of the road: `annulus` lies between two circles, as in the paper.',
-        choices=('annulus',))
+        'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
+        'along a line through points; `none` is open floor.',
+        choices=('annulus', 'corridor', 'none'), **_FIXED)
     yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
-        'Centre of the road (x, y).', **_POINT)
+        'Centre of an `annulus` (x, y).', **_POINT)
     yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
         'Radius of the inner edge: `r_i` = 9 m in the paper.', range=_NOT_NEGATIVE)
     yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
         'Radius of the outer edge: `r_o` = 11 m in the paper.', range=_POSITIVE)
+    yield place('road.points', _DOUBLES, [], 'm',
+        'Points of the centre line of a `corridor`, in order: x and y of each. With `road.file` '
+        'they are read from a file.')
+    yield place('road.half_width', _DOUBLES, [1.0], 'm',
+        'Distance from the centre line of a `corridor` to either edge: one, or one a point.',
+        range=_POSITIVE)
+    yield place('road.left_width', _DOUBLES, [], 'm',
+        'The same to the left edge only; leave it out where both are the same.',
+        range=_POSITIVE)
+    yield place('road.right_width', _DOUBLES, [], 'm',
+        'The same to the right edge only; leave it out where both are the same.',
+        range=_POSITIVE)
+    yield place('road.closed', _BOOL, False, '',
+        'Whether a `corridor` goes on from its last point to its first.')
     yield place('obstacles.names', _STRINGS, [], '',
         'Names of the obstacles, each with a block of its own; leave it out when there are none.')
     yield place('obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',

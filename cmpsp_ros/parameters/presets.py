@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from cmpsp_ros.parameters import ros_yaml
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.road_files import with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
@@ -55,7 +56,8 @@ def load_parameter_file(
             it, what the file says to guidance and simulator in any namespace.
 
     Returns:
-        Values by key. Of several sections that give a key, the later in the file counts.
+        Values by key, with the road of a `road.file`. Of several sections that give a key, the
+        later in the file counts.
 
     Raises:
         ParameterError: If there is no such file or preset, the file is not YAML of ROS
@@ -75,7 +77,8 @@ def load_parameter_file(
         raise ParameterError(Problem(str(path), found, f'one for {node or "/**, guidance, sim"}'))
     if node is None:
         _refuse_contradictions(chosen, str(path))
-    return {key: value for section in chosen.values() for key, value in section.items()}
+    values = {key: value for section in chosen.values() for key, value in section.items()}
+    return with_road_file(values)
 
 
 def file_of(path_or_name: str, kind: str, folder: Path) -> Path:

@@ -19,13 +19,13 @@ from cmpsp_ros.guidance.settings import (
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.roads import off_road_problems, road_of, road_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.physics import Physics
 from cmpsp_ros.robot.plant import PlantSettings
-from cmpsp_ros.robot.road import Annulus
 
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""
@@ -46,17 +46,17 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If a number is out of all proportion; else if the road leaves no room, the
-            goal is off the road or in an obstacle, the final time comes before the first control
-            step or before its command has held for one, or the QP back end is not installed; with
-            all of these.
+        ParameterError: If a number is out of all proportion; else if the road cannot be made or
+            leaves no room, the goal is off the road or in an obstacle, the final time comes before
+            the first control step or before its command has held for one, or the QP back end is
+            not installed; with all of these.
     """
     _raise_if_any(list(_size_problems(values)))
-    groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
+    groups = (_time_problems, road_problems, _goal_problems, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
-        road=_road(values),
+        road=road_of(values),
         goal=tuple(values['goal.position']),
         goal_tolerance=values['goal.tolerance'],
         final_time=values['final_time'],
@@ -196,12 +196,6 @@ def _robot(values: Values) -> DifferentialDrive:
     )
 
 
-def _road(values: Values) -> Annulus:
-    return Annulus(
-        tuple(values['road.center']), values['road.inner_radius'], values['road.outer_radius']
-    )
-
-
 def _obstacles(values: Values) -> tuple[Obstacle, ...]:
     return tuple(
         Obstacle(
@@ -248,20 +242,6 @@ def _time_problems(values: Values) -> Iterator[Problem]:
         yield Problem('final_time', f'{final_time} s', wanted)
 
 
-def _road_problems(values: Values) -> Iterator[Problem]:
-    road = _road(values)
-    width = road.outer_radius - road.inner_radius
-    if width <= 0.0:
-        wanted = f'less than road.outer_radius = {road.outer_radius} m'
-        yield Problem('road.inner_radius', f'{road.inner_radius} m', wanted)
-        return
-    needed = values['robot.radius'] + values['safety.margin']
-    if width / 2.0 <= needed:
-        where = 'road.inner_radius, road.outer_radius'
-        wanted = f'more than robot.radius + safety.margin = {needed:.9g} m'
-        yield Problem(where, f'a road of half width {width / 2.0:.9g} m', wanted)
-
-
 def _goal_problems(values: Values) -> Iterator[Problem]:
     x, y = values['goal.position']
     yield from _place_problems(values, 'goal.position', (x, y))
@@ -277,14 +257,8 @@ def _solver_problems(values: Values) -> Iterator[Problem]:
 
 def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
     """What forbids the robot, without its margin, to stand at a point [m]."""
-    road, radius = _road(values), values['robot.radius']
-    low, high = road.inner_radius + radius, road.outer_radius - radius
-    distance = math.dist(point, road.center)
-    # A road that leaves no room is a problem of its own.
-    if low < high and not low <= distance <= high:
-        wanted = f'{low:.9g} to {high:.9g} m (road.inner_radius + robot.radius to '
-        wanted += 'road.outer_radius - robot.radius)'
-        yield Problem(key, f'{distance:.9g} m from road.center', wanted)
+    yield from off_road_problems(values, key, point)
+    radius = values['robot.radius']
     for obstacle in _obstacles(values):
         distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
         if distance < needed:

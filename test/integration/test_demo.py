@@ -182,6 +182,16 @@ def at_final_time(folder):
     return None
 
 
+def test_a_road_that_crosses_itself_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('corridor', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['rungs'] == {'nominal': 100, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary['clearance_m'] >= 0.0
+    assert summary['miss_m'] < 1e-6
+
+
 def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):
     folder, runs = tmp_path / 'deep' / 'run', []
     for flags in ([], ['--force']):

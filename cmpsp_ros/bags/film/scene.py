@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -14,7 +13,6 @@ from cmpsp_ros.robot.physics import Physics, mjcf
 
 Array = NDArray[np.float64]
 
-_CORNERS = 361
 _HEIGHT = 0.12
 _LINE = 0.012
 
@@ -51,11 +49,8 @@ def scene(settings: GuidanceSettings, way: Array) -> str:
 
 
 def _edges(settings: GuidanceSettings) -> Iterator[str]:
-    road = settings.road
-    angles = np.linspace(0.0, math.tau, _CORNERS)
-    for radius in (road.inner_radius, road.outer_radius):
-        corners = np.column_stack([np.cos(angles), np.sin(angles)]) * radius + road.center
-        yield from _line(corners, 2.0 * _LINE, '0.25 0.25 0.25 1')
+    for edge in settings.road.edges():
+        yield from _line(edge, 2.0 * _LINE, '0.25 0.25 0.25 1')
 
 
 def _obstacles(settings: GuidanceSettings) -> Iterator[str]:

@@ -59,7 +59,7 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
-    road, goal = settings.road, settings.goal
+    road, goal = settings.annulus, settings.goal
     away = settings.robot_radius + FROM_EDGE
     start = _point(random, road, (0.0, math.tau), away)
     ahead = angle_between(road, start, goal)

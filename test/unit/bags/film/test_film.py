@@ -59,10 +59,11 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
     assert settings.goal in {each[:2] for each in there}
     lines = (kinds == mujoco.mjtGeom.mjGEOM_CAPSULE) & in_world
     distances = np.hypot(*place[lines, :2].T)
-    for radius in (settings.road.inner_radius, settings.road.outer_radius):
-        assert (np.abs(distances - radius) < 1e-3).sum() == 360
+    for edge in settings.road.edges():
+        radius = np.hypot(*edge[0])
+        assert (np.abs(distances - radius) < 2e-3).sum() == len(edge) - 1
     # Two pieces of the way have a length, one has none.
-    assert lines.sum() == 2 * 360 + 2
+    assert lines.sum() == 2 * (len(edge) - 1) + 2
 
 
 def test_stills_show_the_robot_beside_the_obstacle_and_at_the_goal(drawing, bag, tmp_path):

@@ -37,6 +37,7 @@ EXTRAS_REQUIRE = {
         'ros-jazzy-rosgraph-msgs',
     ],
     'casadi': ['casadi>=3.6'],
+    'mujoco': ['mujoco>=3.1'],
     'parquet': ['pyarrow>=15.0'],
     'report': ['plotly>=5.0'],  # its plotly.min.js goes into the page
     'test': [
@@ -46,6 +47,7 @@ EXTRAS_REQUIRE = {
         'pytest-xdist',
         'hypothesis',
         'casadi',
+        'mujoco',
         'pyarrow',
         'plotly',
         'scipy',
@@ -83,7 +85,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
-    package_data={NAME: ['py.typed', 'bags/report/assets/*']},
+    package_data={NAME: ['py.typed', 'bags/report/assets/*', 'view/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),
@@ -109,6 +111,7 @@ setup(
             'guidance_node = cmpsp_ros.nodes.guidance_node:main',
             'sim_node = cmpsp_ros.nodes.sim_node:main',
             'recorder = cmpsp_ros.nodes.recorder:main',
+            'viewer = cmpsp_ros.nodes.viewer:main',
         ],
     },
 )

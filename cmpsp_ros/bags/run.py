@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.arcs import arc_ends
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -72,10 +72,6 @@ class Driven:
             np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
         )
 
-    def reach(self, points: Array) -> tuple[Array, Array]:
-        """Least and greatest distance of each arc to each point ``(M, 2)``, ``(K, M)`` [m]."""
-        return reach(self.poses[:-1], self.twists[:-1], self.durations, points)
-
 
 @dataclass(frozen=True)
 class Run:
@@ -117,14 +113,23 @@ def read_run(path: Path, namespace: str = '') -> Run:
         plans: tuple[Planned, ...] = ()
         if f'{namespace}/guidance/predicted_path' in bag.topics:
             plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
-        truth = f'{namespace}/sim/truth'
-        simulated = truth in bag.topics
-        wheels = (
-            f'{namespace}/sim/wheel_speeds' if simulated else (f'{namespace}/guidance/wheel_speeds')
-        )
-        stamps, speeds = _wheels(bag, wheels)
-        driven = _driven(bag, truth if simulated else f'{namespace}/odom')
-        return Run(decisions, plans, driven, stamps, speeds)
+        node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
+        stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
+        return Run(decisions, plans, _driven(bag, namespace), stamps, speeds)
+
+
+def read_driven(path: Path, namespace: str = '') -> Driven:
+    """Read the path driven alone: the simulator's own where there is one, else odometry's.
+
+    Args:
+        path: The bag.
+        namespace: Namespace of the nodes, as in `/r1`.
+
+    Raises:
+        BagError: Not a bag, or there is no path in it.
+    """
+    with Bag(path) as bag:
+        return _driven(bag, namespace)
 
 
 def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
@@ -139,7 +144,9 @@ def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
     return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
 
 
-def _driven(bag: Bag, topic: str) -> Driven:
+def _driven(bag: Bag, namespace: str) -> Driven:
+    truth = f'{namespace}/sim/truth'
+    topic = truth if truth in bag.topics else f'{namespace}/odom'
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.what_if import WhatIf
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
@@ -81,11 +82,7 @@ def _draw_plans(axes: Axes, result: WhatIf) -> None:
 
 
 def _draw_scenery(axes: Axes, settings: GuidanceSettings) -> None:
-    road = settings.road
-    axes.add_patch(Circle(road.center, road.outer_radius, color=_ROAD, lw=0, zorder=0))
-    axes.add_patch(Circle(road.center, road.inner_radius, color='white', lw=0, zorder=1))
-    for radius in (road.inner_radius, road.outer_radius):
-        axes.add_patch(Circle(road.center, radius, fill=False, color=_EDGE, zorder=2))
+    draw_road(axes, settings.road, _ROAD, _EDGE)
     for obstacle in settings.obstacles:
         axes.add_patch(Circle(obstacle.center, obstacle.radius, color=_OBSTACLE, zorder=2))
 

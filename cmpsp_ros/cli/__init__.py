@@ -11,7 +11,7 @@ from typing import Final
 
 import typer
 
-from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies
+from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies, viewing
 
 __all__ = ['app', 'main']
 
@@ -31,11 +31,13 @@ for _command in (
     studies.paper,
     studies.study,
     inspecting.export,
+    inspecting.film,
     recording.record,
     recording.recover,
     replaying.replay,
     inspecting.report,
     recording.play,
+    viewing.view,
     studies.warmup,
 ):
     app.command()(_command)

@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 def demo(
     preset: Annotated[str, typer.Argument(help='Preset, or path of a parameter file.')] = 'case3',
+    robot: Annotated[
+        str | None,
+        typer.Option(metavar='NAME', help='Robot of config/robots, or path of its file.'),
+    ] = None,
     lockstep: Annotated[
         bool, typer.Option('--lockstep', help='As fast as the solver, and exactly repeatable.')
     ] = False,
@@ -35,6 +39,10 @@ def demo(
         list[str] | None,
         typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
     ] = None,
+    view: Annotated[
+        bool, typer.Option('--view', help='Show the run on a page for a browser, while it lasts.')
+    ] = False,
+    port: Annotated[int, typer.Option(min=1, max=65535, help='Of that page.')] = 8765,
     force: Annotated[
         bool, typer.Option('--force', help='Replace an earlier run in the output folder.')
     ] = False,
@@ -47,9 +55,11 @@ def demo(
 
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
-            scenario = load_scenario(preset, assignments or [], lockstep=lockstep)
+            scenario = load_scenario(preset, assignments or [], lockstep=lockstep, robot=robot)
+            for remark in scenario.remarks:
+                errors.print(remark, markup=False, highlight=False, soft_wrap=True)
             folder = make_folder(output, force=force)
-            summary = _run(scenario, folder)
+            summary = _run(scenario, folder, port if view else None)
     except KeyboardInterrupt:
         errors.print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
@@ -60,10 +70,12 @@ def demo(
         raise typer.Exit(1)
 
 
-def _run(scenario: Scenario, folder: Path) -> Summary:
+def _run(scenario: Scenario, folder: Path, view_port: int | None) -> Summary:
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     signal.signal(signal.SIGTERM, _interrupt)
+    if view_port is not None:
+        errors.print(f'http://127.0.0.1:{view_port}/ shows the run', soft_wrap=True)
     columns = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.fields[time]}')
     with Progress(*columns, TimeElapsedColumn(), console=errors) as bar:
         total = scenario.settings.final_time
@@ -72,7 +84,7 @@ def _run(scenario: Scenario, folder: Path) -> Summary:
         def progress(seconds: float) -> None:
             bar.update(task, completed=seconds, time=f'{seconds:.1f} of {total:.1f} s')
 
-        return run(scenario, folder, progress)
+        return run(scenario, folder, progress, view_port)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:

@@ -46,6 +46,27 @@ def audit(
         raise typer.Exit(1)
 
 
+def film(
+    bag: Annotated[Path, typer.Argument(help='Bag of one run.')],
+    output: Annotated[
+        Path, typer.Option(metavar='FILE', help='New picture: .png, or .gif that moves.')
+    ] = Path('film.gif'),
+    at: Annotated[
+        list[float] | None,
+        typer.Option(metavar='SECONDS', help='Time of a frame; may be repeated.'),
+    ] = None,
+) -> None:
+    """Show a run as a camera behind the robot would have seen it; drawn by MuJoCo.
+
+    Exit code 2 if the bag cannot be used, or nothing can be drawn.
+    """
+    from cmpsp_ros.bags import film as filming  # noqa: PLC0415 (an option of its own to install)
+
+    with exit_on(BagError, ParameterError, code=2):
+        count = filming.film(bag, output, at or [])
+    say(f'{output}: {count} frames')
+
+
 def report(
     bags: Annotated[list[Path], typer.Argument(metavar='BAG...', help='Bags to show together.')],
     output: Annotated[

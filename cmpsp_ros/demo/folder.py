@@ -18,6 +18,7 @@ _CONTENT = (
     'recorder.log',
     'sim_node.log',
     'guidance_node.log',
+    'viewer.log',
 )
 
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.keep_clear import at_samples
@@ -39,7 +40,7 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     driven = _dense(run.driven.between(first, last))
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
-    _draw_road(axes, settings)
+    draw_road(axes, settings.road, _ROAD, _EDGE)
     for obstacle, kept in zip(settings.obstacles, at_samples(settings).radii, strict=True):
         center = obstacle.center
         axes.add_patch(Circle(center, obstacle.radius, color=_OBSTACLE, alpha=0.85, lw=0, zorder=3))
@@ -103,21 +104,9 @@ def _dense(driven: Driven) -> Array:
     return np.vstack([arc_ends(poses, twists, since)[:, :2], driven.poses[-1:, :2]])
 
 
-def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
-    road = settings.road
-    axes.add_patch(Circle(road.center, road.outer_radius, color=_ROAD, lw=0, zorder=0))
-    axes.add_patch(Circle(road.center, road.inner_radius, color='white', lw=0, zorder=1))
-    for radius, style in (
-        (road.inner_radius, '-'),
-        (road.outer_radius, '-'),
-        (road.center_radius, ':'),
-    ):
-        axes.add_patch(Circle(road.center, radius, fill=False, color=_EDGE, ls=style, zorder=2))
-
-
 def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> None:
     """Show what happened and the road's width around it, at one scale."""
-    room = _ROOM * (settings.road.outer_radius - settings.road.inner_radius)
+    room = _ROOM * settings.road.width
     (left, bottom), (right, top) = points.min(axis=0) - room, points.max(axis=0) + room
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')

@@ -8,7 +8,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,7 +74,7 @@ class Child:
         """
         log = folder / f'{name}.log'
         command = [sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *ros_arguments]
-        with log.open('wb') as output:
+        with log.open('wb') as output, _interruptions_held():
             process = subprocess.Popen(
                 command,
                 stdin=subprocess.DEVNULL,
@@ -109,6 +110,21 @@ class Child:
     def last_words(self) -> str:
         """The last lines of its log."""
         return '\n'.join(self.log.read_text(errors='replace').splitlines()[-5:])
+
+
+@contextmanager
+def _interruptions_held() -> Iterator[None]:
+    """Let interruptions wait: one that comes while Python forks is printed and forgotten."""
+    held: list[int] = []
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = {each: signal.signal(each, lambda number, _: held.append(number)) for each in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for each in held[:1]:
+            signal.raise_signal(each)
 
 
 def _die_with_parent() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from cmpsp_ros.bags.run import read_run
@@ -31,13 +31,19 @@ _RECORDED = (
 )
 
 
-def run(scenario: Scenario, folder: Path, progress: Callable[[float], None]) -> Summary:
+def run(
+    scenario: Scenario,
+    folder: Path,
+    progress: Callable[[float], None],
+    view_port: int | None = None,
+) -> Summary:
     """Make one run and keep everything of it in a folder.
 
     Args:
         scenario: What to run.
         folder: Existing folder for bag, pictures, figures and logs.
         progress: Told the time of the run so far [s], again and again.
+        view_port: Port of a page that shows the run, live; without it there is none.
 
     Returns:
         Its figures; they are also in `summary.json`.
@@ -47,7 +53,7 @@ def run(scenario: Scenario, folder: Path, progress: Callable[[float], None]) -> 
         BagError: The recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
-    _drive(scenario, folder, progress)
+    _drive(scenario, folder, progress, view_port)
     recorded = read_run(folder / 'bag')
     summary = summarise(recorded, scenario.settings, scenario.name)
     summary.write(folder / 'summary.json')
@@ -56,24 +62,33 @@ def run(scenario: Scenario, folder: Path, progress: Callable[[float], None]) -> 
     return summary
 
 
-def _drive(scenario: Scenario, folder: Path, progress: Callable[[float], None]) -> None:
-    clock = f'use_sim_time:={str(bool(scenario.values["publish_clock"])).lower()}'
-    parameters = str(folder / 'parameters.yaml')
+def _drive(
+    scenario: Scenario, folder: Path, progress: Callable[[float], None], view_port: int | None
+) -> None:
     children: list[Child] = []
     with Observer(use_free_domain()) as observer:
         try:
-            for name, arguments in (
-                ('recorder', ['-p', f'output:={folder / "bag"}', '-p', clock]),
-                ('sim_node', ['--params-file', parameters]),
-                ('guidance_node', ['--params-file', parameters, '-p', clock]),
-            ):
+            for name, arguments in _nodes(scenario, folder, view_port):
                 children.append(Child.start(name, arguments, folder))
             _get_ready(observer, children)
             _watch(observer, children, scenario, progress)
         finally:
-            # Guidance first, so that its last zero twist is still driven and recorded.
+            # Guidance first, so that its last zero twist is still driven, recorded and shown.
             for child in reversed(children):
                 child.stop()
+
+
+def _nodes(
+    scenario: Scenario, folder: Path, view_port: int | None
+) -> Iterator[tuple[str, list[str]]]:
+    """Modules of the nodes to start, in order, and what follows `--ros-args`."""
+    clock = f'use_sim_time:={str(bool(scenario.values["publish_clock"])).lower()}'
+    parameters = str(folder / 'parameters.yaml')
+    if view_port is not None:
+        yield 'viewer', ['-p', f'port:={view_port}']
+    yield 'recorder', ['-p', f'output:={folder / "bag"}', '-p', clock]
+    yield 'sim_node', ['--params-file', parameters]
+    yield 'guidance_node', ['--params-file', parameters, '-p', clock]
 
 
 def _get_ready(observer: Observer, children: list[Child]) -> None:

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Final
 
+from cmpsp_ros.guidance.prospects import doubts, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.road_files import with_road_file
+from cmpsp_ros.parameters.robots import load_robot
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
+
+_PACE: Final = 0.8
+"""Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3."""
 
 
 @dataclass(frozen=True)
@@ -18,14 +26,16 @@ class Scenario:
     """A complete, checked set of parameters.
 
     Attributes:
-        name: Preset, or file without its suffix.
+        name: Preset, or file without its suffix, and the robot if one was chosen.
         values: Parameters of all nodes.
         settings: The guidance law's part of them.
+        remarks: What the user should know before the run, in sentences.
     """
 
     name: str
     values: Values
     settings: GuidanceSettings
+    remarks: tuple[str, ...] = ()
 
     @property
     def lockstep(self) -> bool:
@@ -38,19 +48,24 @@ class Scenario:
         return float(self.settings.final_time / self.values['real_time_factor'])
 
 
-def load_scenario(preset: str, assignments: Sequence[str], *, lockstep: bool) -> Scenario:
+def load_scenario(
+    preset: str, assignments: Sequence[str], *, lockstep: bool, robot: str | None = None
+) -> Scenario:
     """Read a preset or parameter file, change it, and check the whole.
 
     Args:
         preset: Name of a preset, or path of a parameter file.
         assignments: Changes, each as `key=value`.
         lockstep: Whether to run in lockstep whatever the file says.
+        robot: Name of a robot, or path of its file, to be laid over the preset. A final time that
+            is too short for it is made longer, unless an assignment says it.
 
     Raises:
         ParameterError: A key or value is wrong; names the key, what was found and what is wanted.
     """
-    given = load_parameter_file(preset)
-    given.update(parse_assignment(each) for each in assignments)
+    changes = dict(parse_assignment(each) for each in assignments)
+    given = load_parameter_file(preset) | (load_robot(robot) if robot else {}) | changes
+    given = with_road_file(given)
     # The nodes are activated when the recorder listens, and not before.
     given['autostart'] = False
     if lockstep:
@@ -58,8 +73,34 @@ def load_scenario(preset: str, assignments: Sequence[str], *, lockstep: bool) ->
     if given.get('lockstep'):
         # Time then stands still while the simulator waits, and all nodes must know.
         given['publish_clock'] = True
+    name, remarks = Path(preset).stem, []
+    if robot:
+        name = f'{name} with {Path(robot).stem}'
+        if 'final_time' not in changes:
+            remarks += _give_time(given)
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     check_start(values)
     check_pace(values)
-    return Scenario(Path(preset).stem, values, settings)
+    remarks += doubts(settings, _start(values))
+    return Scenario(name, values, settings, tuple(remarks))
+
+
+def _give_time(given: dict[str, Any]) -> list[str]:
+    """Make the final time longer if the robot needs more; says so."""
+    values = TABLE.resolve(given)
+    settings = guidance_settings(values)
+    # In whole seconds, which are a whole number of most control periods.
+    needed = float(math.ceil(shortest_time(settings, _start(values)) / _PACE))
+    if needed <= settings.final_time:
+        return []
+    given['final_time'] = needed
+    return [
+        f'final_time is {needed:g} s instead of {settings.final_time:g} s:'
+        f' this robot drives at most {settings.robot.max_speed:.3g} m/s.'
+    ]
+
+
+def _start(values: Values) -> tuple[float, float]:
+    x, y, _ = values['initial_pose']
+    return x, y

@@ -96,7 +96,8 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     """
     first, last = window(run, settings)
     space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-    clearance = space.clearance(*run.driven.between(first, last).reach(space.centers))
+    driven = run.driven.between(first, last)
+    clearance = space.along(driven.poses[:-1], driven.twists[:-1], driven.durations)
     miss = math.dist(run.driven.at(last)[:2], settings.goal)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
     steps = [each for each in run.decisions if each.stamp < last]

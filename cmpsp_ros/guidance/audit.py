@@ -6,14 +6,17 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.arcs import arc_from, reach_of
 from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.guidance_functions import EDGES
 
 Array = NDArray[np.float64]
 
@@ -66,10 +69,8 @@ class Audit:
         self._robot = settings.robot
         self._between = settings.safety.between_samples
         self._space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-        self._inner, self._outer = float(self._space.inner), float(self._space.outer)
         self._names = (
-            'the outer road edge',
-            'the inner road edge',
+            *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
         )
 
@@ -149,18 +150,16 @@ class Audit:
             robot.wheel_radius,
             robot.half_track,
             self._between,
+            space.road,
             space.centers,
-            self._inner,
-            self._outer,
             space.radii,
         )
         values: list[float] = found.tolist()
         return values
 
     def at(self, pose: Array) -> Array:
-        """Clearance of a pose from outer edge, inner edge and obstacles, ``(2 + M,)`` [m]."""
-        distance = np.linalg.norm(self._space.centers - pose[:2], axis=1)[None]
-        return np.asarray(self._space.clearance(distance, distance)[0])
+        """Clearance of a pose from both road edges and obstacles, ``(2 + M,)`` [m]."""
+        return np.asarray(self._space.at(pose[None])[0])
 
     def names(self, constraints: Sequence[int]) -> str:
         """Names of path constraints by their index, for messages."""
@@ -177,9 +176,8 @@ def _sweep(
     wheel_radius: float,
     half_track: float,
     between: bool,
+    road: Any,
     centers: Array,
-    inner: float,
-    outer: float,
     radii: Array,
 ) -> None:
     """Drive a plan arc by arc.
@@ -195,9 +193,8 @@ def _sweep(
         wheel_radius: Of the robot.
         half_track: Of the robot.
         between: Whether the way between samples counts.
-        centers: Of the road and the obstacles.
-        inner: Least distance from the road's centre.
-        outer: Greatest distance from it.
+        road: Where on it the robot's centre may be.
+        centers: Of the obstacles.
         radii: Least distances from the obstacles.
     """
     fastest = 0.0
@@ -207,28 +204,27 @@ def _sweep(
             fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
+    progress = road_functions.find(road, x, y, heading)
+    progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
+    worst[0], worst[1] = -over, -over_other
     for j in range(centers.shape[0]):
-        distance = math.hypot(x - centers[j, 0], y - centers[j, 1])
-        if j == 0:
-            worst[0], worst[1] = outer - distance, distance - inner
-        else:
-            worst[j + 1] = distance - radii[j - 1]
+        worst[EDGES + j] = math.hypot(x - centers[j, 0], y - centers[j, 1]) - radii[j]
     for k in range(durations.shape[0]):
         right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
         length = (right + left) / 2.0 * durations[k]
         turn = (right - left) / (2.0 * half_track) * durations[k]
         arc = arc_from(x, y, heading, length, turn)
         x, y, heading = arc.end_x, arc.end_y, heading + turn
+        if not between:
+            # Only the arc's end counts.
+            arc = arc_from(x, y, heading, 0.0, 0.0)
+        enough, enough_other = (worst[0], worst[1]) if k > 0 else (math.inf, math.inf)
+        progress, clearance, other = road_functions.sweep(road, arc, progress, enough, enough_other)
+        _note(found, worst, k, 0, clearance, between)
+        _note(found, worst, k, 1, other, between)
         for j in range(centers.shape[0]):
-            if between:
-                least, greatest = reach_of(arc, centers[j, 0], centers[j, 1])
-            else:
-                least = greatest = math.hypot(x - centers[j, 0], y - centers[j, 1])
-            if j == 0:
-                _note(found, worst, k, 0, outer - greatest, between)
-                _note(found, worst, k, 1, least - inner, between)
-            else:
-                _note(found, worst, k, j + 1, least - radii[j - 1], between)
+            least, _ = reach_of(arc, centers[j, 0], centers[j, 1])
+            _note(found, worst, k, EDGES + j, least - radii[j], between)
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:

@@ -12,10 +12,14 @@ from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.guidance_functions import EDGES
 
 Array = NDArray[np.float64]
 
 _CLEARLY_LESS = 0.5
+
+TOUCHING = 1e-3
+"""What is nearer than nothing by less than this is said to touch [m]: odometry errs by more."""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,25 @@ class Start:
 
     pose: Array
     way: Verdict | None = None
+
+
+def inside(pose: Array, audit: Audit) -> str:
+    """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
+
+    A robot that is under way already is not stopped for it, but led out.
+
+    Args:
+        pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+        audit: Knows the obstacles.
+
+    Returns:
+        A sentence, empty where the pose is inside none.
+    """
+    away = audit.at(pose)[EDGES:]
+    if not away.size or not away.min() < -TOUCHING:
+        return ''
+    name = audit.names([EDGES + int(away.argmin())])
+    return f'The robot is {-away.min():.3g} m inside {name}: nothing is begun there.'
 
 
 @dataclass(frozen=True)
@@ -58,6 +81,15 @@ class Candidate:
         """Whether it meets every constraint, too."""
         return self.usable and not self.improvement.elastic
 
+    @property
+    def gives_way(self) -> bool:
+        """Whether some constraint is not met, now or in the linearised plan."""
+        return self.improvement.elastic or self._begins_too_close
+
+    @property
+    def _begins_too_close(self) -> bool:
+        return self.verdict.margin < -TOUCHING
+
     def beats(self, other: Candidate) -> bool:
         """Whether to change over from another plan: only for one that is clearly better."""
         if self.usable != other.usable:
@@ -69,20 +101,23 @@ class Candidate:
     def describe(self, audit: Audit, settings: GuidanceSettings) -> str:
         """What is to be said of it when it is followed, in a sentence."""
         improvement, verdict = self.improvement, self.verdict
+        miss = math.dist(self.plan.poses[-1, :2], settings.goal)
         if improvement.elastic:
             where = audit.names(improvement.slack_where)
             parts = [where] if where else []
+            miss_said = ''
             if improvement.slack_terminal:
                 parts.append('the goal')
+                miss_said = f' The plan ends {miss:.3g} m from the goal.'
             return (
                 f'The constraints contradict each other: {improvement.slack:.3g} m of slack at'
-                f' {" and ".join(parts)}.'
+                f' {" and ".join(parts)}.{miss_said}'
             )
-        miss = math.dist(self.plan.poses[-1, :2], settings.goal)
         if verdict.worst_margin < 0.0:
+            how = 'the way begins' if self._begins_too_close else 'later on the plan still comes'
             return (
-                f'No slack was needed, but later on the plan still comes'
-                f' {-verdict.worst_margin:.3g} m too close to {verdict.nearest}.'
+                f'No slack was needed, but {how} {-verdict.worst_margin:.3g} m too close to'
+                f' {verdict.nearest}.'
             )
         if miss > settings.goal_tolerance:
             return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'

@@ -24,6 +24,7 @@ from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import in_words, signature_of, ways_through
+from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,9 @@ class Choice:
             timer: Monotonic time [ns].
         """
         self._settings, self._audit, self._timer = settings, audit, timer
-        self._most = settings.solver.candidates
+        # Only between two circles ways are known, and told apart.
+        known = isinstance(settings.road, Annulus)
+        self._most = settings.solver.candidates if known else 1
         self._planner = Planner(settings)
         self._spare = [Planner(settings) for _ in range(max(1, self._most - 1))]
         self._task, self._judge = Task(settings), Judge(settings)
@@ -265,7 +268,7 @@ class Choice:
     def _contender(self, planner: Planner, candidate: Candidate, moment: _Moment) -> _Contender:
         began = self._timer()
         signature = signature_of(
-            self._settings.road, self._centers, candidate.plan.poses, self._settings.goal
+            self._settings.annulus, self._centers, candidate.plan.poses, self._settings.goal
         )
         merit = self._judge.merit(candidate, moment.held)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS

@@ -75,6 +75,7 @@ class Decision:
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
         finished: Whether the final time has passed.
+        missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
@@ -98,6 +99,7 @@ class Decision:
     active_rows: int = 0
     failures: int = 0
     finished: bool = False
+    missed: bool = False
     halted: bool = False
     run: int = 0
     revision: int = 0

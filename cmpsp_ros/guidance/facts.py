@@ -29,6 +29,7 @@ def facts(decision: Decision) -> dict[str, str]:
         'active_rows': decision.active_rows,
         'failures': decision.failures,
         'finished': decision.finished,
+        'missed': decision.missed,
         'halted': decision.halted,
         'run': decision.run,
         'revision': decision.revision,
@@ -40,9 +41,11 @@ def facts(decision: Decision) -> dict[str, str]:
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 
-    Having arrived is no error.
+    Having arrived is no error, and having missed the goal a warning: the robot stands safely.
     """
-    if decision.finished or decision.rung == Rung.NOMINAL:
+    if decision.finished:
+        return int(decision.missed)
+    if decision.rung == Rung.NOMINAL:
         return 0
     return 2 if decision.rung == Rung.STOP else 1
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive
 
 Array = NDArray[np.float64]
@@ -40,17 +41,15 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
 
     Arguments and result as in `initial_guess`.
     """
-    robot, road = settings.robot, settings.road
+    robot = settings.robot
     controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
     poses[0] = pose
-    road_ahead = _RoadAhead(
-        road.center[0], road.center[1], road.center_radius, settings.goal[0], settings.goal[1]
-    )
     _follow(
         controls,
         poses,
         durations,
-        road_ahead,
+        settings.road.space(0.0),
+        settings.goal,
         robot.wheel_radius,
         robot.half_track,
         robot.max_wheel_speed,
@@ -59,22 +58,13 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
     return controls
 
 
-class _RoadAhead(NamedTuple):
-    """Centre line and goal, all in [m]."""
-
-    center_x: float
-    center_y: float
-    radius: float
-    goal_x: float
-    goal_y: float
-
-
 @allocation_free
 def _follow(
     controls: Array,
     poses: Array,
     durations: Array,
-    road: _RoadAhead,
+    road: Any,
+    goal: tuple[float, float],
     wheel_radius: float,
     half_track: float,
     max_wheel_speed: float,
@@ -85,9 +75,11 @@ def _follow(
     left = 0.0
     for k in range(steps):
         left += durations[k]
+    progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2])
     for k in range(steps):
+        progress = road_functions.measure(road, 0, poses[k, 0], poses[k, 1], progress)[0]
         target_x, target_y, speed = _aim(
-            road, poses[k, 0], poses[k, 1], left, wheel_radius * max_wheel_speed
+            road, poses[k, 0], poses[k, 1], progress, goal, left, wheel_radius * max_wheel_speed
         )
         turn_rate = pursue(target_x - poses[k, 0], target_y - poses[k, 1], poses[k, 2], speed)
         trusted = most_turn / durations[k]
@@ -102,20 +94,26 @@ def _follow(
 
 
 @allocation_free
-def _aim(road: _RoadAhead, x: float, y: float, left: float, most: float) -> Any:
+def _aim(
+    road: Any,
+    x: float,
+    y: float,
+    progress: float,
+    goal: tuple[float, float],
+    left: float,
+    most: float,
+) -> Any:
     """Point to pursue [m, m] and the speed that gets there in the time left [m/s]."""
-    bearing = math.atan2(y - road.center_y, x - road.center_x)
-    goal_bearing = math.atan2(road.goal_y - road.center_y, road.goal_x - road.center_x)
-    angle_left = wrapped(goal_bearing - bearing)
-    way_left = road.radius * abs(angle_left)
+    at_goal = road_functions.find(road, goal[0], goal[1], math.nan)
+    way = road_functions.way_to(road, x, y, progress, goal[0], goal[1], at_goal)
+    way_left = abs(way)
     speed = min(way_left / left, most)
     ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
     if way_left <= ahead:
-        speed = min(math.hypot(road.goal_x - x, road.goal_y - y) / left, most)
-        return road.goal_x, road.goal_y, speed
-    turned = bearing + math.copysign(ahead / road.radius, angle_left)
-    target_x = road.center_x + road.radius * math.cos(turned)
-    target_y = road.center_y + road.radius * math.sin(turned)
+        speed = min(math.hypot(goal[0] - x, goal[1] - y) / left, most)
+        return goal[0], goal[1], speed
+    way = math.copysign(ahead, way)
+    target_x, target_y = road_functions.ahead(road, x, y, progress, way, goal)
     return target_x, target_y, speed
 
 

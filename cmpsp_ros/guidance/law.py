@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
-from cmpsp_ros.guidance.candidate import Start
+from cmpsp_ros.guidance.candidate import Start, inside
 from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
@@ -89,7 +90,7 @@ class GuidanceLaw:
         self._latest = now
         if now >= self._final:
             self._due = now + self._period
-            return self._sent(self._halt(stamp, pose, 'The final time has passed.', finished=True))
+            return self._sent(self._finish(stamp, pose))
         horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
@@ -176,9 +177,11 @@ class GuidanceLaw:
         )
 
     def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
+        if self._plan is None and (reason := inside(pose, self._audit)):
+            return self._halt(stamp, pose, reason)
         candidate = self._choice.best(start, self._held, self._plan, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
-        rung = Rung.ELASTIC if improvement.elastic else Rung.NOMINAL
+        rung = Rung.ELASTIC if candidate.gives_way else Rung.NOMINAL
         reason = candidate.describe(self._audit, self._settings) + self._choice.remark
         if candidate.usable:
             self._failures = 0
@@ -226,6 +229,13 @@ class GuidanceLaw:
             return None
         poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
         return Plan(horizon, controls, poses, self._delay), verdict
+
+    def _finish(self, stamp: int, pose: Array) -> Decision:
+        miss = math.dist(pose[:2], self._settings.goal)
+        missed = miss > self._settings.goal_tolerance
+        where = f', {miss:.3g} m from the goal' if missed else ''
+        stop = self._halt(stamp, pose, f'The final time has passed{where}.', finished=True)
+        return replace(stop, missed=missed)
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:
@@ -275,6 +285,4 @@ def warm_up(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    road = settings.road
-    start = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
-    GuidanceLaw(settings).update(0, start)
+    GuidanceLaw(settings).update(0, settings.road.middle())

@@ -86,12 +86,12 @@ class Merit:
 
 
 class Judge:
-    """Measures the merit of plans for one set of settings."""
+    """Measures the merit of plans for one set of settings, on a road between two circles."""
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take limits, road, obstacles and weights from the settings."""
         self._settings = settings
-        boundless = Annulus(settings.road.center, -_NO_ROAD, _NO_ROAD)
+        boundless = Annulus(inner_radius=-_NO_ROAD, outer_radius=_NO_ROAD)
         self._road = Audit(replace(settings, obstacles=()))
         self._obstacles = Audit(replace(settings, road=boundless))
 
@@ -124,13 +124,13 @@ class Judge:
 
     def _turns(self, poses: Array) -> int:
         """Full turns of the heading beside those of the road; turning round at first is none."""
-        x, y = self._settings.road.center
+        x, y = self._settings.annulus.center
         first, last = (math.atan2(at[1] - y, at[0] - x) for at in (poses[0], poses[-1]))
         beside = poses[-1, 2] - poses[0, 2] - math.remainder(last - first, math.tau)
         return int(abs(beside) / math.tau + 0.25) if math.isfinite(beside) else 0
 
     def _cost(self, poses: Array, controls: Array, held: Array) -> float:
-        road, weights = self._settings.road, self._settings.weights
+        road, weights = self._settings.annulus, self._settings.weights
         off = np.hypot(poses[:, 0] - road.center[0], poses[:, 1] - road.center[1])
         cost = weights.road_center * float(((off - road.center_radius) ** 2).sum())
         if weights.control_effort > 0.0:

@@ -13,6 +13,10 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 Array = NDArray[np.float64]
 
 
+_FARTHEST = 1e8
+"""Coordinates beyond which squares and differences mean nothing [m]."""
+
+
 class OdometryError(ValueError):
     """Odometry that nothing may be decided on; the message says why."""
 
@@ -27,7 +31,8 @@ def pose_of(message: Any, frame_id: str) -> Array:
     """Planar pose ``(x, y, heading)`` [m, m, rad] of an odometry message (REP-105).
 
     Raises:
-        OdometryError: It is in another frame, is not finite or has no orientation.
+        OdometryError: It is in another frame, is not finite, has no orientation, or is farther
+            from the origin than any place on Earth.
     """
     if message.header.frame_id != frame_id:
         raise OdometryError(
@@ -43,6 +48,10 @@ def pose_of(message: Any, frame_id: str) -> Array:
     pose = (position.x, position.y, heading)
     if not all(map(math.isfinite, pose)):
         raise OdometryError(f'Odometry has a pose that is not finite: {list(pose)}.')
+    if not max(abs(position.x), abs(position.y)) <= _FARTHEST:
+        raise OdometryError(
+            f'Odometry has a position of {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
+        )
     return np.array(pose)
 
 

@@ -16,15 +16,18 @@ from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.guidance.ways_through import ways_through
 from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_INTERIOR_POINT, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
 
 _A_RATE = 1.0
 _A_LIMIT = 50.0
+_STEPS = 50
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -36,13 +39,21 @@ def prepare(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
+    settings = _with_short_horizon(settings)
     warm_up(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
+    _look_for_ways(settings)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
+
+
+def _with_short_horizon(settings: GuidanceSettings) -> GuidanceSettings:
+    """Compiled code is the same for any horizon, and a rehearsal of a thousand steps is long."""
+    longest = _STEPS * settings.control_period
+    return replace(settings, final_time=min(settings.final_time, longest))
 
 
 def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
@@ -61,11 +72,7 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
     """Start well, leave the road, be lost, and be too late: every rung is reached."""
     road, law = settings.road, GuidanceLaw(settings)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-
-    def at(radius: float) -> Array:
-        return np.array([road.center[0] + radius, road.center[1], math.pi / 2.0])
-
-    on, off = at(road.center_radius), at(1.5 * road.outer_radius)
+    on, off = road.middle(), road.beside()
     for step, pose in enumerate((on, on, off, off, on)):
         law.update(step * period, pose)
     law.halt(5 * period, 'A rehearsal.')
@@ -81,7 +88,7 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     planner, road = BackEndPlanner(Task(settings)), settings.road
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
-    pose = np.array([road.center[0] + road.center_radius, road.center[1], math.pi / 2.0])
+    pose = road.middle()
     guess = along_road(settings, pose, horizon.durations)
     problem = planner.problem(pose, np.zeros(2), guess, horizon)
     iteration = CMPSP(problem, planner.options(problem))
@@ -91,3 +98,14 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     after = iterate.evaluation
     second_order_correction(subproblem, unmoved, after.output_error, after.g)
     backend(RICCATI_INTERIOR_POINT)(subproblem, None)
+
+
+def _look_for_ways(settings: GuidanceSettings) -> None:
+    """Search as far as from one side of a road to the other, wherever the goal is at present."""
+    road = settings.road
+    if not isinstance(road, Annulus):
+        return
+    pose, durations = road.middle(), np.full(_STEPS, settings.control_period)
+    opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
+    space = Task(opposite).space(along_road(opposite, pose, durations), durations)
+    ways_through(opposite, space, pose, durations)

@@ -7,7 +7,7 @@ from typing import Literal
 
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robot.road import Annulus, Road
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class GuidanceSettings:
     """
 
     robot: DifferentialDrive
-    road: Annulus
+    road: Road
     goal: tuple[float, float]
     goal_tolerance: float = 0.01
     final_time: float = 10.0
@@ -118,3 +118,15 @@ class GuidanceSettings:
     frame_id: str = 'odom'
     odom_timeout: float = 0.5
     failure_tolerance: int = 3
+
+    @property
+    def annulus(self) -> Annulus:
+        """The road, for what is about roads between two circles only.
+
+        Raises:
+            ValueError: It is another.
+        """
+        if not isinstance(self.road, Annulus):
+            found = type(self.road).__name__.lower()
+            raise ValueError(f'road.type: found {found}, wanted annulus')  # noqa: TRY004
+        return self.road

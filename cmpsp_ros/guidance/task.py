@@ -42,12 +42,7 @@ class Task:
         """Take road, obstacles and weights from the settings."""
         weights = settings.weights
         self.settings = settings
-        self.cost = Cost(
-            settings.road.center_radius,
-            weights.road_center,
-            weights.control_change,
-            weights.control_effort,
-        )
+        self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self.goal = np.array(settings.goal, dtype=float)
         self.penalty_terminal = np.full(2, _GOAL_PENALTY)
         self.penalty_path = np.array(

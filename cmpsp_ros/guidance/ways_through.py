@@ -69,8 +69,11 @@ def ways_through(
 
     Returns:
         Ways of different signatures; none where everything is closed, or nothing is left to drive.
+
+    Raises:
+        ValueError: The road does not lie between two circles.
     """
-    road = settings.road
+    road = settings.annulus
     begin, total = _arc(road, pose, settings.goal)
     length = abs(total) * road.center_radius
     if length < 2.0 * SPACING:
@@ -78,8 +81,8 @@ def ways_through(
     count = min(math.ceil(length / SPACING), _MOST_STATIONS) + 1
     turned = np.linspace(0.0, abs(total), count)
     side = math.copysign(1.0, total)
-    discs = _discs(space, begin, side)
-    inner, outer = float(np.median(space.inner)), float(np.median(space.outer))
+    discs = _discs(road, space, begin, side)
+    inner, outer = (float(np.median(each)) for each in (space.annulus.inner, space.annulus.outer))
     gaps = free(discs, turned, inner, outer)
     ends = (math.dist(pose[:2], road.center), math.dist(settings.goal, road.center))
     stretches = stretches_of(gaps, discs, turned, ends)
@@ -152,9 +155,9 @@ def in_words(signature: Signature, names: Sequence[str]) -> str:
     return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
 
 
-def _discs(space: ClearSpace, begin: float, side: float) -> list[Disc]:
+def _discs(road: Annulus, space: ClearSpace, begin: float, side: float) -> list[Disc]:
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
-    offsets = space.centers[1:] - space.centers[0]
+    offsets = space.centers - road.center
     return [
         Disc(side * _wrapped(math.atan2(y, x) - begin), math.hypot(x, y), radius)
         for (x, y), radius in zip(offsets.tolist(), radii.tolist(), strict=True)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP, propagate
+
+if TYPE_CHECKING:
+    from cmpsp_ros.mpsp.qp.solution import Row
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,30 @@ class Subproblem:
         parts = {field.name: getattr(lin, field.name) for field in fields(lin)}
         parts |= {name: parts[name][applies] for name in ('g', 'g_X', 'g_U')}
         return all(bool(np.isfinite(part).all()) for part in parts.values())
+
+    def only(self, rows: Iterable[Row]) -> Subproblem:
+        """The same program with no other rows than these and the terminal ones.
+
+        A bound stays on both sides, and a trust region at all stages.
+        """
+        path, bound = np.zeros(self.linearisation.g.shape, bool), np.zeros(self.lower.shape, bool)
+        trust = np.zeros(self.trust_radius.shape, bool)
+        for row in rows:
+            if row.kind == 'path':
+                path[row.stage, row.index] = True
+            elif row.kind == 'bound':
+                bound[row.stage, row.index] = True
+            elif row.kind == 'trust':
+                trust[row.index] = True
+        return replace(
+            self,
+            linearisation=replace(
+                self.linearisation, g=np.where(path, self.linearisation.g, -np.inf)
+            ),
+            lower=np.where(bound, self.lower, -np.inf),
+            upper=np.where(bound, self.upper, np.inf),
+            trust_radius=np.where(trust, self.trust_radius, np.inf),
+        )
 
     def propagate(self, dU: Array) -> Array:
         """Linearised change of the states (7), shape ``(N + 1, n)``.

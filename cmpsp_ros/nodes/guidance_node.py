@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.nodes.clock_watch import ClockWatch
 from cmpsp_ros.nodes.compiling import prepare_aloud
 from cmpsp_ros.nodes.garbage import GarbageCollection
 from cmpsp_ros.nodes.guidance_messages import level_of
@@ -24,6 +26,7 @@ from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
+from cmpsp_ros.nodes.rivals import TRUST, Rivals
 from cmpsp_ros.nodes.runtime import run
 from cmpsp_ros.nodes.topics import GUIDANCE_ODOM, RESET
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -42,6 +45,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.table import Values
 
 _WATCH_PERIOD = 0.05
+_GUIDED = 'Another node guides this robot: {}.'
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
 SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -73,26 +77,41 @@ class GuidanceNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._take_parameters)
         self._health = Health(self, self._report)
         if autostart and self.trigger_configure() == SUCCESS:
-            self.trigger_activate()
+            self._activate_when_known()
 
     def stop(self) -> None:
         """Leave the active state, with a zero twist, before the process ends."""
         if self._state != FINALIZED:
             self.trigger_shutdown()
 
+    def _activate_when_known(self) -> None:
+        """Become active by itself: where others command this robot, once they have been heard."""
+        if not self._rivals.others:
+            self.trigger_activate()
+            return
+
+        def try_once() -> None:
+            self.destroy_timer(timer)
+            if self._state == INACTIVE:
+                self.trigger_activate()
+
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self.create_timer(TRUST, try_once, clock=steady)
+
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Validate the whole set of parameters, load compiled code, open the topics."""
         try:
             if self._values is None:
-                return self._refuse(self._refusal)
+                return self._refuse(self._refusal, 'configure')
             check_cpu(self._values)
             self._settings = guidance_settings(self._values)
             prepare_aloud(self._settings, self.get_logger())
         except Exception as error:  # rclpy would swallow it
-            return self._refuse(str(error) or type(error).__name__)
+            return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
         self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(self, self._values)
+        self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._inputs = (
             GUIDANCE_ODOM.listen_on(self, self._on_odometry),
@@ -104,19 +123,23 @@ class GuidanceNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin: the next odometry is time 0."""
+        """Begin: the next odometry is time 0. Not where another node guides this robot."""
+        if rival := self._rivals.guiding:
+            return self._refuse(_GUIDED.format(rival), 'activate')
+        self._refusal = ''
         self._begin()
         self._law.reset()
         self._show()
         self._garbage.begin()
         for each in self._scheduling.apply():
             self.get_logger().warning(f'{each} The node goes on without.')
+        self._rivals.begin()
         self._state = ACTIVE
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop the robot and go silent."""
-        self._halt('The guidance node was deactivated.')
+        self._halt(self._refusal or 'The guidance node was deactivated.')
         self._rest()
         self._state = INACTIVE
         return super().on_deactivate(state)
@@ -128,6 +151,7 @@ class GuidanceNode(LifecycleNode):
         self.destroy_service(service)
         self.destroy_timer(timer)
         self._outputs.close()
+        self._rivals.close()
         self._garbage.end()
         self._state = UNCONFIGURED
         return super().on_cleanup(state)
@@ -149,21 +173,30 @@ class GuidanceNode(LifecycleNode):
 
     def _begin(self) -> None:
         self._times = StepTimes()
+        self._clock_watch = ClockWatch()
         self._heard_at: int | None = None
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._decision: Decision | None = None
 
     def _rest(self) -> None:
-        """Give back what an active node takes of Python and the system."""
+        """Give back what an active node takes of Python, the system and the robot."""
+        self._rivals.end()
         self._garbage.end()
         self._scheduling.restore()
 
-    def _refuse(self, reason: str) -> TransitionCallbackReturn:
+    def _refuse(self, reason: str, transition: str) -> TransitionCallbackReturn:
         self._refusal = reason
         for line in reason.splitlines():
-            self.get_logger().error(f'cannot configure: {line}')
+            self.get_logger().error(f'cannot {transition}: {line}')
         return FAILURE
+
+    def _give_way(self, rival: str) -> None:
+        """Leave the robot to a node that began before and had not been heard."""
+        if self._state == ACTIVE:
+            self._refusal = _GUIDED.format(rival)
+            self.get_logger().error(self._refusal)
+            self.trigger_deactivate()
 
     def _on_odometry(self, message: Odometry) -> None:
         if self._state != ACTIVE:
@@ -283,6 +316,8 @@ class GuidanceNode(LifecycleNode):
             level, message = DiagnosticStatus.WARN, 'Waiting for odometry.'
         else:
             level, message = level_of(decision), decision.reason
+        if state == ACTIVE and (warnings := self._warnings()):
+            level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *warnings])
         rung = None if decision is None else decision.rung
 
         def figures() -> dict[str, object]:
@@ -294,6 +329,14 @@ class GuidanceNode(LifecycleNode):
             return values | self._times.values()
 
         return Report(level, message, (level, state, rung, listeners), figures)
+
+    def _warnings(self) -> list[str]:
+        """What is wrong around the decisions, in sentences."""
+        return [
+            *self._rivals.warnings(),
+            *self._clock_watch.warnings(self._now()),
+            *self._times.warnings(),
+        ]
 
     def _now(self) -> int:
         return int(self.get_clock().now().nanoseconds)

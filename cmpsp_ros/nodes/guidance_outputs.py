@@ -14,7 +14,16 @@ from cmpsp_ros.nodes.guidance_messages import (
     set_stamp,
 )
 from cmpsp_ros.nodes.markers import marker_array
-from cmpsp_ros.nodes.topics import COMMAND, DECISION, MARKERS, PLAN, STAMPED_COMMAND, WHEELS
+from cmpsp_ros.nodes.plan_markers import PlanMarkers
+from cmpsp_ros.nodes.topics import (
+    COMMAND,
+    DECISION,
+    MARKERS,
+    PLAN,
+    PLAN_MARKERS,
+    STAMPED_COMMAND,
+    WHEELS,
+)
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
@@ -40,6 +49,7 @@ class GuidanceOutputs:
         self._wheels = WHEELS.publish_on(node)
         self._decisions = DECISION.publish_on(node)
         self._path = PLAN.publish_on(node)
+        self._plan_markers = PLAN_MARKERS.publish_on(node)
         self._markers = MARKERS.publish_on(node)
         self._make_messages(values)
 
@@ -53,6 +63,7 @@ class GuidanceOutputs:
         self._wheel_message = JointState(name=values['robot.joint_names'])
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
+        self._plan_message = PlanMarkers(values['frame_id'], values['control_period'])
         self._decision_message = DecisionMessage(f'{name}: decision')
 
     @property
@@ -68,13 +79,15 @@ class GuidanceOutputs:
         self._command.publish(self._command_message)
 
     def report(self, decision: Decision) -> None:
-        """Send what a decision was made of; the path only if somebody listens."""
+        """Send what a decision was made of; path and markers only if somebody listens."""
         fill_wheels(self._wheel_message, decision)
         set_stamp(self._wheel_message.header, decision.stamp)
         self._wheels.publish(self._wheel_message)
         self._decisions.publish(self._decision_message.fill(decision))
         if decision.plan is not None and self._path.get_subscription_count():
             self._path.publish(self._path_message.fill(decision.plan, decision.stamp))
+        if self._plan_markers.get_subscription_count():
+            self._plan_markers.publish(self._plan_message.fill(decision))
 
     def show(self, settings: GuidanceSettings) -> None:
         """Send road, obstacles and goal to everybody, now and later.
@@ -87,5 +100,6 @@ class GuidanceOutputs:
     def close(self) -> None:
         """Destroy all publishers."""
         self._node.destroy_lifecycle_publisher(self._command)
-        for publisher in (self._wheels, self._decisions, self._path, self._markers):
+        reports = (self._wheels, self._decisions, self._path, self._plan_markers, self._markers)
+        for publisher in reports:
             self._node.destroy_publisher(publisher)

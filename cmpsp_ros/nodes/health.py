@@ -80,7 +80,17 @@ class StepTimes:
     def add(self, milliseconds: float, period: float) -> None:
         """Count a step that took so long, of a period in seconds."""
         self._times.append(milliseconds)
-        self._misses += milliseconds > 1e3 * period
+        self._period_ms = 1e3 * period
+        self._misses += milliseconds > self._period_ms
+
+    def warnings(self) -> list[str]:
+        """What is to be said of the latest step, in sentences."""
+        if not self._times or self._times[-1] <= self._period_ms:
+            return []
+        return [
+            f'The last control step took {self._times[-1]:.1f} ms of the'
+            f' {self._period_ms:.1f} ms until the next.'
+        ]
 
     def values(self) -> dict[str, object]:
         """Median, 95th percentile and maximum [ms] and the missed deadlines."""

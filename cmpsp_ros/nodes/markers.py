@@ -12,6 +12,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cmpsp_ros.guidance.keep_clear import at_samples
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
     from builtin_interfaces.msg import Time
 
     from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -43,9 +45,10 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
         markers.append(marker)
 
     road = settings.road
-    for radius in (road.inner_radius, road.outer_radius):
-        add('road', _ring(road.center, radius, 0.05, _ROAD))
-    add('centre_line', _ring(road.center, road.center_radius, 0.02, _ROAD))
+    for edge in road.edges():
+        add('road', _line(edge, 0.05, _ROAD))
+    if len(road.center_line()):
+        add('centre_line', _line(road.center_line(), 0.02, _ROAD))
     kept = at_samples(settings).radii.tolist()
     for obstacle, radius in zip(settings.obstacles, kept, strict=True):
         add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
@@ -67,13 +70,17 @@ def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) 
 def _ring(
     center: tuple[float, float], radius: float, width: float, color: tuple[float, ...]
 ) -> Marker:
+    angles = [math.tau * i / _SEGMENTS for i in range(_SEGMENTS + 1)]
+    x, y = center
+    return _line(
+        [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in angles], width, color
+    )
+
+
+def _line(points: Iterable[Sequence[float]], width: float, color: tuple[float, ...]) -> Marker:
     marker = Marker(type=Marker.LINE_STRIP, color=_color(color))
     marker.scale.x = width
-    angles = [math.tau * i / _SEGMENTS for i in range(_SEGMENTS + 1)]
-    marker.points = [
-        Point(x=center[0] + radius * math.cos(a), y=center[1] + radius * math.sin(a))
-        for a in angles
-    ]
+    marker.points = [Point(x=float(x), y=float(y)) for x, y in points]
     return marker
 
 

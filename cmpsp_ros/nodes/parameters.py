@@ -8,6 +8,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.parameters.parameter import ParameterType
+from cmpsp_ros.parameters.road_files import with_road_file
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -46,7 +47,7 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
             problems of the set, and before anything is declared.
 
     """
-    values = table.resolve(_overrides(node))
+    values = table.resolve(with_road_file(_overrides(node)))
     for key, row in table.keys(values):
         if which in row.nodes:
             _declare(node, key, row, values[key])

@@ -92,12 +92,15 @@ def read_options(node: Node) -> Options:
 
 
 def own_topics(namespace: str) -> frozenset[str]:
-    """Full names of the topics of guidance and sim in a namespace, those they hear included."""
+    """Full names of the topics of guidance and sim in a namespace, those they hear included.
+
+    Hidden ones are left out, as everywhere in ROS, and those that only repeat others.
+    """
     root = namespace.rstrip('/')
     return frozenset(
         each.name if each.name.startswith('/') else f'{root}/{each.name.replace("~", each.node)}'
         for each in TOPICS
-        if each.direction != 'srv'
+        if each.direction != 'srv' and not each.repeats and '/_' not in each.name
     )
 
 

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from rclpy.parameter import Parameter
 
     from cmpsp_ros.parameters.table import Values
-    from cmpsp_ros.robot.plant import Array, Motion
+    from cmpsp_ros.robot.body import Array, Motion
 
 _NS = 1_000_000_000
 _BASE = 'base_link'

@@ -10,7 +10,7 @@ import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -42,6 +42,7 @@ class Topic:
         depth: Messages its queue holds; 0 for a service.
         best_effort: Whether a subscription hears best-effort publishers as well.
         latched: Whether late subscribers are told the last message (transient local).
+        repeats: Whether it only shows once more what other topics say; it is not recorded then.
     """
 
     node: str
@@ -52,6 +53,7 @@ class Topic:
     depth: int = 10
     best_effort: bool = False
     latched: bool = False
+    repeats: bool = False
 
     @property
     def qos(self) -> QoSProfile:
@@ -123,12 +125,34 @@ MARKERS = Topic(
     depth=1,
     latched=True,
 )
+PLAN_MARKERS = Topic(
+    'guidance',
+    'out',
+    '~/plan_markers',
+    MarkerArray,
+    'the plan in the colour of its rung, and the sentence; while somebody listens',
+    repeats=True,
+)
 HEALTH = Topic(
     'guidance',
     'out',
     '/diagnostics',
     DiagnosticArray,
     'once a second and on every change: state, rung, step times, missed deadlines, odometry age',
+)
+GUIDED_BY = Topic(
+    'guidance',
+    'out',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'twice a second while active: who guides and since when; hidden',
+)
+GUIDED_BY_OTHERS = Topic(
+    'guidance',
+    'in',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'a node that hears another one guide the same robot does not become active',
 )
 RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
 

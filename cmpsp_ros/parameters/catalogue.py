@@ -82,14 +82,29 @@ def _parameters() -> Iterator[Parameter]:
 
     place = _Group('Road and obstacles', 'guidance', 'sim')
     yield place('road.type', _STRING, 'annulus', '',
-        'Shape of the road: `annulus` lies between two circles, as in the paper.',
-        choices=('annulus',))
+        'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
+        'along a line through points; `none` is open floor.',
+        choices=('annulus', 'corridor', 'none'), **_FIXED)
     yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
-        'Centre of the road (x, y).', **_POINT)
+        'Centre of an `annulus` (x, y).', **_POINT)
     yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
         'Radius of the inner edge: `r_i` = 9 m in the paper.', range=_NOT_NEGATIVE)
     yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
         'Radius of the outer edge: `r_o` = 11 m in the paper.', range=_POSITIVE)
+    yield place('road.points', _DOUBLES, [], 'm',
+        'Points of the centre line of a `corridor`, in order: x and y of each. With `road.file` '
+        'they are read from a file.')
+    yield place('road.half_width', _DOUBLES, [1.0], 'm',
+        'Distance from the centre line of a `corridor` to either edge: one, or one a point.',
+        range=_POSITIVE)
+    yield place('road.left_width', _DOUBLES, [], 'm',
+        'The same to the left edge only; leave it out where both are the same.',
+        range=_POSITIVE)
+    yield place('road.right_width', _DOUBLES, [], 'm',
+        'The same to the right edge only; leave it out where both are the same.',
+        range=_POSITIVE)
+    yield place('road.closed', _BOOL, False, '',
+        'Whether a `corridor` goes on from its last point to its first.')
     yield place('obstacles.names', _STRINGS, [], '',
         'Names of the obstacles, each with a block of its own; leave it out when there are none.')
     yield place('obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
@@ -119,7 +134,8 @@ def _parameters() -> Iterator[Parameter]:
         'no more than at any other step.', range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
         'Plans that are compared at a control step, at most, for different ways through the '
-        'obstacles; 1 follows one plan, as in the paper.', range=Range(1, 8))
+        'obstacles of an `annulus`; 1 follows one plan, as in the paper and on other roads.',
+        range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
         'Name of the quadratic-programming back end.', **_FIXED)
     yield solver('solver.hessian', _STRING, 'gauss_newton', '',
@@ -214,6 +230,21 @@ def _parameters() -> Iterator[Parameter]:
     yield plant('noise.seed', _INTEGER, 0, '',
         'Seed of all that is random here: the same seed gives the same numbers.',
         range=_NOT_NEGATIVE, **_FIXED)
+
+    physics = _Group('Physics of the simulator', 'sim')
+    yield physics('plant', _STRING, 'kinematic', '',
+        'What moves: exact arcs of the commanded wheel speeds, or a robot with mass, motors and '
+        'tyres in MuJoCo (an option of its own to install).',
+        choices=('kinematic', 'mujoco'), **_FIXED)
+    yield physics('physics.mass', _DOUBLE, 1.0, 'kg', 'Of the whole robot.',
+        range=_POSITIVE, **_FIXED)
+    yield physics('physics.friction', _DOUBLE, 1.0, '',
+        'Sliding friction between tyres and floor.', range=_POSITIVE, **_FIXED)
+    yield physics('physics.torque', _DOUBLE, 0.2, 'N m', 'Most that one motor gives.',
+        range=_POSITIVE, **_FIXED)
+    yield physics('physics.odometry', _STRING, 'truth', '',
+        'Where odometry comes from: the true pose, or what wheel encoders make of the way.',
+        choices=('truth', 'encoders'), **_FIXED)
 # fmt: on
 
 

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from cmpsp_ros.parameters import ros_yaml
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.road_files import with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
@@ -55,7 +56,8 @@ def load_parameter_file(
             it, what the file says to guidance and simulator in any namespace.
 
     Returns:
-        Values by key. Of several sections that give a key, the later in the file counts.
+        Values by key, with the road of a `road.file`. Of several sections that give a key, the
+        later in the file counts.
 
     Raises:
         ParameterError: If there is no such file or preset, the file is not YAML of ROS
@@ -75,7 +77,31 @@ def load_parameter_file(
         raise ParameterError(Problem(str(path), found, f'one for {node or "/**, guidance, sim"}'))
     if node is None:
         _refuse_contradictions(chosen, str(path))
-    return {key: value for section in chosen.values() for key, value in section.items()}
+    values = {key: value for section in chosen.values() for key, value in section.items()}
+    return with_road_file(values)
+
+
+def file_of(path_or_name: str, kind: str, folder: Path) -> Path:
+    """The file that is meant by a path or by a name without folder and suffix.
+
+    Args:
+        path_or_name: What the user wrote.
+        kind: What the name is one of, for the message.
+        folder: Where the files with names are.
+
+    Raises:
+        ParameterError: If there is nothing of that name; the message has the nearest.
+    """
+    path = Path(path_or_name)
+    if path.suffix or path.name != path_or_name:
+        return path
+    names = sorted(each.stem for each in folder.glob('*.yaml'))
+    if path.name in names:
+        return folder / f'{path.name}.yaml'
+    nearest = difflib.get_close_matches(path.name, names, n=1)
+    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
+    wanted = f'a {kind} ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
+    raise ParameterError(Problem(describe(path_or_name), f'no such {kind}', wanted))
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -109,16 +135,9 @@ def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]
 
 
 def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
-    path = Path(path_or_preset_name)
-    if not isinstance(path_or_preset_name, str) or path.suffix or path.name != path_or_preset_name:
-        return path
-    names = preset_names()
-    if path.name in names:
-        return config_directory() / f'{path.name}.yaml'
-    nearest = difflib.get_close_matches(path.name, names, n=1)
-    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
-    wanted = f'a preset ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
-    raise ParameterError(Problem(describe(path_or_preset_name), 'no such preset', wanted))
+    if not isinstance(path_or_preset_name, str):
+        return Path(path_or_preset_name)
+    return file_of(path_or_preset_name, 'preset', config_directory())
 
 
 def _concerns(section: str, node: str | None) -> bool:

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, Final
 
+import numpy as np
+
 from cmpsp_ros.guidance.settings import (
     GuidanceSettings,
     InitialGuess,
@@ -17,15 +19,21 @@ from cmpsp_ros.guidance.settings import (
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.roads import off_road_problems, road_of, road_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import OdometryErrors
 from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.physics import Physics
 from cmpsp_ros.robot.plant import PlantSettings
-from cmpsp_ros.robot.road import Annulus
 
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""
+
+_LARGEST: Final = 1e9
+_SMALLEST: Final = 1e-6
+_DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
+"""What the law divides by, beside a wheel limit that is not 0."""
 
 
 def guidance_settings(values: Values) -> GuidanceSettings:
@@ -38,15 +46,17 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If the road leaves no room, the goal is off the road or in an obstacle,
-            the final time comes before the first control step or before its command has held for
-            one, or the QP back end is not installed; with all of these.
+        ParameterError: If a number is out of all proportion; else if the road cannot be made or
+            leaves no room, the goal is off the road or in an obstacle, the final time comes before
+            the first control step or before its command has held for one, or the QP back end is
+            not installed; with all of these.
     """
-    groups = (_time_problems, _road_problems, _goal_problems, _solver_problems)
+    _raise_if_any(list(_size_problems(values)))
+    groups = (_time_problems, road_problems, _goal_problems, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
-        road=_road(values),
+        road=road_of(values),
         goal=tuple(values['goal.position']),
         goal_tolerance=values['goal.tolerance'],
         final_time=values['final_time'],
@@ -73,7 +83,8 @@ def plant_settings(values: Values) -> PlantSettings:
         values: A set resolved by the table.
 
     Raises:
-        ParameterError: If the times at which odometry is lost are no pairs in order.
+        ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
+            asked of a robot whose tyres slip by themselves.
     """
     return PlantSettings(
         robot=_robot(values),
@@ -94,6 +105,7 @@ def plant_settings(values: Values) -> PlantSettings:
             dropout_windows=_dropout_windows(values),
         ),
         seed=values['noise.seed'],
+        physics=_physics(values),
     )
 
 
@@ -152,6 +164,26 @@ def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:
     return tuple(zip(times[::2], times[1::2], strict=True))
 
 
+def _physics(values: Values) -> Physics | None:
+    if values['plant'] != 'mujoco':
+        return None
+    _raise_if_any(
+        [
+            Problem(
+                key, describe(values[key]), 'no slip: with plant mujoco it is friction that decides'
+            )
+            for key in ('wheel_slip', 'wheel_slip_stddev')
+            if np.any(values[key])
+        ]
+    )
+    return Physics(
+        mass=values['physics.mass'],
+        friction=values['physics.friction'],
+        torque=values['physics.torque'],
+        encoders=values['physics.odometry'] == 'encoders',
+    )
+
+
 def _whole(seconds: float) -> int:
     return round(seconds * 1_000_000_000)
 
@@ -161,12 +193,6 @@ def _robot(values: Values) -> DifferentialDrive:
         wheel_radius=values['robot.wheel_radius'],
         half_track=values['robot.half_track'],
         max_wheel_speed=values['robot.max_wheel_speed'] or math.inf,
-    )
-
-
-def _road(values: Values) -> Annulus:
-    return Annulus(
-        tuple(values['road.center']), values['road.inner_radius'], values['road.outer_radius']
     )
 
 
@@ -186,6 +212,24 @@ def _section(values: Values, name: str) -> dict[str, Any]:
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
+def _size_problems(values: Values) -> Iterator[Problem]:
+    """Numbers that no robot has, and that floats cannot calculate with."""
+    for key, value in values.items():
+        numbers = [each for each in _as_list(value) if isinstance(each, float)]
+        if any(abs(number) > _LARGEST for number in numbers):
+            yield Problem(key, describe(value), f'no number beyond {_LARGEST:.0e}')
+    for key in _DIVISORS:
+        if values[key] < _SMALLEST:
+            yield Problem(key, describe(values[key]), f'{_SMALLEST:.0e} or more')
+    if 0.0 < values['robot.max_wheel_speed'] < _SMALLEST:
+        found = f'{values["robot.max_wheel_speed"]} rad/s'
+        yield Problem('robot.max_wheel_speed', found, f'{_SMALLEST:.0e} rad/s or more, or 0')
+
+
+def _as_list(value: Any) -> list[Any]:
+    return value if isinstance(value, list) else [value]
+
+
 def _time_problems(values: Values) -> Iterator[Problem]:
     final_time, period = values['final_time'], values['control_period']
     if final_time < period:
@@ -196,20 +240,6 @@ def _time_problems(values: Values) -> Iterator[Problem]:
     if final_time > _MOST_STEPS * period:
         wanted = f'at most {_MOST_STEPS} times control_period = {period} s'
         yield Problem('final_time', f'{final_time} s', wanted)
-
-
-def _road_problems(values: Values) -> Iterator[Problem]:
-    road = _road(values)
-    width = road.outer_radius - road.inner_radius
-    if width <= 0.0:
-        wanted = f'less than road.outer_radius = {road.outer_radius} m'
-        yield Problem('road.inner_radius', f'{road.inner_radius} m', wanted)
-        return
-    needed = values['robot.radius'] + values['safety.margin']
-    if width / 2.0 <= needed:
-        where = 'road.inner_radius, road.outer_radius'
-        wanted = f'more than robot.radius + safety.margin = {needed:.9g} m'
-        yield Problem(where, f'a road of half width {width / 2.0:.9g} m', wanted)
 
 
 def _goal_problems(values: Values) -> Iterator[Problem]:
@@ -227,14 +257,8 @@ def _solver_problems(values: Values) -> Iterator[Problem]:
 
 def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
     """What forbids the robot, without its margin, to stand at a point [m]."""
-    road, radius = _road(values), values['robot.radius']
-    low, high = road.inner_radius + radius, road.outer_radius - radius
-    distance = math.dist(point, road.center)
-    # A road that leaves no room is a problem of its own.
-    if low < high and not low <= distance <= high:
-        wanted = f'{low:.9g} to {high:.9g} m (road.inner_radius + robot.radius to '
-        wanted += 'road.outer_radius - robot.radius)'
-        yield Problem(key, f'{distance:.9g} m from road.center', wanted)
+    yield from off_road_problems(values, key, point)
+    radius = values['robot.radius']
     for obstacle in _obstacles(values):
         distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
         if distance < needed:

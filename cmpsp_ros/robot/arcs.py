@@ -93,6 +93,19 @@ def arc_from(x: float, y: float, heading: float, length: float, turn: float) -> 
 
 
 @allocation_free
+def arc_part(arc: Arc, part: float) -> Any:
+    """Where an arc leads after a part of it: x, y [m], cosine and sine of the heading there."""
+    half = arc.turn * part / 2.0
+    chord = arc.length * part
+    chord *= math.sin(half) / half if abs(half) > 1e-4 else 1.0 - half * half / 6.0
+    cosine, sine = math.cos(half), math.sin(half)
+    middle_x = arc.cosine * cosine - arc.sine * sine
+    middle_y = arc.sine * cosine + arc.cosine * sine
+    x, y = arc.x + chord * middle_x, arc.y + chord * middle_y
+    return x, y, middle_x * cosine - middle_y * sine, middle_y * cosine + middle_x * sine
+
+
+@allocation_free
 def reach_of(arc: Arc, point_x: float, point_y: float) -> Any:
     """Least and greatest distance of one arc, from end to end, to one point [m]."""
     out_x, out_y = point_x - arc.x, point_y - arc.y

@@ -100,6 +100,44 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
     return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))
 
 
+@lru_cache(maxsize=256)
+def sagitta(bend: float, limits: TwistLimits, period: float) -> float:
+    """Clearance from a bent edge at the samples that keeps the arcs between them clear.
+
+    Along an arc the second derivative of the clearance by time is at least ``-(v w + v^2 bend)``:
+    over a period it falls below the line between its ends by at most an eighth of that times the
+    period squared.
+
+    Args:
+        bend: Greatest second derivative of the clearance along any straight line [1/m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Clearance to keep at the samples [m].
+    """
+
+    def fall(R: Array, a: Array) -> Array:
+        return _fall(R, a, bend)
+
+    straight = bend * (limits.speed * period / 2.0) ** 2 / 2.0
+    return max(straight, _largest(fall, limits, period))
+
+
+def sagitta_known(bends: Array, twists: Array, period: float) -> Array:
+    """Like `sagitta`, for known arcs.
+
+    Args:
+        bends: Of several edges, shape ``(M,)`` [1/m].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Clearance to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    return _fall(*_arcs(twists, period), bends)
+
+
 def outside_known(distance: Array, twists: Array, period: float) -> Array:
     """Like `outside`, for one known arc each instead of the worst of all.
 
@@ -124,6 +162,12 @@ def inside_known(distance: float, twists: Array, period: float) -> Array:
     return shrunk
 
 
+def at_ends(worse: Callable[[Array, Array], Array], of_arcs: Array) -> Array:
+    """From one value an arc to one a sample: the worse of the two arcs that meet there."""
+    before, after = np.concatenate([of_arcs[:1], of_arcs]), np.concatenate([of_arcs, of_arcs[-1:]])
+    return worse(before, after)
+
+
 def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
     """Radius and half angle of known arcs, each of shape ``(N, 1)``."""
     w = np.maximum(np.abs(twists[:, 1:]), _STRAIGHT)
@@ -134,6 +178,12 @@ def _bulge(R: Array, a: Array, to_center: Array) -> Array:
     """Difference of the squared distances, from the arc's radius, half angle and centre."""
     bulge: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
     return bulge
+
+
+def _fall(R: Array, a: Array, bend: float | Array) -> Array:
+    """Sagitta of an arc, and of an edge that is bent over its length, from above."""
+    fall: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
+    return fall
 
 
 def _largest(

@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.compiled import allocation_free, implements
 from cmpsp_ros.mpsp.realtime import functions
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
+from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive, drive_and_differentiate
 
 Array = NDArray[np.float64]
 
-# The centre line's distance has no second derivative at the road's centre; nearer than this [m]
-# its curvature is held.
-_LEAST_RADIUS = 1e-3
-
 EDGES = 2
-"""Path constraints of the road, outer edge first; the obstacles' follow."""
+"""Path constraints of the road, one an edge; the obstacles' follow."""
 
 GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
 """Which Hessian of the cost."""
@@ -35,14 +32,12 @@ class GuidanceData(NamedTuple):
         pose: Present pose, shape ``(3,)`` [m, m, rad].
         goal: Point to pass at the end, shape ``(2,)`` [m].
         durations: Length of every step, shape ``(N,)`` [s].
-        centers: Centres of the road and then of the obstacles, shape ``(1 + M, 2)`` [m].
-        inner: Least distance from the road's centre, shape ``(K,)`` [m].
-        outer: Greatest distance from it, shape ``(K,)`` [m].
+        road: Where on the road the robot's centre may be, as `road_functions` has it.
+        centers: Centres of the obstacles, shape ``(M, 2)`` [m].
         radii: Least distances from the obstacles' centres, shape ``(K, M)`` [m].
         wheel_radius: The paper's ``r`` [m].
         half_track: The paper's ``L`` [m].
-        center_radius: ``r_p``, radius of the road's centre line [m].
-        road_center: ``q``, on the squared distance to it [1/m^2].
+        road_center: ``q``, on the squared distance to the centre line [1/m^2].
         control_change: ``R``, on the squared change between iterations [s^2/rad^2].
         control_effort: On the squared wheel speeds [s^2/rad^2].
         hessian: `GAUSS_NEWTON`, `PROJECTED` or `EXACT`.
@@ -51,13 +46,11 @@ class GuidanceData(NamedTuple):
     pose: Array
     goal: Array
     durations: Array
+    road: Any
     centers: Array
-    inner: Array
-    outer: Array
     radii: Array
     wheel_radius: float
     half_track: float
-    center_radius: float
     road_center: float
     control_change: float
     control_effort: float
@@ -78,8 +71,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """Value of (95) without its proximal term; see `functions.evaluate`."""
     cost = 0.0
     N = data.durations.shape[0]
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2])
     for k in range(N + 1):
-        off_center = _constrain(data, X, k, g) - data.center_radius
+        progress, off_center = _constrain(data, X, k, progress, g)
         cost += data.road_center * off_center * off_center
         cost += data.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
     for i in range(2):
@@ -91,27 +85,28 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
 def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
     """Analytic derivatives; see `functions.linearise`.
 
-    The second derivative of ``(r - r_p)^2 / 2`` is ``n n' + (1 - r_p / r) t t'`` with unit
-    vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term out. It
-    is negative wherever ``r < r_p``, and there 0 in the projection.
+    The second derivative of half the squared distance from the centre line is ``n n' + a t t'``
+    with unit vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term
+    out. Where ``a`` is negative, on the inner side of a curve, it is 0 in the projection.
     """
     N = data.durations.shape[0]
     q = data.road_center
     curvature = data.control_change + data.control_effort
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2])
     for k in range(N + 1):
         if k < N:
             duration = data.durations[k]
             drive_and_differentiate(
                 qp.A, qp.B, X, U, k, duration, data.wheel_radius, data.half_track
             )
-        distance = _constrain(data, X, k, qp.g)
-        off_center = distance - data.center_radius
-        x, y = _away(data, X, k, 0, distance)
-        along = 0.0
-        if data.hessian != GAUSS_NEWTON:
-            along = off_center / max(distance, _LEAST_RADIUS)
-            if data.hessian == PROJECTED:
-                along = max(along, 0.0)
+        progress, off_center = _constrain(data, X, k, progress, qp.g)
+        x, y, along, first_x, first_y, second_x, second_y = road_functions.slopes(
+            data.road, X[k, 0], X[k, 1], progress
+        )
+        if data.hessian == GAUSS_NEWTON:
+            along = 0.0
+        elif data.hessian == PROJECTED:
+            along = max(along, 0.0)
         qp.L_X[k, 0] = q * off_center * x
         qp.L_X[k, 1] = q * off_center * y
         qp.L_XX[k, 0, 0] = q * (x * x + along * y * y)
@@ -122,37 +117,38 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
             qp.L_U[k, a] = data.control_effort * U[k, a]
             for b in range(2):
                 qp.L_UU[k, a, b] = curvature if a == b else 0.0
-        qp.g_X[k, 0, 0] = x
-        qp.g_X[k, 0, 1] = y
-        qp.g_X[k, 1, 0] = -x
-        qp.g_X[k, 1, 1] = -y
-        for j in range(1, data.centers.shape[0]):
+        qp.g_X[k, 0, 0] = first_x
+        qp.g_X[k, 0, 1] = first_y
+        qp.g_X[k, 1, 0] = second_x
+        qp.g_X[k, 1, 1] = second_y
+        for j in range(data.centers.shape[0]):
             x, y = _away(data, X, k, j, _distance(data, X, k, j))
-            qp.g_X[k, EDGES - 1 + j, 0] = -x
-            qp.g_X[k, EDGES - 1 + j, 1] = -y
+            qp.g_X[k, EDGES + j, 0] = -x
+            qp.g_X[k, EDGES + j, 1] = -y
     for i in range(2):
         qp.output_error[i] = X[N, i] - data.goal[i]
         qp.h_X[i, i] = 1.0
 
 
 @allocation_free
-def _constrain(data: GuidanceData, X: Array, k: int, g: Array) -> float:
-    """Constraints of a stage, not positive where met; returns the distance to the road's centre.
+def _constrain(data: GuidanceData, X: Array, k: int, progress: float, g: Array) -> Any:
+    """Constraints of a stage, not positive where met; returns progress and what is off the centre.
 
     They are distances, not their squares as in (92) and (93): their linearisation then errs on
     the safe side of every convex obstacle. Where the robot is now it cannot be changed.
     """
-    distance = _distance(data, X, k, 0)
+    progress, off_center, first, second = road_functions.measure(
+        data.road, k, X[k, 0], X[k, 1], progress
+    )
     if k == 0:
         for j in range(g.shape[1]):
             g[0, j] = -math.inf
-        return distance
-    at = min(k, data.inner.shape[0] - 1)
-    g[k, 0] = distance - data.outer[at]
-    g[k, 1] = data.inner[at] - distance
-    for j in range(1, data.centers.shape[0]):
-        g[k, EDGES - 1 + j] = data.radii[at, j - 1] - _distance(data, X, k, j)
-    return distance
+        return progress, off_center
+    g[k, 0], g[k, 1] = first, second
+    at = min(k, data.radii.shape[0] - 1)
+    for j in range(data.centers.shape[0]):
+        g[k, EDGES + j] = data.radii[at, j] - _distance(data, X, k, j)
+    return progress, off_center
 
 
 @allocation_free

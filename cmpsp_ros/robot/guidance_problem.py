@@ -40,14 +40,12 @@ class Cost:
     """Weights of the cost, each with the factor 1/2 of (95).
 
     Attributes:
-        center_radius: ``r_p``, radius of the road's centre line [m].
-        road_center: ``q``, on the squared distance to it [1/m^2].
+        road_center: ``q``, on the squared distance to the centre line [1/m^2].
         control_change: ``R``, on the squared change between iterations [s^2/rad^2]; it enters the
             Hessian alone, since at the trajectory that is linearised nothing has changed.
         control_effort: On the squared wheel speeds [s^2/rad^2].
     """
 
-    center_radius: float
     road_center: float
     control_change: float
     control_effort: float
@@ -87,7 +85,7 @@ class GuidanceProblem(OptimalControlProblem):
         """
         steps = len(durations)
         self.size = Dimensions(
-            horizon=steps, state=3, control=2, output=2, path=EDGES + len(space.centers) - 1
+            horizon=steps, state=3, control=2, output=2, path=EDGES + len(space.centers)
         )
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
@@ -144,13 +142,11 @@ def guidance_data(
         pose=pose,
         goal=goal,
         durations=durations,
+        road=space.road,
         centers=space.centers,
-        inner=np.atleast_1d(space.inner),
-        outer=np.atleast_1d(space.outer),
         radii=np.atleast_2d(space.radii),
         wheel_radius=float(robot.wheel_radius),
         half_track=float(robot.half_track),
-        center_radius=float(cost.center_radius),
         road_center=float(cost.road_center),
         control_change=float(cost.control_change),
         control_effort=float(cost.control_effort),

@@ -2,7 +2,8 @@
 
 Nothing here reads a clock: time is an argument in integer nanoseconds, so a run repeats exactly.
 A command waits for its delay, is followed by the wheels with their lag, and moves the robot less
-than they turn where they slip. All of this is off by default.
+than they turn where they slip. All of this is off by default. What then moves, and how, is the
+business of a `Body`.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.robot.arc_body import ArcBody
+from cmpsp_ros.robot.body import Body, Motion
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import Measurement, OdometryErrors
+from cmpsp_ros.robot.physics import Physics
 from cmpsp_ros.robot.streams import Stream, generator
-from cmpsp_ros.robot.wheel_lag import SLICE_NS, LaggedWheels
 
 Array = NDArray[np.float64]
 
@@ -45,6 +48,7 @@ class PlantSettings:
         wheel_slip_stddev: Standard deviation of what is added to it, for each wheel and command.
         odometry: How odometry differs from the truth.
         seed: Of all that is random.
+        physics: Mass, friction and motors of a robot that has them; None for exact arcs.
     """
 
     robot: DifferentialDrive
@@ -58,23 +62,7 @@ class PlantSettings:
     wheel_slip_stddev: float = 0.0
     odometry: OdometryErrors = field(default_factory=OdometryErrors)
     seed: int = 0
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Where the robot is at an instant, and how it moves from there on.
-
-    Attributes:
-        stamp_ns: The instant [ns].
-        pose: Shape ``(3,)`` [m, m, rad]; the heading is not wrapped.
-        wheel_speeds: At which right and left wheel turn, shape ``(2,)`` [rad/s].
-        twist: At which the robot moves, shape ``(2,)`` [m/s, rad/s].
-    """
-
-    stamp_ns: int
-    pose: Array
-    wheel_speeds: Array
-    twist: Array
+    physics: Physics | None = None
 
 
 @dataclass(frozen=True)
@@ -93,12 +81,7 @@ class _Command:
 
 
 class Plant:
-    """The robot between commands, in closed form.
-
-    Its path is made of arcs of constant wheel speeds. Every pose is computed from the beginning of
-    its arc, not from the last call: how finely time is advanced makes no difference, not even in
-    the last bit.
-    """
+    """The robot between commands."""
 
     def __init__(self, settings: PlantSettings, start_ns: int = 0) -> None:
         """Put the robot at its initial pose, at rest.
@@ -106,9 +89,13 @@ class Plant:
         Args:
             settings: What it depends on.
             start_ns: Time at which it stands there [ns].
+
+        Raises:
+            PhysicsError: MuJoCo is asked for and not installed.
         """
         self._settings = settings
         self._now_ns = self._heard_ns = start_ns
+        self._body = _body(settings)
         self.reset()
 
     @property
@@ -117,25 +104,24 @@ class Plant:
         return self._now_ns
 
     @property
+    def motion(self) -> Motion:
+        """Pose and speeds now: the true ones, after wheel limits, lag and slip."""
+        return self._body.motion(self._now_ns)
+
+    @property
     def pose(self) -> Array:
         """True pose, shape ``(3,)`` [m, m, rad]; the heading is not wrapped."""
-        return self._pose_at(self._now_ns)
+        return self.motion.pose
 
     @property
     def wheel_speeds(self) -> Array:
-        """Speeds at which right and left wheel turn on this arc, shape ``(2,)`` [rad/s]."""
-        speeds: Array = self._wheel_speeds.copy()
-        return speeds
+        """Speeds at which right and left wheel turn, shape ``(2,)`` [rad/s]."""
+        return self.motion.wheel_speeds
 
     @property
     def twist(self) -> Array:
-        """Twist driven, after wheel limits, lag and slip, shape ``(2,)`` [m/s, rad/s]."""
-        return self._settings.robot.twist(self._wheel_speeds * self._grip)
-
-    @property
-    def motion(self) -> Motion:
-        """Pose and speeds now."""
-        return Motion(self._now_ns, self.pose, self.wheel_speeds, self.twist)
+        """Twist driven, shape ``(2,)`` [m/s, rad/s]."""
+        return self.motion.twist
 
     def reset(self) -> None:
         """Put the robot back to its initial pose, at rest, and begin all that is random again.
@@ -143,12 +129,11 @@ class Plant:
         Time goes on from where it is. Commands that have not taken effect yet are forgotten.
         """
         settings = self._settings
-        self._start_ns = self._from_ns = self._heard_ns = self._now_ns
-        self._from_pose = np.array(settings.initial_pose, dtype=float)
+        self._start_ns = self._heard_ns = self._now_ns
+        self._body.place(self._now_ns, np.array(settings.initial_pose, dtype=float))
         self._pending: deque[_Command] = deque()
         self._expires_ns: int | None = None
         self._grip = 1.0 - np.array(settings.wheel_slip, dtype=float)
-        self._follow(np.zeros(2), np.zeros(2))
         self._jitter = generator(settings.seed, Stream.JITTER)
         self._slip = generator(settings.seed, Stream.SLIP)
         self._measurement = Measurement(settings.seed)
@@ -157,14 +142,14 @@ class Plant:
         """Go on under other settings.
 
         What was commanded before keeps its wheel speeds, its slip and the time of its effect, and
-        of its end if it has taken effect. Initial pose and seed count from the next reset on.
+        of its end if it has taken effect. Initial pose, seed and physics count from the next reset
+        on.
 
         Args:
             settings: What the robot depends on from the time reached on.
         """
-        self._from_pose, self._from_ns, speeds = self.pose, self._now_ns, self._speeds_now()
         self._settings = settings
-        self._follow(speeds, self._lagged.target)
+        self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
 
     def command(self, stamp_ns: int, linear: float, angular: float) -> None:
         """Ask for a twist; it is driven from ``stamp_ns`` plus the actuation delay on.
@@ -217,20 +202,22 @@ class Plant:
             raise ValueError(f'advance to {stamp_ns} ns: expected {self._now_ns} ns or later')
         changes: list[Motion] = []
         while True:
-            effect_ns = self._pending[0].effect_ns if self._pending else math.inf
-            expires_ns = math.inf if self._expires_ns is None else self._expires_ns
-            self._lag_behind(min(stamp_ns, effect_ns, expires_ns), changes)
-            if effect_ns <= min(stamp_ns, expires_ns):
+            effect_ns = self._pending[0].effect_ns if self._pending else None
+            next_ns = min(
+                each for each in (stamp_ns, effect_ns, self._expires_ns) if each is not None
+            )
+            changes += self._body.drive(next_ns)
+            if effect_ns == next_ns:
                 command = self._pending.popleft()
-                self._change(command.effect_ns, command.wheel_speeds)
                 self._grip = command.grip
-                self._expires_ns = self._expiry(command.effect_ns)
-            elif self._expires_ns is not None and self._expires_ns < stamp_ns:
-                self._change(self._expires_ns, np.zeros(2))
+                self._body.follow(next_ns, command.wheel_speeds, command.grip)
+                self._expires_ns = self._expiry(next_ns)
+            elif self._expires_ns == next_ns < stamp_ns:
+                self._body.follow(next_ns, np.zeros(2), self._grip)
                 self._expires_ns = None
             else:
                 break
-            changes.append(self.motion)
+            changes.append(self._body.motion(next_ns))
         self._now_ns = stamp_ns
         return changes
 
@@ -241,52 +228,8 @@ class Plant:
             The pose measured, shape ``(3,)`` [m, m, rad], or None if the message is lost.
         """
         elapsed = (self._now_ns - self._start_ns) / _NS
-        return self._measurement.measure(self._settings.odometry, elapsed, self.pose)
-
-    def _change(self, stamp_ns: int, target: Array) -> None:
-        """Begin to follow other wheel speeds at an instant."""
-        pose = self._pose_at(stamp_ns)
-        self._now_ns = stamp_ns
-        speeds = self._speeds_now()
-        self._from_pose, self._from_ns = pose, stamp_ns
-        self._follow(speeds, target)
-
-    def _follow(self, speeds: Array, target: Array) -> None:
-        """Let the wheels go from their speeds to others, from the arc's beginning on."""
-        self._lagged = LaggedWheels(speeds, target, self._settings.wheel_lag)
-        self._followed_ns, self._slice = self._from_ns, 0
-        self._wheel_speeds = self._lagged.means(0, 1)[0]
-
-    def _lag_behind(self, stamp_ns: float, changes: list[Motion]) -> None:
-        """Drive all slices that end up to an instant, and note the beginning of each next one."""
-        if self._slice == self._lagged.slices:
-            return
-        passed = int(stamp_ns - self._followed_ns) // SLICE_NS
-        last = min(passed, self._lagged.slices)
-        if last <= self._slice:
-            return
-        robot, first = self._settings.robot, self._slice
-        stamps = [self._followed_ns + k * SLICE_NS for k in range(first + 1, last + 1)]
-        speeds = self._lagged.means(first, last + 1)
-        durations = np.full(last - first, SLICE_NS / _NS)
-        durations[0] = (stamps[0] - self._from_ns) / _NS
-        ground = speeds * self._grip
-        poses, twists = robot.roll_out(self._from_pose, ground[:-1], durations), robot.twist(ground)
-        changes += map(Motion, stamps, poses[1:], speeds[1:], twists[1:])
-        self._slice, self._wheel_speeds = last, speeds[-1]
-        self._from_pose, self._from_ns = poses[-1].copy(), stamps[-1]
-        self._now_ns = stamps[-1]
-
-    def _speeds_now(self) -> Array:
-        return self._lagged.at((self._now_ns - self._followed_ns) / _NS)
-
-    def _pose_at(self, stamp_ns: int) -> Array:
-        duration = (stamp_ns - self._from_ns) / _NS
-        path = self._settings.robot.roll_out(
-            self._from_pose, (self._wheel_speeds * self._grip)[None], np.array([duration])
-        )
-        pose: Array = path[1]
-        return pose
+        pose = self._body.odometry(self._now_ns)
+        return self._measurement.measure(self._settings.odometry, elapsed, pose)
 
     def _delay_ns(self) -> int:
         delay, jitter = self._settings.actuation_delay, self._settings.actuation_jitter
@@ -311,3 +254,12 @@ class Plant:
         # exactly 1, its speed exactly the limit, and rounding cannot lift the other above it.
         limited: Array = wheel_speeds / fastest * limit
         return limited
+
+
+def _body(settings: PlantSettings) -> Body:
+    if settings.physics is None:
+        return ArcBody(settings.robot, settings.wheel_lag)
+    # MuJoCo is an option, and takes a while to import.
+    from cmpsp_ros.robot.physics_body import PhysicsBody  # noqa: PLC0415
+
+    return PhysicsBody(settings.robot, settings.wheel_lag, settings.physics)

@@ -161,6 +161,17 @@ def test_preset_in_lockstep(start_demo, tmp_path, preset):
     assert summary['miss_m'] == pytest.approx(at_final_time(folder), abs=1e-9)
 
 
+def test_a_robot_that_people_own_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('case3_wide', '--robot', 'jackal', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['preset'] == 'case3_wide with jackal'
+    assert summary['max_wheel_speed_rad_s'] <= 20.408
+    assert summary['clearance_m'] >= 0.0
+    assert summary['miss_m'] < 1e-6
+
+
 def at_final_time(folder):
     """Distance of the last truth at the final time from the goal [m]."""
     with Bag(folder / 'bag') as bag:
@@ -169,6 +180,16 @@ def at_final_time(folder):
                 place = message.pose.pose.position
                 return ((place.x - 10.0) ** 2 + place.y**2) ** 0.5
     return None
+
+
+def test_a_road_that_crosses_itself_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('corridor', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['rungs'] == {'nominal': 100, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary['clearance_m'] >= 0.0
+    assert summary['miss_m'] < 1e-6
 
 
 def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):

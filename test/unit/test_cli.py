@@ -48,8 +48,8 @@ def outcome(monkeypatch):
     asked = []
 
     def set_outcome(result):
-        def run(scenario, folder, progress):
-            asked.append((scenario, folder))
+        def run(scenario, folder, progress, view_port):
+            asked.append((scenario, folder, view_port))
             progress(1.0)
             if isinstance(result, BaseException):
                 raise result
@@ -71,7 +71,7 @@ def test_help_names_every_command_and_option(invoke):
     assert 'demo' in result.output
     result = invoke('demo', '--help')
     assert result.exit_code == 0
-    for option in ('--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
+    for option in ('--robot', '--lockstep', '--output', '--set', 'KEY=VALUE', '--force', 'preset'):
         assert option in words(result.output)
     assert 'Exit code 0 only if' in words(result.output)
 
@@ -79,8 +79,8 @@ def test_help_names_every_command_and_option(invoke):
 def test_help_lists_the_commands_in_the_order_of_their_use(invoke):
     listed = re.findall(r'^│ ([a-z]+)  ', invoke('--help').stdout, re.MULTILINE)
     assert listed == [
-        'demo', 'audit', 'bench', 'paper', 'study', 'export', 'record', 'recover', 'replay',
-        'report', 'play', 'warmup',
+        'demo', 'audit', 'bench', 'paper', 'study', 'export', 'film', 'record', 'recover',
+        'replay', 'report', 'play', 'view', 'warmup',
     ]  # fmt: skip
 
 
@@ -110,13 +110,23 @@ def test_a_good_run_is_exit_code_0_with_its_figures(invoke, outcome, tmp_path):
         '--output', folder,
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    ((scenario, where),) = asked
-    assert where == folder
+    ((scenario, where, view_port),) = asked
+    assert (where, view_port) == (folder, None)
     assert scenario.name == 'case2'
     assert scenario.lockstep
     assert (scenario.settings.final_time, scenario.values['odom_rate']) == (11.0, 100.0)
     for said in ('case3: 50 steps', '1e-09 m', '+0.0100 m', '50 nominal', '1.00 / 2.00 / 3.00 ms'):
         assert said in words(result.stdout)
+
+
+def test_what_a_chosen_robot_changes_is_said_before_the_run(invoke, outcome, tmp_path):
+    outcome(DemoError('nothing was driven'))
+    args = ('demo', 'case3', '--robot', 'turtlebot3_burger', '--output', tmp_path / 'run')
+    said = words(invoke(*args).stderr)
+    assert said.index('s instead of 10 s: this robot drives') < said.index('nothing was driven')
+    refused = invoke('demo', '--robot', 'jakal', '--output', tmp_path / 'other')
+    assert refused.exit_code == 1
+    assert 'did you mean jackal?' in words(refused.stderr)
 
 
 @pytest.mark.parametrize(
@@ -136,6 +146,14 @@ def test_a_bad_run_is_exit_code_1_and_says_why(invoke, outcome, tmp_path, result
     assert said not in words(done.stdout)
 
 
+def test_a_view_is_announced_with_its_address(invoke, outcome, tmp_path):
+    asked = outcome(summary())
+    result = invoke('demo', '--view', '--port', '8123', '--output', tmp_path / 'run')
+    assert result.exit_code == 0, result.output
+    assert 'http://127.0.0.1:8123/ shows the run' in words(result.stderr)
+    assert asked[0][2] == 8123
+
+
 def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
     outcome(KeyboardInterrupt())
     done = invoke('demo', '--output', tmp_path / 'run')
@@ -144,7 +162,7 @@ def test_an_interrupted_run_is_exit_code_130(invoke, outcome, tmp_path):
 
 
 def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
-    def run(scenario, folder, progress):
+    def run(scenario, folder, progress, view_port):
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(demo_run, 'run', run)

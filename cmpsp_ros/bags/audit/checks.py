@@ -11,8 +11,11 @@ from cmpsp_ros.bags.audit import command_checks, ladder_checks, path_checks
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
 from cmpsp_ros.bags.audit.record import Record, read_record
 from cmpsp_ros.bags.audit.sources import Sources
+from cmpsp_ros.parameters.roads import road_keys
 
-_ROAD: Final = ('road.center', 'road.inner_radius', 'road.outer_radius')
+_ROAD: Final = ('road',)
+"""Stands for what describes a road of the type at hand."""
+
 _WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed')
 
 
@@ -85,7 +88,11 @@ def audit_record(record: Record) -> tuple[Finding, ...]:
 
 
 def _judge(check: _Check, record: Record) -> Verdict:
-    missing = [key for key in check.needs if key not in record.history.given]
+    values = record.history.epochs[0].values
+    needs = [
+        key for need in check.needs for key in (road_keys(values) if need == 'road' else [need])
+    ]
+    missing = [key for key in needs if key not in record.history.given]
     if missing:
         return skipped(f'The parameters do not say {", ".join(missing)}.')
     return check.judge(record)

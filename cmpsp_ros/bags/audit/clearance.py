@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.audit.history import History
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import reach
 from cmpsp_ros.robot.clear_space import ClearSpace
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 EDGES = 2
-"""The first columns of a clearance are the outer and the inner road edge."""
+"""The first columns of a clearance are the road's edges."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Sweep:
     Attributes:
         settings: What was in force meanwhile.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: From outer edge, inner edge and each obstacle, shape ``(K, 2 + M)`` [m].
+        clearance: From both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
     """
 
     settings: GuidanceSettings
@@ -38,7 +37,7 @@ class Sweep:
     def name(self, column: int) -> str:
         """What a column of the clearance is about."""
         if column < EDGES:
-            return ('the outer road edge', 'the inner road edge')[column]
+            return str(self.settings.road.edge_names[column])
         return f'obstacle {self.settings.obstacles[column - EDGES].name}'
 
 
@@ -54,7 +53,5 @@ def sweep(path: Driven, history: History) -> Iterator[Sweep]:
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
             space = space_of(epoch.settings)
-            ways = reach(
-                path.poses[index], path.twists[index], path.durations[index], space.centers
-            )
-            yield Sweep(epoch.settings, begins[index], space.clearance(*ways))
+            clearance = space.along(path.poses[index], path.twists[index], path.durations[index])
+            yield Sweep(epoch.settings, begins[index], clearance)

@@ -19,9 +19,6 @@ Stamps = NDArray[np.int64]
 
 _TYPE = 'nav_msgs/msg/Odometry'
 
-_FARTHEST = 1e8
-"""Coordinates beyond which squares and differences mean nothing [m]."""
-
 
 @dataclass(frozen=True)
 class Odometry:
@@ -135,11 +132,6 @@ def _rows(bag: Bag, topic: str, frame_id: str | None) -> Iterator[tuple[int, int
             pose = pose_of(message, frame if frame_id is None else frame_id)
         except OdometryError as error:
             raise BagError(f'{bag.path}: {topic}, received at {received} ns: {error}') from error
-        if max(abs(pose[0]), abs(pose[1])) > _FARTHEST:
-            raise BagError(
-                f'{bag.path}: {topic}, received at {received} ns: found a position of'
-                f' {pose[0]:.3g}, {pose[1]:.3g} m, wanted one on Earth'
-            )
         variances = np.nan_to_num(message.pose.covariance[[0, 7, 35]]).clip(min=0.0)
         spread = np.sqrt([variances[:2].max(), variances[2]])
         yield received, stamp_of(message), [*pose.tolist(), *spread.tolist()]

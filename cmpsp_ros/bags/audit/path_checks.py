@@ -14,7 +14,8 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.arcs import arc_ends
+from cmpsp_ros.robot.road import OpenFloor
 
 Array = NDArray[np.float64]
 
@@ -34,6 +35,8 @@ _SIGMAS = 3.0 * math.sqrt(2.0)
 
 def road(record: Record) -> Verdict:
     """Clearance from both road edges."""
+    if all(isinstance(each.settings.road, OpenFloor) for each in record.sweeps):
+        return skipped('There is no road (road.type is none).')
     return _clear(record, slice(0, EDGES), 0.0)
 
 
@@ -74,7 +77,7 @@ def commanded(record: Record) -> Verdict:
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp
                 column = int(spare.argmin())
-                names = ('the outer road edge', 'the inner road edge')
+                names = settings.road.edge_names
                 nearest = (*names, *(f'obstacle {o.name}' for o in settings.obstacles))[column]
     if worst == math.inf:
         return skipped('No command is finite.')
@@ -193,15 +196,10 @@ def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> A
 def _spare(settings: GuidanceSettings, pose: Array, twist: Array, period: float) -> Array:
     """Clearance of an arc beyond what must be asked of it, ``(2 + M,)`` [m]."""
     space = space_of(settings)
-    here = np.linalg.norm(space.centers - pose[:2], axis=1)[None]
-    floor = np.minimum(space.clearance(here, here)[0], 0.0)
     start, held = pose[None], np.array([period])
+    floor = np.minimum(space.at(start)[0], 0.0)
     if settings.safety.between_samples:
-        arc = reach(start, twist[None], held, space.centers)
+        spare: Array = space.along(start, twist[None], held)[0] - floor
     else:
-        floor = floor - _SAMPLE_TOLERANCE
-        there = arc_ends(start, twist[None], held)[0, :2]
-        distance = np.linalg.norm(space.centers - there, axis=1)[None]
-        arc = distance, distance
-    spare: Array = space.clearance(*arc)[0] - floor
+        spare = space.at(arc_ends(start, twist[None], held))[0] - (floor - _SAMPLE_TOLERANCE)
     return spare

@@ -13,11 +13,10 @@ from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robot.road import Road
 
 Array = NDArray[np.float64]
 
-_CORNERS = 240
 _ROOM = 0.6
 """Part of the road's width that is shown around everything that happened."""
 
@@ -141,14 +140,17 @@ def _traces(views: Sequence[View]) -> list[Figure]:
     return [{'type': 'scatter', **each} for each in traces]
 
 
-def _road(road: Annulus) -> list[Figure]:
-    rings = ' '.join(_ring(road.center, r) for r in (road.outer_radius, road.inner_radius))
-    line = {'color': EDGE, 'width': 1.2}
-    fill = {'fillcolor': ROAD, 'fillrule': 'evenodd', 'layer': 'below'}
-    ring = {'type': 'path', 'path': rings, 'line': line} | fill
-    center = _circle(road.center, road.center_radius)
-    dotted = {'line': {'color': EDGE, 'width': 1, 'dash': 'dot'}, 'layer': 'below'}
-    return [ring, center | dotted]
+def _road(road: Road) -> list[Figure]:
+    shapes: list[Figure] = []
+    if len(road.area()):
+        fill = {'fillcolor': ROAD, 'fillrule': 'nonzero', 'line': {'width': 0}}
+        shapes.append({'type': 'path', 'path': f'{_line(road.area())} Z', **fill})
+    solid = {'color': EDGE, 'width': 1.2}
+    dotted = {'color': EDGE, 'width': 1, 'dash': 'dot'}
+    for points, line in [*((edge, solid) for edge in road.edges()), (road.center_line(), dotted)]:
+        if len(points):
+            shapes.append({'type': 'path', 'path': _line(points), 'line': line})
+    return [shape | {'layer': 'below'} for shape in shapes]
 
 
 def _discs(obstacle: Obstacle, kept: float) -> list[Figure]:
@@ -182,16 +184,12 @@ def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
     points += [np.array([view.settings.goal]) for view in views]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     road = views[0].settings.road
-    room = _ROOM * (road.outer_radius - road.inner_radius)
+    room = _ROOM * road.width
     return [low[0] - room, high[0] + room], [low[1] - room, high[1] + room]
 
 
-def _ring(center: tuple[float, float], radius: float) -> str:
-    """A circle as a polygon: paths of plotly know no arcs."""
-    angles = np.linspace(0.0, 2.0 * np.pi, _CORNERS, endpoint=False)
-    x, y = center[0] + radius * np.cos(angles), center[1] + radius * np.sin(angles)
-    corners = ' L '.join(f'{a:.4f},{b:.4f}' for a, b in zip(x, y, strict=True))
-    return f'M {corners} Z'
+def _line(points: Array) -> str:
+    return f'M {" L ".join(f"{x:.4f},{y:.4f}" for x, y in points.tolist())}'
 
 
 def _circle(center: tuple[float, float], radius: float) -> Figure:

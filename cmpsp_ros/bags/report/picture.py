@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Annulus as Ring
 from matplotlib.patches import Circle, Patch
 
 from cmpsp_ros.bags.errors import BagError
@@ -25,6 +24,7 @@ from cmpsp_ros.bags.report.palette import (
 )
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
 from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.bags.road_picture import draw_road
 
 
 def draw(views: Sequence[View], output: Path) -> None:
@@ -54,10 +54,7 @@ def draw(views: Sequence[View], output: Path) -> None:
 
 def _draw_path(axes: Axes, views: Sequence[View]) -> None:
     for road in dict.fromkeys(view.settings.road for view in views):
-        width = road.outer_radius - road.inner_radius
-        axes.add_patch(Ring(road.center, road.outer_radius, width, fc=ROAD, ec=EDGE, zorder=0))
-        line = {'fill': False, 'ec': EDGE, 'ls': ':', 'zorder': 1}
-        axes.add_patch(Circle(road.center, road.center_radius, **line))
+        draw_road(axes, road, ROAD, EDGE)
     for obstacle, kept in obstacles(views).items():
         axes.add_patch(Circle(obstacle.center, obstacle.radius, fc=OBSTACLE, lw=0, zorder=2))
         axes.add_patch(Circle(obstacle.center, kept, fill=False, ec=OBSTACLE, ls='--', zorder=2))

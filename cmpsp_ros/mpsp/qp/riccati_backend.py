@@ -1,9 +1,11 @@
 """The compiled Riccati active-set method as a back end; nothing is condensed.
 
-Where it gives up, the interior point is asked.
+Where it gives up, or takes rounding for a contradiction, the interior point is asked.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from cmpsp_ros.mpsp.qp.solution import (
     Penalties,
     QPSolution,
     QPStatus,
+    Row,
     largest_multipliers,
 )
 from cmpsp_ros.mpsp.qp.stage_answer import named, solved
@@ -43,20 +46,37 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
             found it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
+    otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
     with _rooms.of(size) as room:
         outcome = NO_CURVATURE
         if factorise(qp, room.white):
             outcome = solver.solve(qp, largest_multipliers(size, penalties), hint, room)
         if outcome == SOLVED:
             return solved(room.dU, room.multipliers, int(solver.iterations(room)))
+        if outcome == NO_CURVATURE:
+            return otherwise
         if outcome == INFEASIBLE:
             at = room.active
             conflict = named(qp, at.conflict[: at.counts[CONFLICT]].tolist())
-            return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
-        if outcome == NO_CURVATURE:
-            return QPSolution.unsolved(size, QPStatus.FAILED)
+            otherwise = QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
+            if _contradict(subproblem, conflict):
+                return otherwise
     hint.length[0] = 0
-    return interior_backend.solve(subproblem, penalties)
+    answer = interior_backend.solve(subproblem, penalties)
+    return otherwise if answer.status is QPStatus.FAILED else answer
+
+
+def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
+    """Whether rows that seem to contradict each other do: among very many, rounding may do it."""
+    size = subproblem.size
+    least = Penalties(np.zeros(size.output), np.zeros((size.horizon + 1, size.path)))
+    for row in rows:
+        if row.kind == 'terminal':
+            least.terminal[row.index] = np.inf
+        elif row.kind == 'path':
+            least.path[row.stage, row.index] = np.inf
+    alone = interior_backend.solve(subproblem.only(rows), least)
+    return alone.status is QPStatus.INFEASIBLE
 
 
 def second_order_correction(

@@ -158,7 +158,7 @@ class Converged:
         bounds, rows = (answer[name].full().ravel() for name in ('lam_x', 'lam_g'))
         gap = rows[2 * STATES : 3 * STATES]
         # What the next stage had of constraints of its own, it has to be where the robot is now.
-        rest = rows[3 * STATES + len(self._task.space.centers) :]
+        rest = rows[3 * STATES + 1 + len(self._task.space.centers) :]
         return {
             'lam_x0': bounds[STAGE:],
             'lam_g0': np.concatenate([gap, np.zeros(STATES), rest]),

@@ -58,7 +58,7 @@ class Program:
 @cache
 def program(task: Task, steps: int) -> Program:
     """The task from any pose, over so many steps of any length."""
-    road, goal = task.settings.road, np.array(task.settings.goal)
+    road, goal = task.settings.annulus, np.array(task.settings.goal)
     X = [casadi.SX.sym(f'X_{k}', STATES) for k in range(steps + 1)]
     U = [casadi.SX.sym(f'U_{k}', CONTROLS) for k in range(steps)]
     pose, durations = casadi.SX.sym('pose', STATES), casadi.SX.sym('durations', steps)
@@ -131,9 +131,11 @@ def moved(robot: DifferentialDrive, x: Any, u: Any, duration: Any) -> Any:
 def clear(task: Task, x: Any) -> tuple[Any, Array, Array]:
     """Distances of a pose from road centre and obstacles, with their bounds."""
     space = task.space
-    distances = casadi.vertcat(*(distance(x, center) for center in space.centers.tolist()))
-    lower = np.concatenate([[space.inner], space.radii])
-    upper = np.concatenate([[space.outer], np.full(len(space.radii), np.inf)])
+    road = space.annulus
+    centers = np.vstack([road.center, space.centers]).tolist()
+    distances = casadi.vertcat(*(distance(x, center) for center in centers))
+    lower = np.concatenate([road.inner, space.radii])
+    upper = np.concatenate([road.outer, np.full(len(space.radii), np.inf)])
     return distances, lower, upper
 
 

@@ -64,7 +64,6 @@ class Task:
         settings = preset.settings
         weights = settings.weights
         cost = Cost(
-            settings.road.center_radius,
             weights.road_center,
             weights.control_change,
             weights.control_effort,

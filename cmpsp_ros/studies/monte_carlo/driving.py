@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Decision, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.robot.arcs import reach
+from cmpsp_ros.robot.body import Motion
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.plant import Motion, Plant, PlantSettings
+from cmpsp_ros.robot.plant import Plant, PlantSettings
+from cmpsp_ros.robot.way import shortest_way
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.monte_carlo.way import shortest_way
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ class Driven:
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
         durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
-        return space.clearance(*reach(poses[:-1], twists[:-1], durations, space.centers))
+        return space.along(poses[:-1], twists[:-1], durations)
 
 
 def drive(task: Task) -> Driven:
@@ -110,7 +110,7 @@ def outcome(driven: Driven) -> Outcome:
         trouble=worst.reason if worst is not None and worst.rung else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,
-        shortest_way=shortest_way(settings.road, start[:2], settings.goal),
+        shortest_way=shortest_way(settings.annulus, start[:2], settings.goal),
         farthest=farthest(task),
         obstacles=len(settings.obstacles),
         x=x,
@@ -155,8 +155,7 @@ def _to_rest(plant: PlantSettings) -> float:
 def _is_outside(driven: Driven) -> bool:
     settings = driven.task.settings
     space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-    away = np.linalg.norm(driven.motions[0].pose[:2] - space.centers, axis=1)[None]
-    return bool(space.clearance(away, away).min() < 0.0)
+    return bool(space.at(driven.motions[0].pose[None]).min() < 0.0)
 
 
 def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robot.way import shortest_way
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.studies.monte_carlo.way import shortest_way
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge import judge
@@ -59,7 +59,7 @@ def judged(task: Task) -> dict[str, Any]:
         StudyError: CasADi is not installed.
     """
     pose = np.array(task.scenario.pose)
-    way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+    way = shortest_way(task.settings.annulus, task.scenario.pose[:2], task.settings.goal)
     if way > farthest(task):
         return {'answer': OUT_OF_REACH}
     # First what the guidance law keeps to, then samples alone with a little to spare.
@@ -129,7 +129,7 @@ def _slowed(task: Task) -> DifferentialDrive:
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
     """Where to start from decides on which side obstacles are passed: where most room is, first."""
-    road = settings.road
+    road = settings.annulus
     half = (road.outer_radius - road.inner_radius) / 2.0
     steps = round(settings.final_time / settings.control_period)
     durations = np.full(steps, settings.control_period)

@@ -108,7 +108,7 @@ def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure
 
 
 def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
-    road = settings.road
+    road = settings.annulus
     width = road.outer_radius - road.inner_radius
     axes.add_patch(Wedge(road.center, road.outer_radius, 0, 360, width=width, fc=_ROAD, lw=0))
     for radius in (road.inner_radius, road.outer_radius):

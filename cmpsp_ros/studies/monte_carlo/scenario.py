@@ -11,8 +11,8 @@ import numpy as np
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robot.way import angle_between
 from cmpsp_ros.studies.monte_carlo.passage import is_open
-from cmpsp_ros.studies.monte_carlo.way import angle_between
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -59,7 +59,7 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
-    road, goal = settings.road, settings.goal
+    road, goal = settings.annulus, settings.goal
     away = settings.robot_radius + FROM_EDGE
     start = _point(random, road, (0.0, math.tau), away)
     ahead = angle_between(road, start, goal)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.way import angle_between
+from cmpsp_ros.robot.way import angle_between
 from cmpsp_ros.studies.paper.drives import Path
 
 Array = NDArray[np.float64]
@@ -28,7 +28,7 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
         Poses along it and wheel speeds that nearly lead from one to the next; no robot could
         follow its corners.
     """
-    road, robot = settings.road, settings.robot
+    road, robot = settings.annulus, settings.robot
     start = (float(pose[0]), float(pose[1]))
     ahead = angle_between(road, start, settings.goal)
     knots = [(0.0, math.dist(start, road.center))]
@@ -58,7 +58,7 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
 
 def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:
     """Distance from the road's centre to the middle of the widest gap abreast of a point [m]."""
-    road = settings.road
+    road = settings.annulus
     blocked = [(0.0, road.inner_radius), (road.outer_radius, math.inf)]
     for each in settings.obstacles:
         away = math.dist(each.center, road.center)

@@ -14,6 +14,7 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.robot.plant import PlantSettings
+from cmpsp_ros.robot.road import Annulus
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
 
@@ -94,7 +95,9 @@ class Study:
         values = TABLE.resolve(given)
         settings = guidance_settings(values)
         plant_settings(values)
-        width = settings.road.outer_radius - settings.road.inner_radius
+        if not isinstance(settings.road, Annulus):
+            raise StudyError(f'road.type: found {values["road.type"]}, wanted annulus')
+        width = settings.road.width
         needed = max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
         if width <= needed:
             raise StudyError(f'road: found {width:g} m of width, wanted more than {needed:g} m')

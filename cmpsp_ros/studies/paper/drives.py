@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.law import warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.arcs import arc_ends
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
@@ -55,7 +55,7 @@ class Path:
     @property
     def off_center(self) -> Array:
         """Distance outward from the centre line at each instant, shape ``(N + 1,)`` [m]."""
-        road = self.settings.road
+        road = self.settings.annulus
         off: Array = np.linalg.norm(self.poses[:, :2] - road.center, axis=1) - road.center_radius
         return off
 
@@ -71,11 +71,10 @@ class Path:
         space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         if between_samples:
             twists = settings.robot.twist(self.wheel_speeds)
-            reached = reach(self.poses[:-1], twists, self.durations, space.centers)
+            clearance = space.along(self.poses[:-1], twists, self.durations)
         else:
-            away = np.linalg.norm(self.poses[:, None, :2] - space.centers, axis=2)
-            reached = away, away
-        least: Array = space.clearance(*reached).min(axis=0)
+            clearance = space.at(self.poses)
+        least: Array = clearance.min(axis=0)
         return least
 
     def points(self) -> Array:

@@ -87,13 +87,12 @@ def converge(
     """
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)
-    nowhere = ClearSpace(
-        np.array([settings.road.center]), np.array(-np.inf), np.array(np.inf), np.zeros(0)
-    )
+    endless = settings.road.space(-np.inf)
+    nowhere = ClearSpace(endless, np.zeros((0, 2)), np.zeros(0))
     problem = GuidanceProblem(
         settings.robot,
         nowhere,
-        Cost(settings.road.center_radius, road_center, settings.weights.control_change, 0.0),
+        Cost(road_center, settings.weights.control_change, 0.0),
         np.array(experiment.pose),
         np.array(settings.goal),
         np.full(steps, settings.control_period),

@@ -57,7 +57,8 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
             'casadi: not installed, wanted for the judge; pip install casadi'
         ) from error
     steps = round(settings.final_time / settings.control_period)
-    robot, road, space = settings.robot, settings.road, at_samples(settings)
+    robot, road, space = settings.robot, settings.annulus, at_samples(settings)
+    edges = space.annulus
     opti = casadi.Opti()
     U, X = opti.variable(2, steps), opti.variable(3, steps + 1)
     opti.subject_to(X[:, 0] == pose)
@@ -77,8 +78,8 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
         away = X[:2, k + 1] - np.array(road.center)
         radius = casadi.sqrt(casadi.sumsqr(away))
         cost += (radius - road.center_radius) ** 2
-        opti.subject_to(opti.bounded(float(space.inner), radius, float(space.outer)))
-        for center, kept in zip(space.centers[1:], space.radii, strict=True):
+        opti.subject_to(opti.bounded(float(edges.inner[0]), radius, float(edges.outer[0])))
+        for center, kept in zip(space.centers, space.radii, strict=True):
             opti.subject_to(casadi.sumsqr(X[:2, k + 1] - center) >= float(kept) ** 2)
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
     if np.isfinite(robot.max_wheel_speed):

@@ -51,8 +51,9 @@ class SquaredConstraints(GuidanceProblem):
         super().__init__(
             settings.robot, space, _cost(settings), pose, np.array(settings.goal), durations
         )
-        self._centers = space.centers[np.r_[0, 0 : len(space.centers)]]
-        self._radii = np.concatenate([[space.outer, space.inner], space.radii])
+        edges = space.annulus
+        self._centers = np.vstack([edges.center, edges.center, space.centers])
+        self._radii = np.concatenate([edges.outer, edges.inner, space.radii])
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value, miss and violations [m^2]."""
@@ -128,7 +129,6 @@ def _improve(
 def _cost(settings: GuidanceSettings) -> Cost:
     weights = settings.weights
     return Cost(
-        settings.road.center_radius,
         weights.road_center,
         weights.control_change,
         weights.control_effort,

@@ -52,7 +52,7 @@ def draw_trajectories(
 def _draw_place(axes: Axes, drives: Sequence[Drive]) -> None:
     """Road, centre line and every obstacle that any of the runs has."""
     settings = drives[0].path.settings
-    road = settings.road
+    road = settings.annulus
     width = road.outer_radius - road.inner_radius
     axes.add_patch(Wedge(road.center, road.outer_radius, 0, 360, width=width, fc=_ROAD, lw=0))
     for radius, style in (
@@ -79,7 +79,7 @@ def _obstacles(drive: Drive) -> tuple[Obstacle, ...]:
 
 def _frame(axes: Axes, settings: GuidanceSettings) -> None:
     """The quarter of the road that is driven."""
-    road = settings.road
+    road = settings.annulus
     x, y = road.center
     room = 0.05 * road.outer_radius
     axes.set(

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from cmpsp_ros.mpsp.qp import Row
 from cmpsp_ros.mpsp.subproblem import Subproblem
 from cmpsp_ros.studies.verify.border import ROUNDING
@@ -22,27 +20,14 @@ def contradict(program: Program, rows: Sequence[Row]) -> bool:
 
 def _only(subproblem: Subproblem, rows: Sequence[Row]) -> Subproblem:
     """A subproblem without other rows, but for a trust region, which is of all stages."""
-    lin = subproblem.linearisation
-    outputs = [row.index for row in rows if row.kind == 'terminal']
-    path, bound = np.zeros(lin.g.shape, dtype=bool), np.zeros(lin.L_U.shape, dtype=bool)
-    trust = np.zeros(subproblem.trust_radius.shape, dtype=bool)
-    for row in rows:
-        if row.kind == 'path':
-            path[row.stage, row.index] = True
-        elif row.kind == 'bound':
-            bound[row.stage, row.index] = True
-        elif row.kind == 'trust':
-            trust[row.index] = True
+    alone = subproblem.only(rows)
+    lin, outputs = alone.linearisation, [row.index for row in rows if row.kind == 'terminal']
     return replace(
-        subproblem,
+        alone,
         linearisation=replace(
             lin,
             output_error=lin.output_error[outputs],
             h_X=lin.h_X[outputs],
             h_U=lin.h_U[outputs],
-            g=np.where(path, lin.g, -np.inf),
         ),
-        lower=np.where(bound, subproblem.lower, -np.inf),
-        upper=np.where(bound, subproblem.upper, np.inf),
-        trust_radius=np.where(trust, subproblem.trust_radius, np.inf),
     )

@@ -130,7 +130,6 @@ def _pose_problem(
 ) -> OptimalControlProblem:
     weights, durations = settings.weights, horizon.durations
     cost = Cost(
-        settings.road.center_radius,
         weights.road_center,
         weights.control_change,
         weights.control_effort,

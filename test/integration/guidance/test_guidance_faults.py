@@ -37,8 +37,13 @@ def lose_orientation(message):
     message.pose.pose.orientation.z = message.pose.pose.orientation.w = 0.0
 
 
+def go_far(message):
+    message.pose.pose.position.x = 1e300
+
+
 FAULTS = [
     (spoil_position, 'not finite'),
+    (go_far, 'wanted one on Earth'),
     (spoil_orientation, 'orientation of length inf'),
     (leave_frame, "frame 'map', wanted 'odom'"),
     (grow_old, 's old (odom_timeout 60.0 s)'),
@@ -46,8 +51,13 @@ FAULTS = [
 ]
 
 
+def assert_is(fault, decision):
+    """A decision is as its row of doc/faults.md says."""
+    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+
+
 def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
-    start_node, client, make_odometry
+    fault, start_node, client, make_odometry
 ):
     running = start_node('guidance_node', {'odom_timeout': 60.0})
     client.connect()
@@ -60,8 +70,7 @@ def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
         decision, command = client.decide(bad)
         assert command == ZERO
         assert reason in decision['reason']
-        assert decision['rung'] == 'stop'
-        assert decision['level'] == DiagnosticStatus.ERROR
+        assert_is(fault, decision)
         assert float(decision['wheel_speed_right']) == float(decision['wheel_speed_left']) == 0.0
         client.until_health(level=DiagnosticStatus.ERROR, said=reason, rung='stop')
         # Even between two control instants.
@@ -92,7 +101,7 @@ def test_bad_odometry_that_goes_on_is_answered_once_a_control_period(
     assert (len(client.commands) - 2) * PERIOD_NS <= took
 
 
-def test_odometry_that_stops_stops_the_robot_until_it_comes_back(start_node, client):
+def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_node, client):
     running = start_node()
     client.connect()
     client.drive()
@@ -103,6 +112,7 @@ def test_odometry_that_stops_stops_the_robot_until_it_comes_back(start_node, cli
     reason = 'No usable odometry for more than 0.5 s (odom_timeout).'
     client.until(lambda: client.decisions[-1]['reason'] == reason)
     client.until_health(level=DiagnosticStatus.ERROR, said=reason)
+    assert_is(fault, client.decisions[-1])
     count = len(client.commands)
     client.until(lambda: len(client.commands) > count + 2)
     assert set(client.commands[count:]) == {ZERO}
@@ -134,7 +144,9 @@ def test_a_robot_off_the_road_is_told_why_and_a_good_pose_brings_it_back(
     assert 'Traceback' not in running.stderr
 
 
-def test_one_stamp_from_the_far_future_does_not_end_the_run(start_node, client, make_odometry):
+def test_one_stamp_from_the_far_future_does_not_end_the_run(
+    fault, start_node, client, make_odometry
+):
     start_node('guidance_node', {'odom_timeout': 60.0})
     client.connect()
     client.until_health(state='active')
@@ -143,11 +155,12 @@ def test_one_stamp_from_the_far_future_does_not_end_the_run(start_node, client, 
     decision, command = client.decide(make_odometry(stamp + 1_000_000 * PERIOD_NS, pose))
     assert command == ZERO
     assert decision['finished'] == 'false'
+    assert_is(fault, decision)
     decision, command = client.decide(make_odometry(stamp + PERIOD_NS, pose))
     assert command[0] > 0.5
 
 
-def test_simulated_time_that_begins_again_is_noticed(start_node, client, make_odometry):
+def test_simulated_time_that_begins_again_is_noticed(fault, start_node, client, make_odometry):
     start_node('guidance_node', {'use_sim_time': True})
     client.connect()
     client.until_health(state='active')
@@ -170,8 +183,11 @@ def test_simulated_time_that_begins_again_is_noticed(start_node, client, make_od
     timer = client.node.create_timer(0.02, start_again)
     # At the beginning of the new time, not when it reaches the old one.
     client.until(lambda: len(client.commands) > count or len(sent) > 150)
-    client.node.destroy_timer(timer)
     assert len(client.commands) > count
+    client.node.destroy_timer(timer)
+    client.until(lambda: len(client.decisions) > count)
+    assert client.decisions[count]['step'] == '0'
+    assert_is(fault, client.decisions[count])
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -10,7 +10,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from visualization_msgs.msg import MarkerArray
+from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.odometry import pose_of
@@ -148,6 +148,23 @@ def test_one_command_at_each_control_instant_as_the_law_says(
     client.node.create_subscription(MarkerArray, '/guidance/markers', late.append, LATCHED)
     client.until(lambda: late)
     assert {marker.ns for marker in late[0].markers} > {'road', 'goal', 'obstacles', 'margins'}
+
+
+def test_the_plan_is_shown_in_the_colour_of_its_rung_and_taken_away_with_it(start_node, client):
+    start_node('guidance_node', {'autostart': True, 'odom_timeout': 1.0})
+    shown = []
+    client.node.create_subscription(MarkerArray, '/guidance/plan_markers', shown.append, 10)
+    client.connect()
+    client.until(lambda: client.node.count_publishers('/guidance/plan_markers'))
+    client.drive()
+    client.until(lambda: shown)
+    plan, rung = shown[0].markers
+    assert plan.action == rung.action == Marker.ADD
+    assert len(plan.points) > 1
+    assert rung.text.startswith('nominal: ')
+    client.park()
+    client.until(lambda: shown[-1].markers[1].text.startswith('stop: '))
+    assert shown[-1].markers[0].action == Marker.DELETE
 
 
 def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_again(

@@ -142,17 +142,30 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
     assert demo.wait(LIMIT) == 0, demo.stderr
     before = [facts(each.facts) for each in recorded(bag) if not each.halted]
-    player = spawn([*COMMAND, 'play', bag, '--topics', '/odom', '--topics', '/clock', '--paused'])
     # A slow machine must not make odometry late, in the time of the recording.
     start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
     assert client.change_state('configure')
     client.until(lambda: client.node.count_publishers(NAMES.decision))
+    # A busy machine may keep the node from hearing some odometry, and it then decides on other.
+    for rate in (1.0, 0.5, 0.25):
+        decided = decisions_on(bag, client, spawn, len(before), rate)
+        if [each['stamp'] for each in decided] == [each['stamp'] for each in before]:
+            break
+    assert decided == before
+
+
+def decisions_on(bag, client, spawn, count, rate):
+    """What the live node decides on odometry that is played to it."""
+    played = ['--topics', '/odom', '--topics', '/clock', '--rate', rate]
+    player = spawn([*COMMAND, 'play', bag, '--paused', *played])
+    first = len(client.decisions)
     assert client.change_state('activate')
     client.until_health(state='active')
     resume = client.node.create_client(Trigger, '/player/resume')
     client.until(resume.service_is_ready)
     answer = resume.call_async(Trigger.Request())
     client.until(answer.done)
-    client.until(lambda: len(client.decisions) >= len(before), LIMIT)
     assert player.wait(LIMIT) == 0
-    assert [facts(each) for each in client.decisions] == before
+    client.until(lambda: any(each['finished'] == 'true' for each in client.decisions[first:]))
+    assert client.change_state('deactivate')
+    return [facts(each) for each in client.decisions[first : first + count]]

@@ -1,9 +1,12 @@
-"""The domain of a run."""
+"""The domain of a run, and the start of its processes."""
 
 from __future__ import annotations
 
 import os
+import signal
 import socket
+import subprocess
+import sys
 
 import pytest
 
@@ -50,3 +53,26 @@ def test_a_domain_is_in_use_when_its_first_participant_s_port_is():
                 continue
             break
         assert not processes._is_free(domain)
+
+
+# What is registered for a fork stays for the life of a process.
+INTERRUPTED = """
+import os, pathlib, signal, sys
+from cmpsp_ros.demo.processes import Child
+number = signal.Signals(int(sys.argv[1]))
+def interrupt(number, frame):
+    raise KeyboardInterrupt
+signal.signal(number, interrupt)
+os.register_at_fork(after_in_parent=lambda: signal.raise_signal(number))
+try:
+    Child.start('recorder', [], pathlib.Path(sys.argv[2]))
+except KeyboardInterrupt:
+    print('interrupted', signal.getsignal(number) is interrupt)
+"""
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_while_a_node_is_started_is_not_forgotten(tmp_path, number):
+    command = [sys.executable, '-c', INTERRUPTED, str(int(number)), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert (done.stdout, done.stderr) == ('interrupted True\n', '')

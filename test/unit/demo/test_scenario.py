@@ -6,6 +6,7 @@ import pytest
 
 from cmpsp_ros.demo.scenario import load_scenario
 from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import preset_names
 
 
 def test_lockstep_brings_the_clock_with_it_and_nodes_wait_to_be_activated():
@@ -67,3 +68,40 @@ def test_what_the_simulator_would_refuse_is_refused_before_anything_starts():
     for change in ('odom_rate=30.0', 'odom_rate=0.0001', 'real_time_factor=1e9'):
         with pytest.raises(ParameterError, match=change.split('=')[0]):
             load_scenario('case3', [change], lockstep=True)
+
+
+def test_a_robot_is_laid_over_the_preset_and_given_the_time_it_needs():
+    scenario = load_scenario('case3', [], lockstep=False, robot='turtlebot3_burger')
+    assert scenario.name == 'case3 with turtlebot3_burger'
+    assert scenario.settings.robot.max_speed == pytest.approx(0.22, abs=1e-4)
+    assert scenario.settings.initial_guess.type == 'road'
+    needed = 14.6 / 0.22 / 0.8
+    assert needed < scenario.settings.final_time < needed + 2.0
+    (said,) = scenario.remarks
+    assert said.endswith('s instead of 10 s: this robot drives at most 0.22 m/s.')
+
+
+def test_a_robot_that_is_fast_enough_is_given_no_more_time():
+    scenario = load_scenario('case3_wide', [], lockstep=False, robot='jackal')
+    assert scenario.settings.final_time == 10.0
+    assert scenario.remarks == ()
+
+
+def test_a_final_time_that_was_asked_for_stays_and_is_said_to_be_too_short():
+    assignments = ['final_time=10.0', 'robot.radius=0.2']
+    scenario = load_scenario('case3', assignments, lockstep=False, robot='turtlebot3_burger')
+    assert scenario.settings.final_time == 10.0
+    assert scenario.settings.robot_radius == 0.2
+    far, narrow = scenario.remarks
+    assert far.startswith('The goal is out of reach by 12.')
+    assert narrow.startswith('There is no way past obstacle a: ')
+
+
+def test_the_presets_raise_no_doubts():
+    for preset in preset_names():
+        assert load_scenario(preset, [], lockstep=False).remarks == ()
+
+
+def test_a_robot_too_large_for_its_course_is_refused():
+    with pytest.raises(ParameterError, match=r'initial_pose: found 9\.25 m from road\.center'):
+        load_scenario('case3', [], lockstep=False, robot='jackal')

@@ -9,7 +9,6 @@ from scenarios import CASES, FIRST, MS, PERIOD, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.robot.arcs import reach
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.plant import Plant, PlantSettings
@@ -44,7 +43,7 @@ class Drive:
         poses = np.array([each.pose for each in self.motions[:-1]])
         twists = np.array([each.twist for each in self.motions[:-1]])
         durations = np.diff([each.stamp_ns for each in self.motions]) / 1e9
-        return space.clearance(*reach(poses, twists, durations, space.centers)).min()
+        return space.along(poses, twists, durations).min()
 
 
 def test_told_of_its_delay_the_robot_arrives_as_it_does_without():

@@ -54,17 +54,18 @@ def test_floats_read_back_bit_for_bit(number):
 
 
 @pytest.mark.parametrize(
-    ('rung', 'finished', 'level'),
+    ('rung', 'outcome', 'level'),
     [
-        (Rung.NOMINAL, False, 0),
-        (Rung.ELASTIC, False, 1),
-        (Rung.SHIFTED, False, 1),
-        (Rung.STOP, False, 2),
-        (Rung.STOP, True, 0),
+        (Rung.NOMINAL, {}, 0),
+        (Rung.ELASTIC, {}, 1),
+        (Rung.SHIFTED, {}, 1),
+        (Rung.STOP, {}, 2),
+        (Rung.STOP, {'finished': True}, 0),
+        (Rung.STOP, {'finished': True, 'missed': True}, 1),
     ],
 )
-def test_severity(rung, finished, level):
-    assert severity(decision(rung=rung, finished=finished)) == level
+def test_severity(rung, outcome, level):
+    assert severity(decision(rung=rung, **outcome)) == level
 
 
 def test_waypoints_are_the_plan_s_poses():

@@ -61,6 +61,7 @@ def test_a_quaternion_accepted_with_rounding_has_the_same_heading(heading, scale
         (odometry(frame_id=''), "frame '', wanted 'odom'"),
         (odometry(x=math.nan), 'not finite'),
         (odometry(y=-math.inf), 'not finite'),
+        (odometry(x=1e300, y=-2e8), r'a position of 1e\+300, -2e\+08 m, wanted one on Earth'),
         (odometry(quaternion=(0.0, math.nan, 0.0, 1.0)), 'not finite'),
         (odometry(quaternion=(0.0, 0.0, 0.0, 0.0)), 'length 0'),
         (odometry(quaternion=(0.0, 0.0, 0.0, 0.98)), 'length 0.98'),

@@ -29,7 +29,7 @@ def code():
     return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
 
 
-values = TABLE.resolve(load_parameter_file('case3'))
+values = TABLE.resolve(load_parameter_file('case3') | {'solver.candidates': 1})
 prepare(guidance_settings(values))
 before = code()
 assert before
@@ -57,6 +57,7 @@ for hessian, rate, limit, between, delay in changes:
         'safety.between_samples': between,
         'command_delay': delay,
         'obstacles.a.radius': 1.0,
+        'solver.candidates': 4,
     }
     law = GuidanceLaw(guidance_settings(values))
     law.update(0, START)

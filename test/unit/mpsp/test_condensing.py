@@ -186,7 +186,7 @@ def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, g
     problem = GuidanceProblem(
         robot,
         ClearSpace.of(Annulus(), obstacles, 0.0),
-        Cost(10.0, 15.0, 1.0, 0.1),
+        Cost(15.0, 1.0, 0.1),
         np.array([0.0, -9.5, 0.1]),
         np.array(goal),
         np.full(steps, 0.4 if steps == 25 else 0.2),

@@ -99,6 +99,17 @@ def test_times_are_summed_up_and_missed_deadlines_counted():
     assert values['deadline_misses'] == 1
 
 
+def test_a_step_that_outlasts_the_period_is_told_until_the_next_that_does_not():
+    times = StepTimes()
+    assert times.warnings() == []
+    times.add(200.5, 0.2)
+    assert times.warnings() == [
+        'The last control step took 200.5 ms of the 200.0 ms until the next.'
+    ]
+    times.add(200.0, 0.2)
+    assert times.warnings() == []
+
+
 def test_times_are_those_of_the_latest_steps_but_no_missed_deadline_is_forgotten():
     times = StepTimes()
     times.add(500.0, 0.2)

@@ -7,6 +7,7 @@ import pytest
 import rclpy
 
 from cmpsp_ros.nodes.guidance_node import GuidanceNode
+from cmpsp_ros.nodes.recorder_options import own_topics
 from cmpsp_ros.nodes.sim_node import SimNode
 from cmpsp_ros.nodes.topics import TOPICS, with_table
 
@@ -83,3 +84,9 @@ def test_simulator_opens_what_the_table_says(make, clock):
 def test_readme_holds_the_table():
     text = README.read_text(encoding='utf-8')
     assert with_table(text) == text
+
+
+def test_what_only_repeats_other_topics_is_not_recorded():
+    recorded = own_topics('/r1')
+    assert {'/r1/odom', '/r1/guidance/predicted_path', '/r1/sim/truth', '/diagnostics'} <= recorded
+    assert '/r1/guidance/plan_markers' not in recorded

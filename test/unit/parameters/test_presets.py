@@ -17,6 +17,7 @@ from cmpsp_ros.parameters.presets import (
     preset_names,
     write_parameter_file,
 )
+from cmpsp_ros.parameters.roads import road_keys
 from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
 
 MERGED = """
@@ -54,7 +55,9 @@ def test_the_cases_of_the_paper_are_there():
 def test_every_preset_builds_and_says_everything(name):
     given_ = load_parameter_file(name)
     values = TABLE.resolve(given_)
-    assert set(values) - set(given_) <= {'obstacles.names', 'noise.dropout_windows'}
+    silent = set(values) - set(given_) - {'obstacles.names', 'noise.dropout_windows'}
+    assert all(key.startswith('road.') for key in silent)
+    assert silent.isdisjoint(road_keys(values))
     assert plant_settings(values).robot == guidance_settings(values).robot
     check_start(values)
 

@@ -111,6 +111,18 @@ def test_every_parameter_reaches_its_place():
             {'final_time': 1e9},
             'final_time: found 1000000000.0 s, wanted at most 10000 times control_period = 0.2 s',
         ),
+        (
+            {'goal.position': [1e300, 0.0]},
+            'goal.position: found [1e+300, 0.0], wanted no number beyond 1e+09',
+        ),
+        (
+            {'robot.half_track': 1e-300},
+            'robot.half_track: found 1e-300, wanted 1e-06 or more',
+        ),
+        (
+            {'robot.max_wheel_speed': 1e-9},
+            'robot.max_wheel_speed: found 1e-09 rad/s, wanted 1e-06 rad/s or more, or 0',
+        ),
     ],
 )
 def test_what_cannot_be_together_is_refused(values, line):

@@ -1,9 +1,10 @@
 """Where the robot's centre may be."""
 
+import math
+
 import numpy as np
 import pytest
 
-from cmpsp_ros.robot.arcs import reach
 from cmpsp_ros.robot.between_samples import inside, inside_known, outside, outside_known
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
@@ -18,35 +19,40 @@ LIMITS = DifferentialDrive(max_wheel_speed=51.0).twist_limits()
 def test_road_shrinks_and_obstacles_grow():
     assert ROAD.center_radius == 10.0
     space = ClearSpace.of(ROAD, OBSTACLES, 0.2)
-    np.testing.assert_array_equal(space.centers, [[0.5, -1.0], [8.0, -6.0], [10.0, -2.0]])
-    assert space.inner == 9.2
-    assert space.outer == 10.8
+    np.testing.assert_array_equal(space.centers, [[8.0, -6.0], [10.0, -2.0]])
+    np.testing.assert_array_equal(space.annulus.center, [0.5, -1.0])
+    assert (space.annulus.inner, space.annulus.outer) == (9.2, 10.8)
     np.testing.assert_allclose(space.radii, [0.9, 0.7])
 
 
 def test_no_obstacles():
     space = ClearSpace.of(ROAD, (), 0.0)
-    assert space.centers.shape == (1, 2)
+    assert space.centers.shape == (0, 2)
     assert space.radii.shape == (0,)
     twists = np.ones((4, 2))
     for other in (space.for_samples(LIMITS, 0.2), space.for_samples_of(twists, 0.2)):
-        at = np.full((5, 1), 10.0)
-        clearance = other.clearance(at, at)
+        clearance = other.at(np.tile([10.5, -1.0, 0.0], (5, 1)))
         assert clearance.shape == (5, 2)
         assert (clearance > 0.9).all()
 
 
 def test_clearance_by_hand():
     space = ClearSpace.of(ROAD, OBSTACLES, 0.0)
-    least, greatest = np.array([[9.5, 1.0, 0.25]]), np.array([[11.25, 5.0, 6.0]])
-    np.testing.assert_allclose(space.clearance(least, greatest), [[-0.25, 0.5, 0.3, -0.25]])
+    poses = np.array([[9.0, -6.0, 0.0], [0.5, 10.25, 3.0]])
+    away = [math.hypot(8.5, 5.0), math.hypot(1.0, 4.0)]
+    np.testing.assert_allclose(space.at(poses)[0], [11 - away[0], away[0] - 9, 0.3, away[1] - 0.5])
+    np.testing.assert_allclose(space.at(poses)[1, :2], [-0.25, 2.25])
+    # Through the middle of obstacle a, from the inner edge outward.
+    way = space.along(np.array([[6.0, -6.0, 0.0]]), np.array([[4.0, 0.0]]), np.array([1.0]))
+    np.testing.assert_allclose(way[0, 1:3], [math.hypot(5.5, 5.0) - 9.0, -0.7])
+    np.testing.assert_allclose(way[0, 0], 11.0 - math.hypot(9.5, 5.0))
 
 
 def test_samples_keep_what_the_worst_arc_needs():
     space = ClearSpace.of(ROAD, OBSTACLES, 0.1)
     grown = space.for_samples(LIMITS, 0.2)
-    assert grown.inner == outside(9.1, LIMITS, 0.2)
-    assert grown.outer == inside(10.9, LIMITS, 0.2)
+    assert grown.annulus.inner == outside(9.1, LIMITS, 0.2)
+    assert grown.annulus.outer == inside(10.9, LIMITS, 0.2)
     np.testing.assert_array_equal(
         grown.radii, [outside(radius, LIMITS, 0.2) for radius in space.radii.tolist()]
     )
@@ -57,7 +63,7 @@ def test_samples_of_a_plan_keep_what_their_two_arcs_need():
     space = ClearSpace.of(ROAD, OBSTACLES, 0.0)
     twists = np.array([[1.0, 0.0], [1.8, 2.0], [0.5, -3.0]])
     grown = space.for_samples_of(twists, 0.2)
-    assert grown.inner.shape == grown.outer.shape == (4,)
+    assert grown.annulus.inner.shape == grown.annulus.outer.shape == (4,)
     assert grown.radii.shape == (4, 2)
     of_arcs = outside_known(space.radii, twists, 0.2)
     np.testing.assert_array_equal(grown.radii[0], of_arcs[0])
@@ -66,10 +72,9 @@ def test_samples_of_a_plan_keep_what_their_two_arcs_need():
     np.testing.assert_array_equal(grown.radii[3], of_arcs[2])
     outer = inside_known(11.0, twists, 0.2)
     np.testing.assert_array_equal(
-        grown.outer, [outer[0], outer[:2].min(), outer[1:].min(), outer[2]]
+        grown.annulus.outer, [outer[0], outer[:2].min(), outer[1:].min(), outer[2]]
     )
-    at = np.full((4, 3), 10.0)
-    assert grown.clearance(at, at).shape == (4, 4)
+    assert grown.at(np.zeros((4, 3))).shape == (4, 4)
 
 
 @pytest.mark.parametrize('known', [True, False])
@@ -86,12 +91,11 @@ def test_paths_clear_at_samples_are_clear_between_them(known):
         times = np.full(3, 0.2)
         poses, twists = robot.roll_out(pose, wheels, times), robot.twist(wheels)
         grown = space.for_samples_of(twists, 0.2) if known else space.for_samples(LIMITS, 0.2)
-        at = np.linalg.norm(poses[:, None, :2] - space.centers, axis=2)
-        swept = space.clearance(*reach(poses[:-1], twists, times, space.centers)).min()
-        if grown.clearance(at, at).min() >= 0.0:
+        swept = space.along(poses[:-1], twists, times).min()
+        if grown.at(poses).min() >= 0.0:
             assert swept >= -1e-9
             clear += 1
-        elif space.clearance(at, at).min() >= 0.0 and swept < -1e-4:
+        elif space.at(poses).min() >= 0.0 and swept < -1e-4:
             cut += 1
     assert clear > 100
     assert cut, 'keeping clear at the samples alone must be seen not to be enough'

@@ -38,7 +38,7 @@ def options(posed, **changes):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_derivatives(kind):
-    posed = problem(Cost(10.0, 15.0, 2.0, 0.3), OBSTACLES, steps=6)
+    posed = problem(Cost(15.0, 2.0, 0.3), OBSTACLES, steps=6)
     rng = np.random.default_rng(0)
     U = np.array([45.0, 44.5]) + 0.5 * rng.normal(size=(7, 2))
     assert_derivatives(posed, U, atol=2e-6)
@@ -48,7 +48,8 @@ def test_derivatives(kind):
 
 @pytest.mark.parametrize('radius', [7.0, 10.0])
 def test_exact_hessian_is_the_second_derivative_inside_and_outside_the_centre_line(radius):
-    posed = problem(Cost(radius, 15.0, 2.0, 0.3), OBSTACLES, steps=6)
+    road = Annulus(inner_radius=2.0 * radius - 11.0)
+    posed = problem(Cost(15.0, 2.0, 0.3), OBSTACLES, road=road, steps=6)
     U = np.array([45.0, 44.8]) + 0.1 * np.random.default_rng(1).normal(size=(7, 2))
     inside = np.linalg.norm(posed.predict(U)[:, :2], axis=1) < radius
     assert inside.any() == (radius == 10.0)
@@ -56,7 +57,7 @@ def test_exact_hessian_is_the_second_derivative_inside_and_outside_the_centre_li
 
 
 def test_projected_hessian_is_the_positive_part_of_the_exact_one():
-    posed = problem(Cost(10.0, 15.0, 0.0, 0.0), steps=6)
+    posed = problem(Cost(15.0, 0.0, 0.0), steps=6)
     U = np.tile([45.0, 44.8], (7, 1))
     X = posed.predict(U)
     inside = np.linalg.norm(X[:, :2], axis=1) < 10.0
@@ -74,7 +75,7 @@ def test_projected_hessian_is_the_positive_part_of_the_exact_one():
 
 
 def test_gauss_newton_is_what_remains_of_the_second_derivative_on_the_centre_line():
-    posed = problem(Cost(9.25, 15.0, 0.0, 0.0), steps=1)
+    posed = problem(Cost(15.0, 0.0, 0.0), road=Annulus(inner_radius=7.5), steps=1)
     U = np.zeros((2, 2))
     X = posed.predict(U)
 
@@ -86,7 +87,7 @@ def test_gauss_newton_is_what_remains_of_the_second_derivative_on_the_centre_lin
 
 
 def test_cost_is_that_of_equation_95():
-    posed = problem(Cost(10.0, 15.0, 3.0, 0.2), steps=4)
+    posed = problem(Cost(15.0, 3.0, 0.2), steps=4)
     U = np.arange(10.0).reshape(5, 2)
     X = posed.predict(U)
     radius = np.linalg.norm(X[:, :2], axis=1)
@@ -95,7 +96,7 @@ def test_cost_is_that_of_equation_95():
 
 
 def test_constraints_are_clearances_and_stage_0_has_none():
-    posed = problem(Cost(10.0, 15.0, 1.0, 0.0), OBSTACLES, steps=4)
+    posed = problem(Cost(15.0, 1.0, 0.0), OBSTACLES, steps=4)
     assert posed.size.path == EDGES + 2
     U = np.tile([45.0, 44.0], (5, 1))
     X = posed.predict(U)
@@ -111,10 +112,10 @@ def test_constraints_are_clearances_and_stage_0_has_none():
 
 
 def test_limits():
-    posed = problem(Cost(10.0, 15.0, 1.0, 0.0), robot=DifferentialDrive(max_wheel_speed=51.0))
+    posed = problem(Cost(15.0, 1.0, 0.0), robot=DifferentialDrive(max_wheel_speed=51.0))
     np.testing.assert_array_equal(posed.control_upper, np.full((51, 2), 51.0))
     np.testing.assert_array_equal(posed.control_lower, np.full((51, 2), -51.0))
-    free = problem(Cost(10.0, 15.0, 1.0, 0.0))
+    free = problem(Cost(15.0, 1.0, 0.0))
     assert np.isinf(free.control_upper).all()
 
 
@@ -123,7 +124,7 @@ def test_at_the_centre_of_the_road_everything_is_finite(kind):
     posed = GuidanceProblem(
         DifferentialDrive(),
         ClearSpace.of(Annulus(), (Obstacle('here', (0.0, 0.0), 0.5),), 0.0),
-        Cost(10.0, 15.0, 1.0, 0.0),
+        Cost(15.0, 1.0, 0.0),
         np.zeros(3),
         np.zeros(2),
         np.full(3, 0.2),
@@ -141,7 +142,7 @@ def test_shortest_horizons(steps):
     posed = GuidanceProblem(
         DifferentialDrive(max_wheel_speed=51.0),
         ClearSpace.of(Annulus(), OBSTACLES, 0.0),
-        Cost(10.0, 15.0, 1.0, 0.0),
+        Cost(15.0, 1.0, 0.0),
         np.array([9.9, -0.4 * steps, 1.5]),
         np.array([10.0, 0.0]),
         np.full(steps, 0.25),
@@ -175,7 +176,7 @@ def best(posed, U, cost, road, limit=np.inf, obstacles=()):
     if np.isfinite(limit):
         opti.subject_to(opti.bounded(-limit, casadi.vec(V), limit))
     opti.minimize(
-        0.5 * cost.road_center * casadi.sumsqr(radius - cost.center_radius)
+        0.5 * cost.road_center * casadi.sumsqr(radius - road.center_radius)
         + 0.5 * cost.control_effort * casadi.sumsqr(V)
     )
     opti.set_initial(V, U.T)
@@ -199,9 +200,9 @@ def best(posed, U, cost, road, limit=np.inf, obstacles=()):
 @pytest.mark.parametrize(
     ('cost', 'limit', 'obstacles'),
     [
-        (Cost(10.0, 15.0, 0.1, 0.02), np.inf, ()),
-        (Cost(10.0, 15.0, 0.2, 0.02), np.inf, OBSTACLES),
-        (Cost(10.0, 15.0, 0.2, 0.02), 48.0, OBSTACLES),
+        (Cost(15.0, 0.1, 0.02), np.inf, ()),
+        (Cost(15.0, 0.2, 0.02), np.inf, OBSTACLES),
+        (Cost(15.0, 0.2, 0.02), 48.0, OBSTACLES),
     ],
 )
 @pytest.mark.parametrize('kind', KINDS)

@@ -60,7 +60,7 @@ def test_the_second_time_everything_is_there(run, caches):
     assert not old.exists()
     (folder,) = caches.iterdir()
     assert f'kept in: {folder}' in first.stdout
-    assert [*folder.glob('*/*.nbc')]
+    assert [*folder.glob('guidance/audit.*.kernel')]
     assert first.stderr == ''
 
     second = run()

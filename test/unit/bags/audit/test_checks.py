@@ -50,6 +50,35 @@ def test_it_measures_what_the_demo_measures(drive, outcomes):
     assert findings['road'].worst == pytest.approx(0.235, abs=1e-2)
 
 
+def test_a_good_drive_on_a_road_that_crosses_itself_passes(outcomes):
+    findings = outcomes(drive_case('corridor'))
+    assert failed(findings) == set()
+    assert 'the left road edge' in findings['road'].sentence
+    # The loop is a corridor of half-width 0.6 m, and the robot goes round two obstacles.
+    assert 0.4 < findings['road'].worst < 0.6
+    assert findings['goal'].worst < 1e-6
+
+
+def test_leaving_a_road_along_a_line_is_caught(outcomes):
+    drive = drive_case('corridor')
+    for each in drive.odometry:
+        if each.stamp > START + 12 * SECOND:
+            each.pose = np.add(each.pose, [0.0, -0.9, 0.0])
+    findings = outcomes(drive)
+    assert {'road', 'jumps'} <= failed(findings)
+    # There the road leads westward.
+    assert 'the left road edge' in findings['road'].sentence
+
+
+def test_open_floor_has_no_edges_to_be_checked(outcomes):
+    changes = {'road.type': 'none', 'initial_guess.type': 'road'}
+    findings = outcomes(drive_case('case3', **changes))
+    assert failed(findings) == set()
+    assert findings['road'].outcome is SKIPPED
+    assert 'road.type is none' in findings['road'].sentence
+    assert findings['goal'].worst < 1e-6
+
+
 def test_one_wrong_command_is_caught(drive, outcomes):
     drive.commands[drive.at(4.0)].twist += [0.0, 4.0]
     findings = outcomes(drive)

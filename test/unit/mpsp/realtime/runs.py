@@ -34,7 +34,7 @@ def robot_problem(steps=25, limit=51.0, obstacles=OBSTACLES, pose=POSE, change=1
     return GuidanceProblem(
         DifferentialDrive(max_wheel_speed=limit),
         ClearSpace.of(road, obstacles, 0.05),
-        Cost(road.center_radius, 15.0, change, 0.0),
+        Cost(15.0, change, 0.0),
         pose,
         GOAL,
         np.full(steps, 10.0 / steps),

@@ -225,8 +225,8 @@ def test_the_judge_finds_a_way_where_there_is_one(tmp_path):
 
 def next_arrived():
     """The first run of which the goal is in reach."""
+    from cmpsp_ros.robot.way import shortest_way
     from cmpsp_ros.studies.monte_carlo.driving import farthest
-    from cmpsp_ros.studies.monte_carlo.way import shortest_way
 
     for number in range(100):
         task = STUDY.run(number)

@@ -11,6 +11,7 @@ from cmpsp_ros.studies.verify.compare import compare
 from cmpsp_ros.studies.verify.contestant import contestant
 from cmpsp_ros.studies.verify.families import FAMILIES, cases
 from cmpsp_ros.studies.verify.references import Verdict
+from cmpsp_ros.studies.verify.run import verify_case
 
 
 def checks(comparison):
@@ -156,6 +157,21 @@ def test_active_set_is_right_with_and_without_hints(family):
     assert chosen.warm is not None
     for each in cases(family, 2):
         assert not compare(each, chosen).is_mismatch
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'infeasible/86/1',
+        'infeasible/92/8',
+        'infeasible/158/6',
+        'infeasible/185/3',
+        'degenerate/236/7',
+        'loop/798/8',
+    ],
+)
+def test_what_rounding_makes_look_like_a_contradiction_is_looked_at_again(name):
+    assert verify_case(name, 'riccati_active_set').findings == ()
 
 
 def test_rows_named_without_a_conflict_are_found(scalar, case_of, erring):

@@ -1,0 +1,124 @@
+"""Pictures of a run from a camera that follows the robot."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from cmpsp_ros.bags.audit import read_record
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.film.scene import scene
+from cmpsp_ros.bags.run import Driven, read_driven
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+
+Array = NDArray[np.float64]
+
+_STILL, _MOVING = (640, 480), (480, 320)
+_STILLS, _RATE = 4, 10
+_WAY_POINTS = 200
+
+# The camera: behind the robot and above it, looking at a point ahead of it.
+_DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
+
+
+def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
+    """Draw the robot in its scene.
+
+    Args:
+        bag: Bag of one run.
+        output: New picture: a `.png` with its frames side by side, or a `.gif` that moves, in real
+            time.
+        seconds: Times of the frames [s]; when empty, four for a `.png` and ten a second for a
+            `.gif`.
+
+    Returns:
+        How many frames there are.
+
+    Raises:
+        BagError: The bag cannot be used, a time is not in it, MuJoCo or what it draws with is
+            missing, or the picture cannot be written.
+        ParameterError: The bag's parameters cannot be used.
+    """
+    moving = output.suffix == '.gif'
+    if output.suffix not in ('.png', '.gif'):
+        raise BagError(f"{output}: found the suffix '{output.suffix}', wanted .png or .gif")
+    if output.exists():
+        raise BagError(f'{output}: is there already')
+    record, driven = read_record(bag), read_driven(bag)
+    first, settings = record.start, record.history.at(record.start)
+    last = min(int(driven.stamps[-1]), first + to_nanoseconds(settings.final_time))
+    length = (last - first) / NANOSECONDS
+    if not all(0.0 <= each <= length for each in seconds):
+        raise BagError(f'{bag}: found times {seconds} s, wanted times from 0 to {length:.2f} s')
+    count = max(2, math.ceil(length * _RATE)) if moving else _STILLS
+    times = seconds or np.linspace(0.0, length, count).tolist()
+    stamps = [first + to_nanoseconds(each) for each in times]
+    way = [driven.at(int(each))[:2] for each in np.linspace(first, last, _WAY_POINTS)]
+    model = scene(settings, np.array(way))
+    frames = list(_frames(model, settings.robot, driven, stamps, _MOVING if moving else _STILL))
+    try:
+        if moving:
+            frames[0].save(
+                output, save_all=True, append_images=frames[1:], duration=1000 // _RATE, loop=0
+            )
+        else:
+            _side_by_side(frames).save(output)
+    except OSError as error:
+        raise BagError(f'{output}: {error.strerror or error}') from None
+    return len(frames)
+
+
+def _frames(
+    model: str, robot: DifferentialDrive, driven: Driven, stamps: list[int], size: tuple[int, int]
+) -> Iterator[Image.Image]:
+    mujoco = _mujoco()
+    world = mujoco.MjModel.from_xml_string(model)
+    state = mujoco.MjData(world)
+    camera = mujoco.MjvCamera()
+    camera.distance, camera.elevation = _DISTANCE, _ELEVATION
+    width, height = size
+    try:
+        renderer = mujoco.Renderer(world, height, width)
+    except Exception as error:
+        # Each of the libraries that it may draw with has errors of its own.
+        raise BagError(
+            f'MuJoCo cannot draw here (MUJOCO_GL={os.environ.get("MUJOCO_GL", "")}): {error}'
+        ) from None
+    with renderer:
+        for stamp in stamps:
+            x, y, heading = driven.at(stamp).tolist()
+            turn = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
+            state.qpos[:7] = (x, y, robot.wheel_radius, *turn)
+            mujoco.mj_forward(world, state)
+            ahead = (x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading))
+            camera.lookat[:] = (*ahead, robot.wheel_radius)
+            camera.azimuth = math.degrees(heading)
+            renderer.update_scene(state, camera)
+            yield Image.fromarray(renderer.render())
+
+
+def _mujoco() -> Any:
+    if 'DISPLAY' not in os.environ:
+        # Read when it is imported; what it draws with by itself wants a screen.
+        os.environ.setdefault('MUJOCO_GL', 'egl')
+    try:
+        import mujoco  # noqa: PLC0415 (an option of its own to install)
+    except ImportError as error:
+        raise BagError(f'this needs the package mujoco (pip install mujoco): {error}') from None
+    return mujoco
+
+
+def _side_by_side(frames: list[Image.Image]) -> Image.Image:
+    width, height = frames[0].size
+    strip = Image.new('RGB', (width * len(frames), height))
+    for index, frame in enumerate(frames):
+        strip.paste(frame, (index * width, 0))
+    return strip

@@ -1,0 +1,83 @@
+"""Road, obstacles, goal and robot of a run as a scene for MuJoCo's renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.physics import Physics, mjcf
+
+Array = NDArray[np.float64]
+
+_HEIGHT = 0.12
+_LINE = 0.012
+
+_LOOK = """
+  <visual>
+    <headlight ambient="0.45 0.45 0.45" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <map znear="0.002" zfar="5"/>
+    <global offwidth="1920" offheight="1080"/>
+  </visual>
+  <asset>
+    <texture name="sky" type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.55 0.7 0.9"
+             width="64" height="384"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="0.82 0.82 0.8" rgb2="0.74 0.74 0.72"
+             width="256" height="256"/>
+    <material name="floor" texture="tiles" texrepeat="2 2" texuniform="true"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 8" dir="0.3 0.2 -1" directional="true" diffuse="0.5 0.5 0.5"/>
+    <geom type="plane" size="0 0 1" material="floor"/>"""
+
+
+def scene(settings: GuidanceSettings, way: Array) -> str:
+    """The scene in MuJoCo's own format, with the robot's free joint first.
+
+    Args:
+        settings: Robot, road, obstacles and goal.
+        way: Points of the path driven, shape ``(K, 2)`` [m].
+    """
+    decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(settings, way)))
+    robot = mjcf(settings.robot, Physics(), 0.0)
+    head, rest = robot.split('<worldbody>', 1)
+    body = rest.split('/>', 1)[1]  # its floor is a bare one
+    return f'{head}{_LOOK}\n    {decoration}{body}'
+
+
+def _edges(settings: GuidanceSettings) -> Iterator[str]:
+    for edge in settings.road.edges():
+        yield from _line(edge, 2.0 * _LINE, '0.25 0.25 0.25 1')
+
+
+def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
+    for each in settings.obstacles:
+        (x, y), height = each.center, _HEIGHT / 2.0
+        yield _geom('cylinder', f'{each.radius} {height}', (x, y, height), '0.8 0.25 0.18 1')
+
+
+def _way(settings: GuidanceSettings, way: Array) -> Iterator[str]:
+    yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1')
+    yield _geom('cylinder', f'0.01 {_HEIGHT}', (*settings.goal, _HEIGHT), '0.05 0.5 0.25 1')
+    yield _geom('sphere', '0.05', (*settings.goal, 2.0 * _HEIGHT), '0.05 0.5 0.25 1')
+
+
+def _line(corners: Array, radius: float, color: str) -> Iterator[str]:
+    for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
+        if (x0, y0) != (x1, y1):
+            ends = f'{x0} {y0} 0 {x1} {y1} 0'
+            yield (
+                f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
+                'contype="0" conaffinity="0"/>'
+            )
+
+
+def _geom(kind: str, size: str, place: tuple[float, float, float], color: str) -> str:
+    position = ' '.join(map(str, place))
+    return (
+        f'<geom type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
+        'contype="0" conaffinity="0"/>'
+    )

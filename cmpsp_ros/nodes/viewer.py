@@ -1,0 +1,164 @@
+"""The viewer: the topics of guidance and sim onto a page for a browser."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+
+from cmpsp_ros.nodes import topics
+from cmpsp_ros.nodes.runtime import StartupError, run
+from cmpsp_ros.nodes.viewer_messages import (
+    SERIES,
+    course_of,
+    decision_of,
+    place_of,
+    plan_of,
+    speeds_of,
+)
+from cmpsp_ros.view.board import Board
+from cmpsp_ros.view.errors import ViewError
+from cmpsp_ros.view.server import ViewServer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from diagnostic_msgs.msg import DiagnosticStatus
+    from nav_msgs.msg import Odometry, Path
+    from rclpy.task import Future
+    from sensor_msgs.msg import JointState
+    from visualization_msgs.msg import MarkerArray
+
+HOST, PORT = '127.0.0.1', 8765
+
+_TRAIL_STEP = 0.01
+"""Way after which a point is added to the path driven [m]."""
+
+_ASK_PERIOD = 0.5
+_ASKED = ('robot.radius', 'robot.max_wheel_speed', 'final_time')
+
+
+class Viewer(Node):
+    """Listens, and serves a page about it until it is stopped; it publishes nothing.
+
+    Args:
+        namespace: Namespace of the nodes to show; that of the command line when absent.
+        parameters: Parameters, before those of the command line.
+
+    Raises:
+        StartupError: The page cannot be served at `host` and `port`.
+    """
+
+    def __init__(
+        self, namespace: str | None = None, parameters: Mapping[str, Any] | None = None
+    ) -> None:
+        given = [Parameter(name, value=value) for name, value in (parameters or {}).items()]
+        super().__init__('viewer', namespace=namespace, parameter_overrides=given)
+        fixed = ParameterDescriptor(read_only=True)
+        host = self.declare_parameter('host', HOST, fixed).value
+        port = self.declare_parameter('port', PORT, fixed).value
+        self._board = Board(SERIES)
+        try:
+            self._server = ViewServer(self._board, host, port)
+        except ViewError as error:
+            msg = f'parameters host, port: {error}'
+            raise StartupError(msg) from error
+        self._place: tuple[float, float, float] | None = None
+        self._number: tuple[str, float | None] = '', None
+        self._robot: Future | None = None
+        self._listen()
+        self._client = AsyncParameterClient(self, 'guidance')
+        # Simulated time may stand still; the page is to know the robot all the same.
+        self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self._board.show('namespace', self.get_namespace())
+        self._server.start()
+        self.get_logger().info(f'open {self._server.address} in a browser')
+
+    def stop(self) -> None:
+        """Close the page's port."""
+        self._server.close()
+
+    def _listen(self) -> None:
+        heard: tuple[tuple[topics.Topic, Callable[[Any], None]], ...] = (
+            (topics.GUIDANCE_ODOM, self._on_odometry),
+            (topics.DECISION, self._on_decision),
+            (topics.PLAN, self._on_plan),
+            (topics.MARKERS, self._on_markers),
+            (topics.SIM_WHEELS, self._on_wheels),
+        )
+        for topic, callback in heard:
+            name = topic.name.replace('~', topic.node)
+            self.create_subscription(topic.type, name, callback, topic.qos)
+
+    def _on_odometry(self, message: Odometry) -> None:
+        place = place_of(message)
+        if place is None:
+            return
+        self._board.show('place', place)
+        last = self._place
+        if last is None or abs(place[0] - last[0]) + abs(place[1] - last[1]) > _TRAIL_STEP:
+            self._board.add('path', place[:2])
+            self._place = place
+
+    def _on_decision(self, message: DiagnosticStatus) -> None:
+        decision = decision_of(message)
+        number = decision['run'], decision['step']
+        if number != self._number and (number[0] != self._number[0] or number[1] == 0):
+            self._board.begin()
+        self._number = number
+        self._board.alive()
+        self._board.show('decision', decision)
+        self._board.add(
+            'steps', [decision[key] for key in ('time_left', 'right', 'left', 'margin', 'rung')]
+        )
+
+    def _on_plan(self, message: Path) -> None:
+        self._board.show('plan', plan_of(message))
+
+    def _on_markers(self, message: MarkerArray) -> None:
+        self._board.show_course(course_of(message))
+        # They are sent anew when parameters have changed.
+        self._robot = None
+
+    def _on_wheels(self, message: JointState) -> None:
+        self._board.show('driven', speeds_of(message))
+
+    def _ask(self) -> None:
+        """Ask the guidance node for what no topic says."""
+        if self._robot is None and self._client.services_are_ready():
+            self._robot = self._client.get_parameters(list(_ASKED))
+            self._robot.add_done_callback(self._on_parameters)
+
+    def _on_parameters(self, future: Future) -> None:
+        values = future.result().values
+        if len(values) == len(_ASKED):
+            named = zip(_ASKED, (each.double_value for each in values), strict=True)
+            self._board.show('robot', dict(named))
+
+
+def view(host: str, port: int, namespace: str) -> int:
+    """Show a running system until SIGINT or SIGTERM, as the last thing a process does.
+
+    Args:
+        host: Address to listen on.
+        port: Port to listen on; 0 for any that is free.
+        namespace: In which the nodes are.
+
+    Returns:
+        Exit code: 0 after a signal, 1 when the page cannot be served.
+    """
+    return run(lambda: Viewer(namespace, {'host': host, 'port': port}), name='viewer', args=[])
+
+
+def main() -> None:
+    """Run the viewer as a process."""
+    sys.exit(run(Viewer, name='viewer'))
+
+
+if __name__ == '__main__':
+    main()

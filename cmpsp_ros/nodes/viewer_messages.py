@@ -1,0 +1,96 @@
+"""Messages to what a page draws: plain numbers and text, of bounded size.
+
+Anybody may publish on these topics: whatever is in a message, the page stays small and quick.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+from visualization_msgs.msg import Marker
+
+if TYPE_CHECKING:
+    from diagnostic_msgs.msg import DiagnosticStatus
+    from nav_msgs.msg import Odometry, Path
+    from sensor_msgs.msg import JointState
+    from visualization_msgs.msg import MarkerArray
+
+SERIES: Final = ('path', 'steps')
+"""What is kept row by row: (x, y); and (time left, right, left, margin, rung) of each step."""
+
+_MOST_MARKERS: Final = 500
+_MOST_POINTS: Final = 2000
+_LONGEST_TEXT: Final = 500
+_KINDS: Final = {
+    Marker.LINE_STRIP: 'line',
+    Marker.CYLINDER: 'disc',
+    Marker.TEXT_VIEW_FACING: 'text',
+}
+
+
+def place_of(message: Odometry) -> tuple[float, float, float] | None:
+    """Pose (x, y, heading) [m, m, rad]; None where it is not finite."""
+    position, q = message.pose.pose.position, message.pose.pose.orientation
+    heading = math.atan2(2.0 * (q.w * q.z + q.x * q.y), q.w**2 + q.x**2 - q.y**2 - q.z**2)
+    place = (position.x, position.y, heading)
+    return place if all(map(math.isfinite, place)) else None
+
+
+def decision_of(message: DiagnosticStatus) -> dict[str, Any]:
+    """What is shown of a decision; numbers that it lacks are None."""
+    values = {each.key: each.value for each in message.values}
+    return {
+        'reason': _short(message.message),
+        'rung': _short(values.get('rung', '')),
+        'finished': values.get('finished') == 'true',
+        'run': _short(values.get('run', '')),
+        'step': _number(values, 'step'),
+        'time_left': _number(values, 'time_left'),
+        'right': _number(values, 'wheel_speed_right'),
+        'left': _number(values, 'wheel_speed_left'),
+        'miss': _number(values, 'miss'),
+        'margin': _number(values, 'margin'),
+        'worst_margin': _number(values, 'worst_margin'),
+        'step_ms': _number(values, 'step_ms'),
+    }
+
+
+def plan_of(message: Path) -> list[list[float]]:
+    """Points (x, y) [m] of a plan."""
+    places = (each.pose.position for each in message.poses[:_MOST_POINTS])
+    return [[each.x, each.y] for each in places]
+
+
+def speeds_of(message: JointState) -> list[float]:
+    """Speeds of right and left wheel [rad/s]."""
+    return list(message.velocity[:2])
+
+
+def course_of(message: MarkerArray) -> list[dict[str, Any]]:
+    """Lines, discs and texts to draw, in their order, each in its colour."""
+    kinds = ((_KINDS.get(each.type), each) for each in message.markers[:_MOST_MARKERS])
+    return [
+        {
+            'kind': kind,
+            'of': _short(each.ns),
+            'at': [each.pose.position.x, each.pose.position.y],
+            'size': each.scale.x,
+            'color': [each.color.r, each.color.g, each.color.b, each.color.a],
+            'points': [[point.x, point.y] for point in each.points[:_MOST_POINTS]],
+            'text': _short(each.text),
+        }
+        for kind, each in kinds
+        if kind is not None and each.action == Marker.ADD
+    ]
+
+
+def _number(values: dict[str, str], key: str) -> float | None:
+    try:
+        return float(values[key])
+    except (KeyError, ValueError):
+        return None
+
+
+def _short(text: str) -> str:
+    return text[:_LONGEST_TEXT]

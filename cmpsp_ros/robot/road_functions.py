@@ -1,0 +1,117 @@
+"""What a road is to compiled code: functions of its data.
+
+The data are a named tuple, its class standing for a kind of road: where on it the robot's centre
+may be. The functions are given for that class by `cmpsp_ros.mpsp.compiled.implements`. A place on a
+road is told by its progress [m], the length along the centre line from where it begins; a road that
+comes by one point twice is told apart by it. Each road has two edges, and its clearance from an
+edge is never more than the distance to it.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cmpsp_ros.robot.arcs import Arc
+
+FAR = 1e6
+"""Clearance from an edge that is not there [m]: a number that can be added, written and read."""
+
+
+def find(road: Any, x: float, y: float, heading: float) -> float:
+    """Progress of a pose of which nothing else is known.
+
+    Args:
+        road: The road.
+        x: Position [m].
+        y: See `x`.
+        heading: Of the pose: where the road crosses itself it says which way is meant. Not a
+            number for a point without a heading [rad].
+
+    Returns:
+        Progress [m].
+    """
+    raise NotImplementedError
+
+
+def measure(road: Any, k: int, x: float, y: float, progress: float) -> Any:
+    """Where a point is across the road.
+
+    Args:
+        road: The road.
+        k: Stage, for roads whose edges change along a horizon.
+        x: Position [m].
+        y: See `x`.
+        progress: Of a point nearby [m].
+
+    Returns:
+        Progress, distance from the centre line with a sign, and one path constraint an edge, not
+        positive where met and ``-inf`` where there is no edge; all [m].
+    """
+    raise NotImplementedError
+
+
+def slopes(road: Any, x: float, y: float, progress: float) -> Any:
+    """Derivatives of what `measure` returns, at the progress that it returned.
+
+    Args:
+        road: The road.
+        x: Position [m].
+        y: See `x`.
+        progress: Of this point [m].
+
+    Returns:
+        The gradient of the distance from the centre line (x, y), a unit vector or zero; what the
+        second derivative of half its square is along the road; the gradients (x, y) of the first
+        and of the second constraint.
+    """
+    raise NotImplementedError
+
+
+def sweep(road: Any, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
+    """Least clearance of an arc, from end to end.
+
+    Args:
+        road: The road; edges are those of the first stage.
+        arc: The arc.
+        progress: Of its beginning [m].
+        enough: Clearance from the first edge that need not be known more exactly [m].
+        enough_other: The same for the second edge.
+
+    Returns:
+        Progress at its end, and clearance from both edges; all [m].
+    """
+    raise NotImplementedError
+
+
+def way_to(
+    road: Any, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
+) -> float:
+    """Length along the centre line from one place to another, negative against its direction.
+
+    Args:
+        road: The road.
+        x: Position [m].
+        y: See `x`.
+        progress: Of this point [m].
+        goal_x: The other place [m].
+        goal_y: See `goal_x`.
+        goal: Its progress [m].
+
+    Returns:
+        The way [m]; the shorter one where the road closes upon itself.
+    """
+    raise NotImplementedError
+
+
+def ahead(road: Any, x: float, y: float, progress: float, way: float, to: Any) -> Any:
+    """Point of the centre line (x, y) [m] that is some way ahead.
+
+    Args:
+        road: The road.
+        x: Position [m].
+        y: See `x`.
+        progress: Of this point [m].
+        way: Length along the centre line, negative against its direction [m].
+        to: Where that way leads in the end (x, y) [m], for open floor.
+    """
+    raise NotImplementedError

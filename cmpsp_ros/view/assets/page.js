@@ -1,0 +1,234 @@
+'use strict';
+
+// What comes from the server is text and numbers, and never becomes markup.
+const ASK_PERIOD = 66;
+const RETRY_PERIOD = 1000;
+const SILENT_AFTER = 1.5;
+const RUNGS = {nominal: '#009e73', elastic: '#b3a500', shifted: '#e69f00', stop: '#4d4d4d'};
+
+const known = {course: -1, run: -1, series: {path: [], steps: []}};
+let news = {};
+let course = [];
+let bounds = null;
+
+const element = (id) => document.getElementById(id);
+const isNumber = (value) => typeof value === 'number';
+const fixed = (value, digits, unit) => (isNumber(value) ? `${value.toFixed(digits)} ${unit}` : '–');
+const signed = (value) => (isNumber(value) && value >= 0 ? '+' : '') + fixed(value, 3, 'm');
+const pair = (values, unit) =>
+  Array.isArray(values) && values.every(isNumber) && values.length === 2
+    ? `${values[0].toFixed(2)}  ${values[1].toFixed(2)} ${unit}` : '–';
+
+function say(id, text) {
+  const place = element(id);
+  if (place.textContent !== text) place.textContent = text;
+}
+
+async function ask() {
+  const {path, steps} = known.series;
+  const query = `course=${known.course}&run=${known.run}&path=${path.length}&steps=${steps.length}`;
+  let pause = ASK_PERIOD;
+  try {
+    const answer = await fetch(`news?${query}`);
+    if (!answer.ok) throw new Error(answer.statusText);
+    take(await answer.json());
+    requestAnimationFrame(show);
+  } catch {
+    pause = RETRY_PERIOD;
+    state('The viewer does not answer; this is the last that was heard.', true);
+  }
+  setTimeout(ask, pause);
+}
+
+function take(latest) {
+  news = latest;
+  if (news.course_number !== known.course) {
+    course = news.course || [];
+    bounds = null;
+  }
+  if (news.run !== known.run) bounds = null;
+  for (const [name, rows] of Object.entries(news.series)) {
+    known.series[name] = known.series[name].slice(0, news.first[name]).concat(rows);
+  }
+  known.course = news.course_number;
+  known.run = news.run;
+}
+
+function state(text, wrong) {
+  say('state', text);
+  element('state').className = wrong ? 'state wrong' : 'state';
+}
+
+function show() {
+  const decision = news.decision || {};
+  const rung = decision.finished ? 'arrived' : decision.rung || '';
+  const silent = isNumber(news.silence) && news.silence > SILENT_AFTER && !decision.finished;
+  if (!news.decision) state('Listening; no decision has been heard yet.', false);
+  else if (silent) state(`No decision for ${Math.floor(news.silence)} s.`, true);
+  else state('Live.', false);
+  say('rung', rung);
+  element('rung').dataset.rung = rung;
+  say('namespace', news.namespace === '/' ? '' : String(news.namespace || ''));
+  say('reason', decision.reason || '');
+  say('time_left', fixed(decision.time_left, 1, 's'));
+  say('margin', signed(decision.margin));
+  say('worst_margin', signed(decision.worst_margin));
+  say('miss', isNumber(decision.miss) ? `${decision.miss.toExponential(1)} m` : '–');
+  say('commanded', pair([decision.right, decision.left], 'rad/s'));
+  say('driven', pair(news.driven, 'rad/s'));
+  say('step_ms', fixed(decision.step_ms, 2, 'ms'));
+  drawCourse();
+  drawStrips();
+  Object.assign(document.body.dataset, {
+    rung, steps: known.series.steps.length, path: known.series.path.length, course: course.length,
+  });
+}
+
+function canvas(id) {
+  const place = element(id);
+  const ratio = window.devicePixelRatio || 1;
+  const width = place.clientWidth;
+  const height = place.clientHeight;
+  if (place.width !== Math.round(width * ratio) || place.height !== Math.round(height * ratio)) {
+    place.width = Math.round(width * ratio);
+    place.height = Math.round(height * ratio);
+  }
+  const pen = place.getContext('2d');
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  return {pen, width, height};
+}
+
+// The view holds all that matters, and only grows while a run lasts: it is not to jump about.
+function include(x, y, around) {
+  if (!isNumber(x) || !isNumber(y)) return;
+  bounds = bounds || {left: x, right: x, low: y, high: y};
+  bounds.left = Math.min(bounds.left, x - around);
+  bounds.right = Math.max(bounds.right, x + around);
+  bounds.low = Math.min(bounds.low, y - around);
+  bounds.high = Math.max(bounds.high, y + around);
+}
+
+function look() {
+  for (const each of course) if (each.kind === 'disc') include(...each.at, 1.5 + each.size / 2);
+  for (const each of [...known.series.path, ...(news.plan || [])]) include(...each, 1);
+  if (news.place) include(news.place[0], news.place[1], 1);
+}
+
+function trace(pen, points, to) {
+  pen.beginPath();
+  for (const each of points) if (each.every(isNumber)) pen.lineTo(...to(each));
+}
+
+function drawCourse() {
+  const {pen, width, height} = canvas('course');
+  look();
+  if (!bounds) return;
+  const scale = Math.min(
+    width / (bounds.right - bounds.left || 1), height / (bounds.high - bounds.low || 1));
+  const middle = [(bounds.left + bounds.right) / 2, (bounds.low + bounds.high) / 2];
+  const to = ([x, y]) => [
+    width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
+  drawRoad(pen, to);
+  for (const each of course) drawMarker(pen, each, to, scale);
+  const rung = RUNGS[(news.decision || {}).rung] || '#8a93a1';
+  stroke(pen, known.series.path, to, '#0072b2', 3, []);
+  if (!(news.decision || {}).finished) stroke(pen, news.plan || [], to, rung, 2.5, [7, 5]);
+  if (news.place && news.place.every(isNumber)) drawRobot(pen, news.place, to, scale);
+}
+
+function drawRoad(pen, to) {
+  pen.beginPath();
+  for (const each of course.filter((marker) => marker.of === 'road')) {
+    each.points.filter((point) => point.every(isNumber)).forEach((point, index) => {
+      if (index) pen.lineTo(...to(point));
+      else pen.moveTo(...to(point));
+    });
+    pen.closePath();
+  }
+  pen.fillStyle = '#eef0f3';
+  pen.fill('evenodd');
+}
+
+function drawMarker(pen, marker, to, scale) {
+  const [r, g, b, a] = marker.color.map((part) => (isNumber(part) ? part : 0));
+  const color = `rgb(${255 * r} ${255 * g} ${255 * b} / ${a})`;
+  if (marker.kind === 'line') {
+    const dashes = marker.of === 'centre_line' ? [10, 10] : [];
+    stroke(pen, marker.points, to, color, Math.max(marker.size * scale, 1), dashes);
+  } else if (marker.kind === 'disc' && marker.at.every(isNumber) && isNumber(marker.size)) {
+    pen.beginPath();
+    pen.arc(...to(marker.at), Math.abs(marker.size / 2 * scale), 0, 2 * Math.PI);
+    pen.fillStyle = color;
+    pen.fill();
+  } else if (marker.kind === 'text' && marker.at.every(isNumber)) {
+    pen.fillStyle = '#fff';
+    pen.font = '600 14px system-ui, sans-serif';
+    pen.textAlign = 'center';
+    pen.textBaseline = 'middle';
+    pen.fillText(marker.text, ...to(marker.at));
+  }
+}
+
+function stroke(pen, points, to, color, width, dashes) {
+  trace(pen, points, to);
+  pen.setLineDash(dashes);
+  pen.strokeStyle = color;
+  pen.lineWidth = width;
+  pen.lineJoin = 'round';
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+function drawRobot(pen, place, to, scale) {
+  const [x, y] = to(place);
+  const radius = ((news.robot || {})['robot.radius'] || 0) * scale;
+  pen.save();
+  pen.translate(x, y);
+  pen.rotate(-place[2]);
+  pen.beginPath();
+  pen.arc(0, 0, radius, 0, 2 * Math.PI);
+  pen.fillStyle = 'rgb(0 114 178 / 25%)';
+  pen.fill();
+  const size = Math.max(radius, 10);
+  pen.beginPath();
+  pen.moveTo(size, 0);
+  pen.lineTo(-0.7 * size, 0.65 * size);
+  pen.lineTo(-0.35 * size, 0);
+  pen.lineTo(-0.7 * size, -0.65 * size);
+  pen.closePath();
+  pen.fillStyle = '#00456b';
+  pen.fill();
+  pen.restore();
+}
+
+// A step is (time left, right, left, clearance, rung).
+function drawStrips() {
+  const steps = known.series.steps;
+  const limit = (news.robot || {})['robot.max_wheel_speed'];
+  const column = (index) => steps.map((step) => [step[0], step[index]]);
+  drawStrip('wheels', [[column(1), '#0072b2'], [column(2), '#d55e00']], limit ? [limit] : []);
+  drawStrip('clearance', [[column(3), '#009e73']], [0]);
+}
+
+function drawStrip(id, lines, marks) {
+  const {pen, width, height} = canvas(id);
+  const rows = lines.flatMap(([row]) => row).filter((row) => row.every(isNumber));
+  if (!rows.length) return;
+  const values = [...rows.map((row) => row[1]), ...marks];
+  const low = Math.min(...values);
+  const high = Math.max(...values);
+  const whole = Math.max((news.robot || {}).final_time || 0, ...rows.map((row) => row[0])) || 1;
+  const to = ([left, value]) => [
+    40 + (width - 48) * (1 - left / whole), 8 + (height - 16) * (high - value) / (high - low || 1)];
+  for (const mark of marks) stroke(pen, [[whole, mark], [0, mark]], to, '#a63d40', 1, [4, 4]);
+  for (const [row, color] of lines) stroke(pen, row, to, color, 1.5, []);
+  pen.fillStyle = '#5a6372';
+  pen.font = '12px system-ui, sans-serif';
+  pen.textAlign = 'right';
+  pen.textBaseline = 'middle';
+  const digits = high - low < 10 ? 2 : 0;
+  for (const value of new Set([low, high])) pen.fillText(value.toFixed(digits), 36, to([0, value])[1]);
+}
+
+ask();

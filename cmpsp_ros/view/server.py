@@ -1,0 +1,158 @@
+"""The page and what it asks for, over HTTP.
+
+The server answers on loopback unless told otherwise, changes nothing, and is asked by its own page
+alone: no other site may read it, not even by a name that leads to this machine.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+import threading
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any, ClassVar, Final
+from urllib.parse import parse_qs, urlsplit
+
+from cmpsp_ros.view.board import Board, Known
+from cmpsp_ros.view.errors import ViewError
+
+_PAGES: Final = {
+    '/': ('page.html', 'text/html; charset=utf-8'),
+    '/page.css': ('page.css', 'text/css; charset=utf-8'),
+    '/page.js': ('page.js', 'text/javascript; charset=utf-8'),
+}
+_HEADERS: Final = {
+    # Nothing from elsewhere, and nothing that is written into the page itself.
+    'Content-Security-Policy': (
+        "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
+        " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    ),
+    'X-Content-Type-Options': 'nosniff',
+    'Referrer-Policy': 'no-referrer',
+    'Cross-Origin-Resource-Policy': 'same-origin',
+    'Cache-Control': 'no-store',
+}
+_IDLE_TIMEOUT: Final = 30.0
+
+
+class ViewServer:
+    """Serves a board in a thread of its own."""
+
+    def __init__(self, board: Board, host: str, port: int) -> None:
+        """Open the port.
+
+        Args:
+            board: What to show.
+            host: Address to listen on.
+            port: Port to listen on; 0 for any that is free.
+
+        Raises:
+            ViewError: It cannot be listened on.
+        """
+        handler = type('_Handler', (_Handler,), {'board': board, 'hosts': _hosts(host)})
+        try:
+            self._server = ThreadingHTTPServer((host, port), handler)
+        except (OSError, OverflowError) as error:
+            reason = getattr(error, 'strerror', None) or error
+            msg = f'{host}, port {port}: found {reason}, wanted an address and a port that is free'
+            raise ViewError(msg) from error
+        self._server.daemon_threads = True
+        self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        host, port = self._server.server_address[:2]
+        return f'http://{host!s}:{port}/'
+
+    def start(self) -> None:
+        """Begin to answer."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Answer no more; what is under way is cut off."""
+        if self._thread.is_alive():
+            self._server.shutdown()
+            self._thread.join()
+        self._server.server_close()
+
+
+def _hosts(host: str) -> frozenset[str] | None:
+    """Names by which the page may be asked for; None for all.
+
+    A foreign site can give its own name this machine's address, and would then be the same site.
+    """
+    try:
+        is_loopback = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        is_loopback = host == 'localhost'
+    return frozenset({host, 'localhost', '127.0.0.1'}) if is_loopback else None
+
+
+class _Handler(BaseHTTPRequestHandler):
+    """Answers one browser."""
+
+    board: ClassVar[Board]
+    hosts: ClassVar[frozenset[str] | None]
+    protocol_version = 'HTTP/1.1'
+    timeout = _IDLE_TIMEOUT
+    server_version = 'cmpsp'
+    sys_version = ''
+
+    def do_GET(self) -> None:
+        """Send a part of the page, or what is new."""
+        if not self._is_for_us():
+            self._send(HTTPStatus.FORBIDDEN, b'Not by this name.\n', 'text/plain')
+            return
+        url = urlsplit(self.path)
+        if url.path == '/news':
+            self._send_news(url.query)
+        elif url.path in _PAGES:
+            name, kind = _PAGES[url.path]
+            self._send(HTTPStatus.OK, _asset(name), kind)
+        else:
+            self._send(HTTPStatus.NOT_FOUND, b'There is nothing here.\n', 'text/plain')
+
+    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (named by http.server)
+        """Say nothing: a page asks many times a second."""
+
+    def _is_for_us(self) -> bool:
+        name = urlsplit(f'//{self.headers.get("Host", "")}').hostname
+        return self.hosts is None or name in self.hosts
+
+    def _send_news(self, query: str) -> None:
+        try:
+            known = _known(query)
+        except ValueError:
+            self._send(HTTPStatus.BAD_REQUEST, b'Wanted whole numbers.\n', 'text/plain')
+            return
+        news = json.dumps(self.board.news(known), allow_nan=False, separators=(',', ':'))
+        self._send(HTTPStatus.OK, news.encode(), 'application/json')
+
+    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+        self.send_response(status)
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        self.send_header('Content-Type', kind)
+        self.send_header('Content-Length', str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+
+def _known(query: str) -> Known:
+    """What a browser says it has.
+
+    Raises:
+        ValueError: It says something else than whole numbers from -1 on.
+    """
+    said = {key: int(values[-1]) for key, values in parse_qs(query).items()}
+    if any(value < -1 for value in said.values()):
+        raise ValueError(query)
+    course, run = said.pop('course', -1), said.pop('run', -1)
+    return Known(course, run, {name: max(rows, 0) for name, rows in said.items()})
+
+
+def _asset(name: str) -> bytes:
+    return (files('cmpsp_ros.view') / 'assets' / name).read_bytes()

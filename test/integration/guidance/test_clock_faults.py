@@ -1,0 +1,83 @@
+"""Clocks that jump or stop, and a computer that is too slow; compared with doc/faults.md."""
+
+from __future__ import annotations
+
+import pytest
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+
+pytestmark = pytest.mark.integration
+
+SECOND = 1_000_000_000
+PERIOD = SECOND // 5
+POSE = (0.0, -9.25, 0.0)
+ZERO = (0.0, 0.0)
+
+
+@pytest.fixture
+def tick(start_node, client):
+    """A node on simulated time, active; `tick(stamp)` publishes that time [ns]."""
+    start_node('guidance_node', {'use_sim_time': True})
+    clock = client.node.create_publisher(Clock, '/clock', 1)
+    client.connect()
+    client.until_health(state='active')
+    client.until(clock.get_subscription_count)
+    return lambda stamp: clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+
+
+def assert_is(fault, decision):
+    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+
+
+def test_a_clock_that_jumps_forward_takes_the_time_away(fault, tick, client, make_odometry):
+    for stamp, time_left in ((8 * SECOND, 10.0), (8 * SECOND + PERIOD, 9.8), (13 * SECOND, 5.0)):
+        tick(stamp)
+        decision, command = client.decide(make_odometry(stamp, POSE))
+        assert float(decision['time_left']) == time_left
+        assert command[0] > 0.5
+    assert_is(fault, decision)
+
+
+def test_a_clock_that_stops_alone_stops_the_robot(fault, tick, client, make_odometry):
+    begin = 8 * SECOND
+    for stamp in (begin, begin + PERIOD, begin + 2 * PERIOD):
+        tick(begin)
+        decision, command = client.decide(make_odometry(stamp, POSE))
+        assert command[0] > 0.5
+    decision, command = client.decide(make_odometry(begin + 3 * PERIOD, POSE))
+    assert command == ZERO
+    assert_is(fault, decision)
+    # The clock is back.
+    tick(begin + 4 * PERIOD)
+    client.until(lambda: _drives(client, make_odometry(begin + 4 * PERIOD, POSE)))
+
+
+def _drives(client, message):
+    client.odometry.publish(message)
+    return client.commands[-1][0] > 0.5
+
+
+def test_a_clock_that_stands_still_is_told(fault, tick, client, make_odometry):
+    tick(8 * SECOND)
+    client.decide(make_odometry(8 * SECOND, POSE))
+    count = len(client.commands)
+    health = client.until_health(said='stands still at 8.000 s')
+    fault.assert_said('—', health['level'][0], health['said'])
+    assert len(client.commands) == count
+    # Time goes on, and so does the run.
+    tick(8 * SECOND + PERIOD)
+    client.until(lambda: _drives(client, make_odometry(8 * SECOND + PERIOD, POSE)))
+    client.until(lambda: client.decisions[-1]['step'] == '1')
+
+
+def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odometry):
+    """A thousand steps, and iterations without end: no computer does that in 10 ms."""
+    slow = {'control_period': 0.01, 'solver.iterations_per_step': 50, 'odom_timeout': 60.0}
+    start_node('guidance_node', slow)
+    client.connect()
+    client.until_health(state='active')
+    decision, _ = client.decide(make_odometry(client.now(), POSE))
+    assert decision['rung'] in {'nominal', 'elastic'}
+    health = client.until_health(said='took')
+    fault.assert_said('—', health['level'][0], health['said'])
+    assert int(health['deadline_misses']) > 0

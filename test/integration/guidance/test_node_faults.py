@@ -1,0 +1,60 @@
+"""Faults that only the node's own process can be given; compared with doc/faults.md."""
+
+from __future__ import annotations
+
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.nodes.guidance_node import GuidanceNode
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.fixture
+def node(ros_domain):
+    """The guidance node in this process, spun by hand."""
+    rclpy.init(args=['--ros-args', '-p', 'odom_timeout:=60.0'], domain_id=ros_domain)
+    made = GuidanceNode()
+    executor = SingleThreadedExecutor()
+    executor.add_node(made)
+    yield executor
+    made.stop()
+    executor.shutdown()
+    made.destroy_node()
+    rclpy.try_shutdown()
+
+
+def test_an_exception_in_the_law_stops_the_robot(
+    fault, node, client, make_odometry, wait_until, monkeypatch
+):
+    def both():
+        node.spin_once(timeout_sec=0.01)
+        client.ros.executor.spin_once(timeout_sec=0.01)
+
+    def decide(stamp):
+        count = len(client.decisions)
+        client.odometry.publish(make_odometry(stamp, (0.0, -9.25, 0.0)))
+        wait_until(lambda: len(client.decisions) > count, 30.0, both)
+        wait_until(lambda: len(client.commands) > count, 30.0, both)
+        return client.decisions[-1], client.commands[-1]
+
+    wait_until(
+        lambda: client.odometry.get_subscription_count() and client.latest('state') == 'active',
+        30.0,
+        both,
+    )
+    wait_until(lambda: int(client.latest('command_subscribers')) > 0, 30.0, both)
+    begin = client.now()
+    _, command = decide(begin)
+    assert command[0] > 0.5
+    with monkeypatch.context() as patch:
+        patch.setattr(Planner, 'improve', lambda *_: 1 / 0)
+        decision, command = decide(begin + 200_000_000)
+    assert command == (0.0, 0.0)
+    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+    assert decision['reason'] == 'The guidance law failed: ZeroDivisionError: division by zero'
+    decision, command = decide(begin + 400_000_000)
+    assert decision['rung'] == 'nominal'
+    assert command[0] > 0.5

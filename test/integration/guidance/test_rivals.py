@@ -1,0 +1,120 @@
+"""Two guidance nodes for one robot, and others that publish commands; see doc/faults.md."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Twist
+
+from cmpsp_ros.nodes.topics import GUIDED_BY
+
+pytestmark = pytest.mark.integration
+
+ZERO = (0.0, 0.0)
+# The same robot by another node of the package, and a robot of its own elsewhere.
+SECOND = ('-r', '__ns:=/spare', '-r', 'odom:=/odom', '-r', 'cmd_vel:=/cmd_vel')
+
+
+def as_second(make_client):
+    """A client that hears what the second node says; its robot is the first one's."""
+    return make_client(prefix='/spare')
+
+
+def assert_is(fault, decision):
+    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+
+
+def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
+    start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    second = as_second(make_client)
+    start_node('guidance_node', {}, *SECOND)
+    health = second.until_health(said='Another node guides this robot: /guidance (')
+    fault.assert_said('—', health['level'][0], health['said'])
+    # On a very slow machine it was active for as long as it had not heard of the first.
+    second.until_health(state='inactive')
+    count = len(second.decisions)
+    # Nor is it activated by hand, while the first goes on.
+    assert not second.change_state('activate')
+    assert len(second.decisions) == count
+    client.until_driving()
+    client.until_health(state='active', rung='nominal', said='Others publish on /cmd_vel')
+    # Once the first has been deactivated, the second may take over: when it is told to.
+    assert client.change_state('deactivate')
+    client.until(lambda: client.decisions[-1]['reason'].endswith('was deactivated.'))
+    assert_is(fault, client.decisions[-1])
+    client.until(lambda: second.change_state('activate'))
+    second.until_health(state='active', rung='nominal')
+    assert second.decisions[count]['step'] == '0'
+
+
+def test_two_robots_have_a_guidance_node_each(start_node, make_client):
+    clients = [make_client(prefix=place) for place in ('/first', '/second')]
+    for each in clients:
+        start_node('guidance_node', {}, '-r', f'__ns:={each.prefix}')
+    for each in clients:
+        each.until_health(state='active', said='Waiting')
+        each.connect()
+        each.drive()
+        each.until_driving()
+    for each in clients:
+        each.until_health(state='active', rung='nominal', level=DiagnosticStatus.OK)
+
+
+def test_of_two_that_began_together_the_later_gives_way(fault, start_node, client):
+    """Both are active before either has heard the other; then each hears when the other began."""
+    start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    rival = GUIDED_BY.publish_on(client.node)
+    client.until(rival.get_subscription_count)
+    later = str(time.time_ns() + 10**18)
+    rival.publish(KeyValue(key='/rival (elsewhere:1)', value=later))
+    client.until_driving()
+    client.until_health(state='active', rung='nominal')
+    rival.publish(KeyValue(key='/rival (elsewhere:1)', value='1'))
+    client.until_health(state='inactive', said='robot: /rival (elsewhere:1).')
+    client.until(lambda: client.commands[-1] == ZERO)
+    client.until(lambda: client.decisions[-1]['rung'] == 'stop')
+    assert_is(fault, client.decisions[-1])
+
+
+def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
+    """What the graph still shows of a dead process does not keep the next one from guiding."""
+    first = start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    first.signal(signal.SIGKILL)
+    assert first.wait() == -signal.SIGKILL
+    # A robot stops by itself when commands stay out.
+    client.park()
+    client.commands.clear()
+    count = len(client.decisions)
+    client.drive()
+    start_node()
+    client.until(lambda: len(client.decisions) > count)
+    assert client.decisions[count]['step'] == '0'
+    client.until_driving()
+    client.until(lambda: client.decisions[-1]['reason'] == 'The plan meets every constraint.')
+    assert_is(fault, client.decisions[-1])
+
+
+def test_another_source_of_commands_is_told(fault, start_node, client):
+    start_node()
+    client.connect()
+    client.drive()
+    client.until_driving()
+    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    joystick = client.node.create_publisher(Twist, '/cmd_vel', 1)
+    health = client.until_health(said='Others publish on /cmd_vel, too: /tester.')
+    fault.assert_said('—', health['level'][0], health['said'])
+    assert health['rung'] == 'nominal'
+    client.node.destroy_publisher(joystick)
+    client.until_health(level=DiagnosticStatus.OK, rung='nominal')

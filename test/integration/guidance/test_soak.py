@@ -1,0 +1,23 @@
+"""A few of the runs that the soak makes by the hundred."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOAK = Path(__file__).with_name('soak.py')
+
+
+@pytest.mark.integration
+@pytest.mark.usefixtures('ros_domain')
+def test_memory_and_descriptors_stay_as_they_are_from_run_to_run():
+    """More of the same: `python test/integration/guidance/soak.py --minutes 60`."""
+    command = [sys.executable, SOAK, '--minutes', '1.5', '--every', '4']
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert said.returncode == 0, said.stdout + said.stderr
+    last = json.loads(said.stdout.splitlines()[-1])
+    assert (last['runs'], last['grown'], last['codes']) == (9, [], [0, 0])

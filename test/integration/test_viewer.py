@@ -1,0 +1,214 @@
+"""The live view of real nodes, over HTTP and in a real browser where there is one."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from cmpsp_ros.bags.report.palette import RUNGS
+from cmpsp_ros.nodes.topics import DECISION, MARKERS
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 60.0
+CASE3 = Path(__file__).parents[2] / 'config' / 'case3.yaml'
+NAMES = ('chromium', 'chromium-headless-shell', 'google-chrome', 'chrome', 'chromium-browser')
+BROWSER = next(filter(None, map(shutil.which, NAMES)), None)
+
+
+class Page:
+    """What a browser would be told."""
+
+    def __init__(self, address):
+        self.address = address
+
+    def news(self):
+        with urllib.request.urlopen(f'{self.address}news', timeout=LIMIT) as answer:
+            return json.load(answer)
+
+    def decision(self):
+        return self.news().get('decision', {})
+
+
+@pytest.fixture
+def start_view(spawn, wait_until):
+    """Start `cmpsp view` on any free port: the process, and its page when it is there."""
+
+    def start(*args):
+        running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', '--port', '0', *args])
+        address = r'open (http://127\.0\.0\.1:\d+/) in a browser'
+        found = wait_until(lambda: re.search(address, running.stderr), LIMIT)
+        return running, Page(found[1])
+
+    return start
+
+
+@pytest.fixture
+def start_robot(spawn):
+    """Start guidance and simulator in a namespace; neither minds how slow the machine is."""
+
+    def start(namespace='/'):
+        patient = ['-p', 'odom_timeout:=60.0', '-p', 'cmd_vel_timeout:=0.0']
+        arguments = ['--ros-args', '-r', f'__ns:={namespace}', *patient]
+        for name in ('sim_node', 'guidance_node'):
+            module = f'cmpsp_ros.nodes.{name}'
+            spawn([sys.executable, '-m', module, *arguments, '--params-file', CASE3])
+
+    return start
+
+
+def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until):
+    running, page = start_view()
+    assert page.news()['silence'] is None
+    start_robot()
+
+    def under_way():
+        news = page.news()
+        is_nominal = news.get('decision', {}).get('rung') == 'nominal'
+        return news if is_nominal and {'plan', 'robot', 'place', 'driven'} <= set(news) else None
+
+    news = wait_until(under_way, LIMIT)
+    assert news['decision']['reason'].endswith('.')
+    assert news['robot'] == {
+        'robot.radius': 0.0, 'robot.max_wheel_speed': 51.0, 'final_time': 10.0,
+    }  # fmt: skip
+    drawn = {(each['kind'], each['of']) for each in news['course']}
+    assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn
+    wait_until(lambda: page.decision()['finished'], LIMIT)
+    news = page.news()
+    # Who was not there from the beginning is shown the whole path as well.
+    path, steps = news['series']['path'], news['series']['steps']
+    assert math.dist(path[-1], news['place'][:2]) < 0.1
+    assert math.dist(path[0], path[-1]) > 5.0
+    assert 10 < len(steps) <= 52
+    assert steps[-1][1:3] == [0.0, 0.0]
+    running.signal(signal.SIGINT)
+    assert running.wait(LIMIT) == 0
+    assert 'Traceback' not in running.stderr
+
+
+def test_it_follows_one_namespace_alone(start_view, start_robot, wait_until):
+    _, of_r1 = start_view('--namespace', '/r1')
+    _, of_r2 = start_view('--namespace', 'r2')
+    start_robot('/r1')
+    wait_until(lambda: of_r1.decision().get('rung'), LIMIT)
+    assert of_r1.news()['namespace'] == '/r1'
+    assert of_r2.news()['namespace'] == '/r2'
+    assert not of_r2.decision()
+
+
+def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until, ros):
+    _, page = start_view()
+    start_robot()
+    wait_until(lambda: len(page.news()['series']['steps']) > 5, LIMIT)
+    before = page.news()['run']
+    client = ros.node.create_client(Trigger, '/guidance/reset')
+    ros.spin_until(client.service_is_ready, LIMIT)
+    ros.spin_until(client.call_async(Trigger.Request()).done, LIMIT)
+    wait_until(lambda: page.news()['run'] > before and page.news()['series']['steps'], LIMIT)
+
+
+def test_a_port_that_is_taken_is_exit_code_2(spawn):
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', '--port', str(port)])
+        assert running.wait(LIMIT) == 2
+    assert f'127.0.0.1, port {port}: found Address already in use' in running.stderr
+    assert 'Traceback' not in running.stderr
+
+
+def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
+    with socket.create_server(('127.0.0.1', 0)) as free:
+        port = free.getsockname()[1]
+    page = Page(f'http://127.0.0.1:{port}/')
+    folder = tmp_path / 'run'
+    args = ['demo', 'case3', '--view', '--port', str(port), '--output', folder]
+    running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', *args])
+
+    def decided():
+        try:
+            return page.decision().get('rung')
+        except urllib.error.URLError:
+            return None
+
+    assert wait_until(decided, LIMIT) in RUNGS
+    # On a busy machine it may miss the goal.
+    assert running.wait(LIMIT) in {0, 1}, running.stderr
+    assert (folder / 'summary.json').exists()
+    assert f'{page.address} shows the run' in running.stderr
+    assert (folder / 'viewer.log').exists()
+    with pytest.raises(urllib.error.URLError):
+        page.news()
+
+
+@pytest.fixture
+def browse(tmp_path):
+    """What a browser makes of a page, and what it complains about."""
+    if BROWSER is None:
+        pytest.skip(f'no browser: none of {", ".join(NAMES)}')
+
+    def browse(page):
+        command = [
+            BROWSER, '--headless', '--no-sandbox', '--disable-gpu', '--virtual-time-budget=3000',
+            f'--user-data-dir={tmp_path / "profile"}', '--enable-logging=stderr', '--dump-dom',
+            page.address,
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=100)
+        return done.stdout, [line for line in done.stderr.splitlines() if 'CONSOLE' in line]
+
+    return browse
+
+
+def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_until, browse):
+    _, page = start_view()
+    start_robot()
+    wait_until(lambda: len(page.news()['series']['steps']) > 10, LIMIT)
+    wait_until(lambda: 'robot' in page.news(), LIMIT)
+    dom, complaints = browse(page)
+    assert complaints == []
+    body = re.search(r'<body ([^>]*)>', dom)[1]
+    shown = dict(re.findall(r'data-(\w+)="(\w+)"', body))
+    # On a busy machine it may be any rung.
+    assert shown['rung'] in RUNGS
+    assert int(shown['course']) == 10
+    assert int(shown['steps']) > 10
+    assert int(shown['path']) > 10
+    assert re.search(rf'id="rung"[^>]*>{shown["rung"]}<', dom)
+    assert re.search(r'id="commanded">-?\d', dom)
+
+
+def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):
+    _, page = start_view()
+    decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
+    markers = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
+    evil = '</p><img src=x onerror="document.title=1"><script>document.title=2</script>'
+    decision = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    text = Marker(type=Marker.TEXT_VIEW_FACING, ns=evil, text=evil)
+    text.scale.z = math.nan
+
+    def shown():
+        decisions.publish(decision)
+        markers.publish(MarkerArray(markers=[text]))
+        return page.decision() and page.news().get('course')
+
+    wait_until(shown, LIMIT)
+    dom, complaints = browse(page)
+    assert complaints == []
+    assert '<title>cmpsp view</title>' in dom
+    assert '<img' not in dom
+    assert dom.count('<script') == 1
+    assert '&lt;img src=x' in dom

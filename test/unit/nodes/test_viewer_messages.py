@@ -1,0 +1,104 @@
+"""Messages to what a page draws, whatever is in them."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point, PoseStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from visualization_msgs.msg import Marker, MarkerArray
+
+from cmpsp_ros.nodes.markers import marker_array
+from cmpsp_ros.nodes.viewer_messages import (
+    course_of,
+    decision_of,
+    place_of,
+    plan_of,
+    speeds_of,
+)
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.view.board import Board, Known
+
+
+def status(reason='', **values):
+    pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
+    return DiagnosticStatus(message=reason, values=pairs)
+
+
+def test_a_pose_is_read_from_odometry():
+    message = Odometry()
+    message.pose.pose.position.x, message.pose.pose.position.y = 1.5, -2.0
+    message.pose.pose.orientation.z = math.sin(0.4)
+    message.pose.pose.orientation.w = math.cos(0.4)
+    assert place_of(message) == pytest.approx((1.5, -2.0, 0.8))
+    message.pose.pose.position.y = math.inf
+    assert place_of(message) is None
+
+
+def test_a_decision_is_read_number_by_number():
+    decision = decision_of(
+        status('All is well.', rung='nominal', step='3', time_left='9.4', finished='false',
+               wheel_speed_right='45.5', margin='nan', miss='none'),
+    )  # fmt: skip
+    assert (decision['reason'], decision['rung']) == ('All is well.', 'nominal')
+    assert (decision['step'], decision['time_left'], decision['right']) == (3.0, 9.4, 45.5)
+    assert math.isnan(decision['margin'])
+    assert decision['miss'] is decision['left'] is None
+    assert decision['finished'] is False
+    assert decision_of(status())['rung'] == ''
+
+
+def test_texts_are_shortened():
+    assert len(decision_of(status('x' * 100_000, rung='y' * 100_000))['reason']) == 500
+
+
+def test_the_course_is_all_that_stands_in_the_markers():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    course = course_of(marker_array(settings, Time(nanoseconds=1).to_msg()))
+    kinds = [(each['kind'], each['of']) for each in course]
+    assert kinds == [
+        ('line', 'road'), ('line', 'road'), ('line', 'centre_line'),
+        ('disc', 'obstacles'), ('text', 'obstacle_names'), ('line', 'margins'),
+        ('disc', 'obstacles'), ('text', 'obstacle_names'), ('line', 'margins'),
+        ('disc', 'goal'),
+    ]  # fmt: skip
+    assert (course[3]['at'], course[3]['size'], course[4]['text']) == ([8.0, -6.0], 1.4, 'a')
+    assert math.hypot(*course[1]['points'][50]) == pytest.approx(11.0)
+
+
+def test_markers_of_anybody_stay_few_and_small():
+    line = Marker(type=Marker.LINE_STRIP, points=[Point()] * 5000)
+    other = Marker(type=Marker.MESH_RESOURCE)
+    gone = Marker(type=Marker.CYLINDER, action=Marker.DELETE)
+    course = course_of(MarkerArray(markers=[other, gone, *[line] * 600]))
+    assert len(course) == 498
+    assert {len(each['points']) for each in course} == {2000}
+
+
+def test_a_plan_is_its_points():
+    message = Path(poses=[PoseStamped() for _ in range(3)])
+    for number, each in enumerate(message.poses):
+        each.pose.position.x, each.pose.position.y = 0.5 * number, -1.0
+    assert plan_of(message) == [[0.0, -1.0], [0.5, -1.0], [1.0, -1.0]]
+    assert plan_of(Path()) == []
+
+
+def test_speeds_are_those_of_two_wheels():
+    assert speeds_of(JointState(velocity=[1.0, 2.0, 3.0])) == [1.0, 2.0]
+    assert speeds_of(JointState()) == []
+
+
+def test_everything_read_can_be_shown():
+    board = Board([])
+    board.show('driven', speeds_of(JointState(velocity=[math.nan, 2.0])))
+    board.show('decision', decision_of(status(margin='nan', miss='inf')))
+    news = json.loads(json.dumps(board.news(Known()), allow_nan=False))
+    assert news['driven'] == [None, 2.0]
+    assert news['decision']['miss'] is None

@@ -1,0 +1,138 @@
+"""The layouts of RViz and Foxglove show what the nodes publish, in ways that those know."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+from rclpy.time import Time
+
+from cmpsp_ros.guidance.facts import facts
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.nodes.markers import marker_array
+from cmpsp_ros.nodes.plan_markers import PlanMarkers
+from cmpsp_ros.nodes.topics import TOPICS
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+CONFIG = Path(__file__).parents[2] / 'config'
+
+# The types of topics that RViz' displays show (rviz_default_plugins/plugins_description.xml).
+DISPLAYS = {
+    'rviz_default_plugins/Grid': None,
+    'rviz_default_plugins/MarkerArray': 'MarkerArray',
+    'rviz_default_plugins/Odometry': 'Odometry',
+    'rviz_default_plugins/Path': 'Path',
+}
+PANELS = {'3D', 'Plot', 'StateTransitions', 'RawMessages', 'DiagnosticSummary'}
+
+
+@pytest.fixture(scope='module')
+def topics():
+    """All topics that are published, by name without a namespace."""
+    return {
+        (name if name[0] == '/' else f'/{name}'): each
+        for each in reversed(TOPICS)
+        if each.direction == 'out' and (name := each.name.replace('~', f'/{each.node}'))
+    }
+
+
+@pytest.fixture(scope='module')
+def rviz():
+    return yaml.safe_load((CONFIG / 'cmpsp.rviz').read_text(encoding='utf-8'))
+
+
+@pytest.fixture(scope='module')
+def foxglove():
+    return json.loads((CONFIG / 'cmpsp.foxglove.json').read_text(encoding='utf-8'))
+
+
+def test_every_display_of_rviz_shows_a_topic_of_its_type(rviz, topics):
+    shown = set()
+    for display in rviz['Visualization Manager']['Displays']:
+        assert display['Enabled'] is display['Value']
+        wanted = DISPLAYS[display['Class']]
+        if wanted is None:
+            continue
+        topic = topics[display['Topic']['Value']]
+        assert topic.type.__name__ == wanted
+        shown.add(display['Topic']['Value'])
+    assert shown == {
+        '/guidance/markers', '/guidance/plan_markers', '/guidance/predicted_path', '/odom',
+    }  # fmt: skip
+
+
+def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):
+    for display in rviz['Visualization Manager']['Displays']:
+        if 'Topic' in display:
+            topic, asked = topics[display['Topic']['Value']], display['Topic']
+            latched = asked['Durability Policy'] == 'Transient Local'
+            assert latched == topic.latched
+            assert asked['Reliability Policy'] == 'Best Effort' or not topic.best_effort
+
+
+def halt(settings):
+    return GuidanceLaw(settings).halt(1, 'No odometry.')
+
+
+def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    listed = {
+        display['Topic']['Value']: set(display['Namespaces'])
+        for display in rviz['Visualization Manager']['Displays']
+        if display['Class'].endswith('MarkerArray')
+    }
+    for topic, array in (
+        ('/guidance/markers', marker_array(settings, Time(nanoseconds=1).to_msg())),
+        ('/guidance/plan_markers', PlanMarkers('odom', 0.2).fill(halt(settings))),
+    ):
+        assert listed[topic] == {each.ns for each in array.markers if each.ns}
+    assert rviz['Visualization Manager']['Global Options']['Fixed Frame'] == settings.frame_id
+
+
+def leaves(node):
+    if isinstance(node, str):
+        return [node]
+    assert node['direction'] in {'row', 'column'}
+    assert 0 < node['splitPercentage'] < 100
+    return [*leaves(node['first']), *leaves(node['second'])]
+
+
+def test_foxglove_shows_each_of_its_panels_once(foxglove):
+    shown = leaves(foxglove['layout'])
+    assert sorted(shown) == sorted(foxglove['configById'])
+    assert {each.partition('!')[0] for each in shown} == PANELS
+
+
+def paths(foxglove):
+    for config in foxglove['configById'].values():
+        yield from (each['value'] for each in config.get('paths', ()))
+        yield from filter(None, (config.get('topicPath'), config.get('topicToRender')))
+        yield from config.get('topics', ())
+
+
+def test_every_path_of_foxglove_leads_to_a_field_of_a_topic(foxglove, topics):
+    for path in paths(foxglove):
+        name, *fields = re.sub(r'\[[^]]*\]|\{[^}]*\}', '', path).split('.')
+        message = topics[name].type()
+        for field in fields:
+            # A list is empty in a new message; what is in a decision's is read below.
+            if isinstance(message, list):
+                assert field == 'value'
+                break
+            message = getattr(message, field)
+
+
+def test_the_values_that_foxglove_plots_are_those_of_a_decision(foxglove):
+    keys = {key for path in paths(foxglove) for key in re.findall(r'key=="(\w+)"', path)}
+    assert keys == {'rung', 'worst_margin', 'miss'}
+    source = Path(facts.__code__.co_filename).read_text(encoding='utf-8')
+    assert keys <= set(re.findall(r"'(\w+)': decision\.", source))
+
+
+def test_foxglove_is_in_the_frame_of_the_course(foxglove):
+    assert foxglove['configById']['3D!course']['followTf'] == TABLE.resolve({})['frame_id']

@@ -1,0 +1,120 @@
+"""The page over HTTP: for this machine and its own page alone, and nothing in it from elsewhere."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import re
+from importlib.resources import files
+
+import pytest
+
+from cmpsp_ros.view.board import Board
+from cmpsp_ros.view.errors import ViewError
+from cmpsp_ros.view.server import ViewServer
+
+
+@pytest.fixture
+def board():
+    return Board(['path'])
+
+
+@pytest.fixture
+def get(board):
+    """Ask for a path; the answer and its body."""
+    server = ViewServer(board, '127.0.0.1', 0)
+    server.start()
+    port = int(re.fullmatch(r'http://127\.0\.0\.1:(\d+)/', server.address)[1])
+    connections = []
+
+    def get(path, method='GET', **headers):
+        connections.append(http.client.HTTPConnection('127.0.0.1', port, timeout=10.0))
+        connections[-1].request(method, path, headers=headers)
+        answer = connections[-1].getresponse()
+        return answer, answer.read()
+
+    yield get
+    for each in connections:
+        each.close()
+    server.close()
+
+
+@pytest.mark.parametrize(
+    ('path', 'kind'),
+    [('/', 'text/html'), ('/page.css', 'text/css'), ('/page.js', 'text/javascript')],
+)
+def test_the_page_is_there_and_may_load_nothing_from_elsewhere(get, path, kind):
+    answer, body = get(path)
+    assert answer.status == 200
+    assert answer.headers.get_content_type() == kind
+    policy = answer.headers['Content-Security-Policy']
+    assert "default-src 'none'" in policy
+    assert 'unsafe' not in policy
+    assert answer.headers['X-Content-Type-Options'] == 'nosniff'
+    assert not re.search(rb'https?://|//[a-z]+\.|data:', body)
+
+
+def test_the_page_makes_no_markup_of_what_it_is_told():
+    script = (files('cmpsp_ros.view') / 'assets' / 'page.js').read_text(encoding='utf-8')
+    for way in ('innerHTML', 'outerHTML', 'insertAdjacentHTML', 'document.write', 'eval'):
+        assert way not in script
+    page = (files('cmpsp_ros.view') / 'assets' / 'page.html').read_text(encoding='utf-8')
+    assert re.findall(r'<script[^>]*>', page) == ['<script src="page.js">']
+    assert 'style=' not in page
+    named = set(re.findall(r"(?:element|say|canvas|drawStrip)\('(\w+)'", script))
+    assert named <= set(re.findall(r'id="(\w+)"', page))
+
+
+def test_news_are_what_is_new(get, board):
+    board.show_course(['<b>road</b>'])
+    board.add('path', [1.0, 2.0])
+    answer, body = get('/news')
+    assert answer.headers.get_content_type() == 'application/json'
+    first = json.loads(body)
+    assert first['course'] == ['<b>road</b>']
+    _, body = get(f'/news?course={first["course_number"]}&run={first["run"]}&path=1')
+    second = json.loads(body)
+    assert 'course' not in second
+    assert second['series'] == {'path': []}
+
+
+@pytest.mark.parametrize('query', ['course=x', 'path=1.5', 'run=-2', 'path=' + '9' * 5000])
+def test_nonsense_is_refused(get, query):
+    answer, _ = get(f'/news?{query}')
+    assert answer.status == 400
+
+
+@pytest.mark.parametrize('path', ['/nothing', '/../setup.py', '/assets/page.js', '/%2e'])
+def test_nothing_else_is_there(get, path):
+    assert get(path)[0].status == 404
+
+
+def test_nothing_can_be_sent(get):
+    assert get('/', 'POST')[0].status == 501
+
+
+@pytest.mark.parametrize('host', ['evil.example', 'evil.example:80', '127.0.0.1.evil.example', ''])
+def test_a_foreign_name_for_this_machine_is_refused(get, host):
+    for path in ('/', '/news'):
+        assert get(path, Host=host)[0].status == 403
+
+
+@pytest.mark.parametrize('host', ['localhost', 'localhost:8765', '127.0.0.1:1'])
+def test_names_of_this_machine_are_not(get, host):
+    assert get('/news', Host=host)[0].status == 200
+
+
+def test_a_port_that_is_taken_is_named(board):
+    first = ViewServer(board, '127.0.0.1', 0)
+    port = int(first.address.rsplit(':', 1)[1].strip('/'))
+    try:
+        with pytest.raises(ViewError, match=rf'127\.0\.0\.1, port {port}: found Address already'):
+            ViewServer(board, '127.0.0.1', port)
+    finally:
+        first.close()
+
+
+@pytest.mark.parametrize(('host', 'port'), [('127.0.0.1', 70000), ('no.such.host.invalid', 0)])
+def test_an_address_that_is_none_is_named(board, host, port):
+    with pytest.raises(ViewError, match=rf'{re.escape(host)}, port {port}: found .*, wanted an'):
+        ViewServer(board, host, port)

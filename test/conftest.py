@@ -11,6 +11,8 @@ from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
 LEVELS = ('OK', 'WARN', 'ERROR')
+# What may follow a sentence about a plan, where there were several.
+CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
 
 # No test by examples is about time, and the first example may compile.
 settings.register_profile('unhurried', deadline=None)
@@ -24,7 +26,8 @@ class Fault:
     Attributes:
         rung: What is commanded; a dash where only diagnostics tell.
         level: As in diagnostics, in words.
-        says: The sentence; each `…` stands for something or other.
+        says: The sentence; each `…` stands for something or other, and which of several plans it is
+            may follow.
         test: Path and name of the test that holds the row against what really happens.
     """
 
@@ -34,7 +37,7 @@ class Fault:
     test: str
 
     def fits(self, rung, level, sentence):
-        pattern = '.+'.join(re.escape(part) for part in self.says.split('…'))
+        pattern = '.+'.join(re.escape(part) for part in self.says.split('…')) + CHOICE
         same = (rung, LEVELS[level]) == (self.rung, self.level)
         return same and re.fullmatch(pattern, sentence) is not None
 

@@ -116,9 +116,10 @@ def test_started_inside_the_margin_of_an_obstacle(gap, heading):
 
 def test_started_with_an_obstacle_at_the_nose(fault):
     given = settings((Obstacle('rock', (0.51, -10.0), 0.5),), 51.0, ROAD)
-    decision = GuidanceLaw(given).update(0, np.array(MIDDLE))
-    assert_is(fault, decision)
-    assert not decision.wheel_speeds.any()
+    run = closed_loop(given, MIDDLE)
+    assert_is(fault, run.decisions[0])
+    assert_safe(run, given)
+    assert run.miss() < 1e-6
 
 
 WALL = Obstacle('wall', (7.07, -7.07), 1.3)
@@ -128,8 +129,11 @@ def test_road_blocked(fault):
     given = replace(EMPTY, obstacles=(WALL,))
     run = closed_loop(given)
     assert_safe(run, given)
-    stopped = run.moves[-1]
-    assert_is(fault, stopped)
+    refused = next(decision for decision in run.moves if decision.rung is Rung.STOP)
+    stands = run.moves[-1]
+    assert_is(fault, refused)
+    assert_is(fault, stands)
+    assert np.abs(stands.wheel_speeds).max() < 1e-3
     assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE, 'as far as it goes'
 
 
@@ -137,7 +141,8 @@ def test_road_clear_again(fault):
     given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
     law = GuidanceLaw(given)
     blocked = drive(law, given, ON_TIME)
-    assert blocked.decisions[-1].rung is Rung.STOP
+    assert_safe(blocked, given)
+    assert blocked.decisions[-1].rung is Rung.ELASTIC
     free = replace(given, obstacles=())
     law.reconfigure(free)
     stamps = [k * PERIOD for k in range(51, 101)]
@@ -261,9 +266,10 @@ def test_odometry_late(fault):
     late = np.random.default_rng(1).integers(0, 90, size=51) * 1_000_000
     late[[0, 50]] = 0
     run = drive(GuidanceLaw(COURSE), COURSE, [int(k) for k in np.array(ON_TIME) + late])
-    assert_is(fault, run.moves[-1])
+    assert_is(fault, run.moves[len(run.moves) // 2])
     assert_safe(run, COURSE)
-    assert run.miss() < 1e-2
+    # The wheels are at their limit towards the end: what is lost to the last delays stays lost.
+    assert run.miss() < 2e-2
 
 
 def test_odometry_repeated_and_out_of_order(fault):
@@ -289,8 +295,8 @@ def broken(monkeypatch):
     """From here on the quadratic program has no answer."""
     improve = Planner.improve
 
-    def fail(*arguments):
-        return replace(improve(*arguments), solved=False, reason=QPStatus.FAILED.value)
+    def fail(*arguments, **rest):
+        return replace(improve(*arguments, **rest), solved=False, reason=QPStatus.FAILED.value)
 
     monkeypatch.setattr(Planner, 'improve', fail)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -153,6 +154,9 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     client.until_health(state='active')
     resume = client.node.create_client(Trigger, '/player/resume')
     client.until(resume.service_is_ready)
+    # Player and node are known here; they may hear of each other a little later.
+    settled = time.monotonic() + 2.0
+    client.until(lambda: time.monotonic() > settled)
     answer = resume.call_async(Trigger.Request())
     client.until(answer.done)
     client.until(lambda: len(client.decisions) >= len(before), LIMIT)

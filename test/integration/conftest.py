@@ -25,13 +25,6 @@ REPOSITORY = Path(__file__).parents[2]
 DOMAINS = range(61, 101)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Try a test of real processes again: a busy machine may not keep up with real time."""
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.flaky(reruns=2))
-
-
 def _wait_until(
     condition: Callable[[], Any], timeout: float = 10.0, step: Callable[[], Any] | None = None
 ) -> Any:

@@ -51,15 +51,12 @@ def with_one_wrong_command(source, target):
     return target
 
 
+# In real time: a node or a recorder that a busy machine starves does not hear everything.
+@pytest.mark.flaky(reruns=2)
 def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, verdicts, tmp_path):
-    # A busy machine may be late with a command, and an audit says so, rightly.
-    for attempt in range(3):
-        bag, xml = tmp_path / f'run_{attempt}' / 'bag', tmp_path / f'audit_{attempt}.xml'
-        demo, code = cmpsp('demo', 'case3', '--output', bag.parent)
-        assert code == 0, demo.stderr
-        cmpsp('audit', bag, '--junit', xml)
-        if verdicts(xml)['obeyed'] == 'passed':
-            break
+    bag = tmp_path / 'run' / 'bag'
+    demo, code = cmpsp('demo', 'case3', '--output', bag.parent)
+    assert code == 0, demo.stderr
     with Bag(bag) as opened:
         counts = {topic: there.count for topic, there in opened.topics.items()}
     decisions = counts[NAMES.decision]

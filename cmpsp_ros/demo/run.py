@@ -18,6 +18,7 @@ from cmpsp_ros.parameters.presets import write_parameter_file
 
 _START_TIMEOUT = 30.0
 _STALL_TIMEOUT = 15.0
+_SETTLE = 0.7
 
 _RECORDED = (
     '/odom',
@@ -107,6 +108,8 @@ def _get_ready(observer: Observer, children: list[Child]) -> None:
             raise DemoError(f'the guidance node refuses to start:\n{guidance.last_words()}')
         if not observer.wait_until(is_recorded, _START_TIMEOUT):
             raise DemoError(f'the nodes did not find each other within {_START_TIMEOUT:.0f} s')
+        # The recorder is known here; whom it records may hear of it a little later.
+        observer.wait_until(lambda: False, _SETTLE)
         if not observer.activate(_START_TIMEOUT):
             raise DemoError(f'the guidance node cannot be activated:\n{guidance.last_words()}')
     except TimeoutError as error:

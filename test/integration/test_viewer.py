@@ -94,7 +94,8 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     path, steps = news['series']['path'], news['series']['steps']
     assert math.dist(path[-1], news['place'][:2]) < 0.1
     assert math.dist(path[0], path[-1]) > 5.0
-    assert 10 < len(steps) <= 52
+    # On a busy machine odometry may be late, and the node stops meanwhile.
+    assert sum(rung == 'nominal' for *_, rung in steps) > 10
     assert steps[-1][1:3] == [0.0, 0.0]
     running.signal(signal.SIGINT)
     assert running.wait(LIMIT) == 0

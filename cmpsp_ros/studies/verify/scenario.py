@@ -21,6 +21,8 @@ from cmpsp_ros.studies.verify.case import Rng
 
 Array = NDArray[np.float64]
 
+# By name: another preset must not make other programs of the same seeds.
+_PRESETS: Final = ('case1', 'case2', 'case3', 'case3_45')
 _WHEEL_LIMITS: Final = (math.inf, 45.0, 48.0, 51.0, 55.0, 60.0)
 _HORIZONS: Final = ((0.55, 1, 30), (0.35, 30, 60), (0.1, 60, 200))
 
@@ -154,11 +156,8 @@ def draw_horizon(rng: Rng) -> int:
 def _bases() -> tuple[tuple[Scenario, ...], tuple[Scenario, ...]]:
     """The presets, and the paper's obstacle fields."""
     config = config_directory()
-    presets, paper = (
-        tuple(_base(path) for path in sorted(folder.glob('*.yaml')))
-        for folder in (config, config / 'paper')
-    )
-    return presets, paper
+    presets = tuple(_base(config / f'{name}.yaml') for name in _PRESETS)
+    return presets, tuple(_base(path) for path in sorted((config / 'paper').glob('*.yaml')))
 
 
 def _base(path: Path) -> Scenario:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import signal
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -137,6 +138,8 @@ def test_odometry_that_the_node_refused_is_refused_again(
     assert outcome.stops > 0
 
 
+# In real time: a node or a recorder that a busy machine starves does not hear everything.
+@pytest.mark.flaky(reruns=2)
 def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spawn, tmp_path):
     bag = tmp_path / 'run' / 'bag'
     demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
@@ -146,26 +149,18 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
     assert client.change_state('configure')
     client.until(lambda: client.node.count_publishers(NAMES.decision))
-    # A busy machine may keep the node from hearing some odometry, and it then decides on other.
-    for rate in (1.0, 0.5, 0.25):
-        decided = decisions_on(bag, client, spawn, len(before), rate)
-        if [each['stamp'] for each in decided] == [each['stamp'] for each in before]:
-            break
-    assert decided == before
-
-
-def decisions_on(bag, client, spawn, count, rate):
-    """What the live node decides on odometry that is played to it."""
-    played = ['--topics', '/odom', '--topics', '/clock', '--rate', rate]
+    # Half as fast, so that a busy machine keeps up: on odometry unheard nothing is decided.
+    played = ['--topics', '/odom', '--topics', '/clock', '--rate', 0.5]
     player = spawn([*COMMAND, 'play', bag, '--paused', *played])
-    first = len(client.decisions)
     assert client.change_state('activate')
     client.until_health(state='active')
     resume = client.node.create_client(Trigger, '/player/resume')
     client.until(resume.service_is_ready)
+    # Player and node are known here; they may hear of each other a little later.
+    settled = time.monotonic() + 2.0
+    client.until(lambda: time.monotonic() > settled)
     answer = resume.call_async(Trigger.Request())
     client.until(answer.done)
+    client.until(lambda: len(client.decisions) >= len(before), LIMIT)
     assert player.wait(LIMIT) == 0
-    client.until(lambda: any(each['finished'] == 'true' for each in client.decisions[first:]))
-    assert client.change_state('deactivate')
-    return [facts(each) for each in client.decisions[first : first + count]]
+    assert [facts(each) for each in client.decisions] == before

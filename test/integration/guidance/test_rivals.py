@@ -14,6 +14,8 @@ from cmpsp_ros.nodes.topics import GUIDED_BY
 pytestmark = pytest.mark.integration
 
 ZERO = (0.0, 0.0)
+# Nearly half way round takes long enough for another node to start on a busy machine.
+FAR = {'final_time': 30.0, 'goal.position': [1.74, 9.85]}
 # The same robot by another node of the package, and a robot of its own elsewhere.
 SECOND = ('-r', '__ns:=/spare', '-r', 'odom:=/odom', '-r', 'cmd_vel:=/cmd_vel')
 
@@ -28,7 +30,7 @@ def assert_is(fault, decision):
 
 
 def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
-    start_node()
+    start_node('guidance_node', FAR)
     client.connect()
     client.drive()
     client.until_driving()

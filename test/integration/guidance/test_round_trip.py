@@ -51,6 +51,8 @@ def with_one_wrong_command(source, target):
     return target
 
 
+# In real time: a node or a recorder that a busy machine starves does not hear everything.
+@pytest.mark.flaky(reruns=2)
 def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, verdicts, tmp_path):
     bag = tmp_path / 'run' / 'bag'
     demo, code = cmpsp('demo', 'case3', '--output', bag.parent)

@@ -79,13 +79,14 @@ def test_no_obstacle_is_touched(limit, wheels, period, heading, bearing, radius,
 def test_no_edge_of_the_road_is_crossed(limit, wheels, period, heading, bearing, edge, further):
     robot = DifferentialDrive(max_wheel_speed=limit)
     space = ClearSpace.of(ROAD, (), 0.0).for_samples(robot.twist_limits(), period)
-    out = float(space.inner) + further if edge == 'inner' else float(space.outer) - further
+    inner, outer = space.annulus.inner.item(), space.annulus.outer.item()
+    out = inner + further if edge == 'inner' else outer - further
     away = out * np.array([math.cos(bearing), math.sin(bearing)])
     pose = np.array([*(ROAD.center + away), heading])
     wheels = limit * np.array(wheels)
     distance = clearances(integrated(pose, wheels, period, robot), ROAD.center, 0.0)
     at = distance[::PIECES]
-    fine = (at >= float(space.inner) - 1e-12) & (at <= float(space.outer) + 1e-12)
+    fine = (at >= inner - 1e-12) & (at <= outer + 1e-12)
     kept = fine[:-1] & fine[1:]
     assume(kept.any())
     for k in np.flatnonzero(kept):

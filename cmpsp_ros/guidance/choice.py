@@ -171,15 +171,26 @@ class Choice:
         return self._review or not warm.usable or self._troubled > _TRANSIENT
 
     def _or_fresh(self, warm: Candidate, moment: _Moment) -> Candidate:
-        """The plan along the centre line, if the warm one has a flaw that it has not."""
+        """Where the plan has a flaw, the one along the centre line if that has none.
+
+        Whatever moves may come too close at first: where the robot stands anyway, a plan from
+        standing still is tried as well.
+        """
         if warm.flawless:
             return warm
+        pose, horizon = moment.start.pose, moment.horizon
+        best = self._better(warm, along_road(self._settings, pose, horizon.durations), moment)
+        if best.usable or not moment.at_rest:
+            return best
+        return self._better(best, _standing(horizon), moment)
+
+    def _better(self, known: Candidate, guess: Array, moment: _Moment) -> Candidate:
+        """The plan followed, or one from another guess, if that is better."""
         planner = self._free_planner()
-        guess = along_road(self._settings, moment.start.pose, moment.horizon.durations)
         fresh = self._improved(planner, guess, moment)
-        if not fresh.beats(warm):
+        if not fresh.beats(known):
             self._spare.append(planner)
-            return warm
+            return known
         self._spare.append(self._planner)
         self._planner = planner
         return fresh
@@ -206,7 +217,7 @@ class Choice:
         if review:
             self._waited = 0
             self._pause = 0 if best is not followed else min(2 * self._pause + 1, _LONGEST_PAUSE)
-        self._remark = self._said(best, count, changed=best is not followed)
+        self._remark = self._said(best, count, changed=best is not followed and not moment.at_rest)
         return best.candidate
 
     def _said(self, best: _Contender, count: int, *, changed: bool) -> str:
@@ -236,7 +247,7 @@ class Choice:
         if not moment.at_rest or any(each.candidate.usable for each in (*known, *fresh)):
             return fresh
         # Whatever moves may come too close at first: standing still does not.
-        return [*fresh, self._new(np.zeros((len(moment.horizon.edges), 2)), moment)]
+        return [*fresh, self._new(_standing(moment.horizon), moment)]
 
     def _new(self, guess: Array, moment: _Moment) -> _Contender:
         planner = self._free_planner()
@@ -297,3 +308,8 @@ class Choice:
         planner = self._spare.pop() if self._spare else Planner(self._settings)
         planner.forget()
         return planner
+
+
+def _standing(horizon: Horizon) -> Array:
+    """Wheel speeds of a robot that stands still, shape ``(N + 1, 2)`` [rad/s]."""
+    return np.zeros((len(horizon.edges), 2))

@@ -118,6 +118,15 @@ def _aim(
 
 
 @allocation_free
+def way_left(road: Any, x: float, y: float, heading: float, goal_x: float, goal_y: float) -> float:
+    """Length of the centre line from beside a pose to beside the goal, negative backwards [m]."""
+    progress = road_functions.find(road, x, y, heading)
+    at_goal = road_functions.find(road, goal_x, goal_y, math.nan)
+    way: float = road_functions.way_to(road, x, y, progress, goal_x, goal_y, at_goal)
+    return way
+
+
+@allocation_free
 def pursue(offset_x: float, offset_y: float, heading: float, speed: float) -> float:
     """Turn rate [rad/s] of the arc from the pose through a target at an offset [m]."""
     distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
+from cmpsp_ros.guidance.progress import Progress
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
 
@@ -29,11 +30,7 @@ class GuidanceLaw:
     from the commands that the law itself has given.
     """
 
-    def __init__(
-        self,
-        settings: GuidanceSettings,
-        timer: Callable[[], int] = lambda: 0,
-    ) -> None:
+    def __init__(self, settings: GuidanceSettings, timer: Callable[[], int] = lambda: 0) -> None:
         """Start at rest, waiting for the first odometry.
 
         Args:
@@ -53,9 +50,15 @@ class GuidanceLaw:
         self._latest = 0
         self._step = 0
         self._failures = 0
-        self._plan: Plan | None = None
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
+        self._progress.forget()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Drop the plan, and what is known of others."""
+        self._plan: Plan | None = None
+        self._waiting: Plan | None = None
         self._choice.forget()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
@@ -64,6 +67,7 @@ class GuidanceLaw:
         self._settings = settings
         self._audit = Audit(settings)
         self._choice = Choice(settings, self._audit, self._timer)
+        self._progress = Progress(settings)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -113,8 +117,7 @@ class GuidanceLaw:
             stamp: Present time [ns].
             reason: Why, in a sentence.
         """
-        self._plan = None
-        self._choice.forget()
+        self._forget()
         self._due = 0 if self._start is None else self._latest + 1
         return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
@@ -179,17 +182,22 @@ class GuidanceLaw:
     def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
         if self._plan is None and (reason := inside(pose, self._audit)):
             return self._halt(stamp, pose, reason)
-        candidate = self._choice.best(start, self._held, self._plan, horizon)
+        known, self._waiting = self._plan or self._waiting, None
+        candidate = self._choice.best(start, self._held, known, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if candidate.gives_way else Rung.NOMINAL
         reason = candidate.describe(self._audit, self._settings) + self._choice.remark
         if candidate.usable:
             self._failures = 0
+            if why := self._progress.reason_to_wait(candidate):
+                self._plan, self._waiting = None, plan
+                return self._halt(stamp, pose, f'{why} {reason}', improvement)
         else:
             self._failures += 1
             reason = verdict.reason if improvement.solved else improvement.reason
             shifted = self._shifted(start, horizon)
             if shifted is None:
+                self._progress.stand()
                 self._forget_after_failures()
                 return self._halt(stamp, pose, reason, improvement)
             rung, (plan, verdict) = Rung.SHIFTED, shifted
@@ -239,8 +247,7 @@ class GuidanceLaw:
 
     def _forget_after_failures(self) -> None:
         if self._failures >= self._settings.failure_tolerance:
-            self._plan = None
-            self._choice.forget()
+            self._forget()
 
     def _halt(
         self,

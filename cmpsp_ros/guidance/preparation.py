@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.initial_guess import along_road, way_left
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
@@ -41,6 +41,8 @@ def prepare(settings: GuidanceSettings) -> None:
     """
     settings = _with_short_horizon(settings)
     warm_up(settings)
+    x, y, heading = settings.road.middle()
+    way_left(settings.road.space(0.0), x, y, heading, *settings.goal)
     _meet_trouble(settings)
     _meet_difficulties(settings)
     _look_for_ways(settings)

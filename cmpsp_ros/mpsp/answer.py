@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.realtime.giving_way import RANKS
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
@@ -45,19 +46,22 @@ def answer(
     hard = _with_curvature(subproblem, partial(_solve_hard, qp=qp))
     if hard.solution.status is QPStatus.SOLVED or penalties is None:
         return hard
-    first = partial(solve_qp, name=qp, penalties=_of_the_lightest(penalties))
-    found = _with_curvature(hard.subproblem, first)
-    if found.solution.status is not QPStatus.SOLVED:
-        every = partial(solve_qp, name=qp, penalties=penalties)
-        found = _with_curvature(hard.subproblem, every)
+    found = hard
+    for each in _giving_way(penalties):
+        found = _with_curvature(hard.subproblem, partial(solve_qp, name=qp, penalties=each))
+        if found.solution.status is QPStatus.SOLVED:
+            break
     return found._replace(elastic=True)
 
 
-def _of_the_lightest(penalties: Penalties) -> Penalties:
-    """All rows hard but the lightest; see `cmpsp_ros.mpsp.realtime.giving_way`."""
+def _giving_way(penalties: Penalties) -> Iterator[Penalties]:
+    """The lightest rows first, as `cmpsp_ros.mpsp.realtime.giving_way` has it."""
     both = penalties.terminal, penalties.path
-    lightest = min(float(each.min(initial=np.inf)) for each in both)
-    return Penalties(*(np.where(each <= lightest, each, np.inf) for each in both))
+    weights = np.unique(np.concatenate([each.ravel() for each in both]))
+    for heaviest in (*weights[: RANKS - 1], np.inf):
+        yield Penalties(*(np.where(each <= heaviest, each, np.inf) for each in both))
+        if heaviest >= weights.max(initial=-np.inf):
+            return
 
 
 def _solve_hard(subproblem: Subproblem, qp: str) -> QPSolution:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.functions import evaluate, linearise, predict
-from cmpsp_ros.mpsp.realtime.giving_way import ATTEMPTS, let_give_way
+from cmpsp_ros.mpsp.realtime.giving_way import RANKS, let_give_way
 from cmpsp_ros.mpsp.realtime.merit import promised, weigh
 from cmpsp_ros.mpsp.realtime.packed import Packed, unpack
 from cmpsp_ros.mpsp.realtime.search import attempt, copy, search
@@ -105,13 +105,13 @@ def _step(data: Any, room: Workspace, rules: Rules, last_length: float) -> Any:
         counts[RELAXED] = 0
         counts[OUTCOME] = NO_CURVATURE
         return 0.0, 0.0
-    for trying in range(ATTEMPTS):
-        let_give_way(room.relaxed, trying, room.most)
+    for trying in range(RANKS + 1):
+        hard = let_give_way(room.relaxed, trying, room.most)
         hint = solver.hint_relaxed if trying else solver.hint_hard
         counts[RELAXED] = int(trying > 0)
         counts[OUTCOME] = solve(qp, room.most, hint, solver)
         counts[QP_ITERATIONS] = iterations(solver)
-        if counts[OUTCOME] == SOLVED:
+        if counts[OUTCOME] == SOLVED or not hard:
             break
     if counts[OUTCOME] != SOLVED:
         return 0.0, 0.0

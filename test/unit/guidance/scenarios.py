@@ -41,9 +41,10 @@ CASES = {
 }
 
 
-def with_one_plan(given):
-    """The same settings, with one plan that is followed, as in the paper."""
-    return replace(given, solver=replace(given.solver, candidates=1, initial_iterations=2))
+def with_plans(given, candidates, initial_iterations=6):
+    """The same settings with so many plans to choose from; 1 and 2 iterations are the paper's."""
+    solver = replace(given.solver, candidates=candidates, initial_iterations=initial_iterations)
+    return replace(given, solver=solver)
 
 
 @dataclass

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scenarios
 from scenarios import (
     CASES,
     FIRST,
@@ -15,8 +16,7 @@ from scenarios import (
     clearance,
     closed_loop,
     drive,
-    settings,
-    with_one_plan,
+    with_plans,
 )
 
 from cmpsp_ros.guidance.audit import Audit
@@ -36,6 +36,10 @@ from cmpsp_ros.robot.road import OpenFloor
 
 ON_TIME = [k * PERIOD for k in range(51)]
 BOTH = (FIRST, SECOND)
+
+
+def settings(*arguments, **changes):
+    return with_plans(scenarios.settings(*arguments, **changes), 4)
 
 
 def cost(run, given):
@@ -82,12 +86,13 @@ def test_no_heading_is_a_trap(heading, limit):
 def test_a_poor_plan_is_left_for_a_better_one():
     """From this guess the first plan meets every constraint, and keeps swinging to the end."""
     given = settings((), math.inf, InitialGuess('constant', (45.0, 45.0)))
-    alone = drive(GuidanceLaw(with_one_plan(given)), given, ON_TIME)
+    alone = drive(GuidanceLaw(with_plans(given, 1, 2)), given, ON_TIME)
     run = closed_loop(given)
     assert_arrives(run, given)
     assert cost(alone, given) > 30.0
     assert cost(run, given) < 15.0
-    assert 'Changed over to the best of 2 plans.' in run.decisions[0].reason
+    assert 'It is the best of 2 plans.' in run.decisions[0].reason
+    assert not any('Changed over' in decision.reason for decision in run.decisions)
 
 
 @pytest.mark.parametrize('limit', [51.0, math.inf])
@@ -255,7 +260,7 @@ def test_plans_that_are_as_good_do_not_take_turns():
 def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     """The same loop in a few lines, bit for bit."""
     given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
-    given = with_one_plan(given)
+    given = with_plans(given, 1, 2)
     law, audit = GuidanceLaw(given), Audit(given)
     warm, second = Planner(given), Planner(given)
     pose, held, plan = np.array(START), np.zeros(2), None
@@ -300,15 +305,22 @@ def test_ways_are_looked_for_on_an_annulus_only(road):
     assert away.min() >= 0.3
 
 
-def test_a_stop_is_no_trap():
-    """Right beside an edge, with an obstacle ahead: whatever is fast comes too close at first."""
+@pytest.mark.parametrize('gap', [0.01, 0.03, 0.05])
+def test_a_stop_is_no_trap(gap):
+    """Right before an obstacle whatever moves ahead comes too close at first."""
+    given = settings((Obstacle('rock', (0.5 + gap, -10.0), 0.5),), 51.0, ROAD)
+    assert_arrives(closed_loop(given, (0.0, -10.0, 0.0)), given)
+
+
+def test_a_robot_that_gets_no_nearer_waits():
+    """Right beside an edge, with an obstacle ahead, and a goal that is far out of reach."""
     start = (-8.97032137798457, 1.7492257483124498, 1.5474811673095823)
     ahead = Obstacle('ahead', (-9.19, 2.57), 0.669)
     given = settings((ahead, Obstacle('beyond', (-7.13, 7.25), 0.477)), 51.0, ROAD)
     run = closed_loop(given, start)
-    stopped = [decision.step for decision in run.moves if decision.rung is Rung.STOP]
-    assert len(stopped) < 10
-    assert run.moves[-1].rung is Rung.ELASTIC
+    waits = [decision for decision in run.moves if decision.reason.startswith('The robot waits')]
+    assert len(waits) > 40
+    assert {decision.rung for decision in waits} == {Rung.STOP}
     assert clearance(run.path, given) >= -1e-9
 
 

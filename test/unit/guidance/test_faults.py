@@ -114,26 +114,28 @@ def test_started_inside_the_margin_of_an_obstacle(gap, heading):
     assert clearance(run.path[400:], given) > 0.1 - 1e-3, 'kept once it has been reached'
 
 
-def test_started_with_an_obstacle_at_the_nose(fault):
-    given = settings((Obstacle('rock', (0.51, -10.0), 0.5),), 51.0, ROAD)
+@pytest.mark.parametrize('gap', [0.01, 0.03, 0.05])
+def test_started_with_an_obstacle_at_the_nose(fault, gap):
+    given = settings((Obstacle('rock', (0.5 + gap, -10.0), 0.5),), 51.0, ROAD)
     run = closed_loop(given, MIDDLE)
     assert_is(fault, run.decisions[0])
     assert_safe(run, given)
-    assert run.miss() < 1e-6
+    assert run.miss() < 0.5, 'it has lost time, but not much'
 
 
 WALL = Obstacle('wall', (7.07, -7.07), 1.3)
 
 
-def test_road_blocked(fault):
-    given = replace(EMPTY, obstacles=(WALL,))
-    run = closed_loop(given)
+@pytest.mark.parametrize('final_time', [10.0, 20.0])
+def test_road_blocked(fault, final_time):
+    given = replace(EMPTY, obstacles=(WALL,), final_time=final_time)
+    run = closed_loop(given, steps=round(5 * final_time))
     assert_safe(run, given)
-    refused = next(decision for decision in run.moves if decision.rung is Rung.STOP)
-    stands = run.moves[-1]
-    assert_is(fault, refused)
-    assert_is(fault, stands)
-    assert np.abs(stands.wheel_speeds).max() < 1e-3
+    first = next(k for k, decision in enumerate(run.moves) if decision.rung is Rung.STOP)
+    assert_is(fault, run.moves[first])
+    assert_is(fault, run.moves[-1])
+    # Standing still wins over driving to and fro.
+    assert {decision.rung for decision in run.moves[first:]} == {Rung.STOP}
     assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE, 'as far as it goes'
 
 
@@ -142,7 +144,7 @@ def test_road_clear_again(fault):
     law = GuidanceLaw(given)
     blocked = drive(law, given, ON_TIME)
     assert_safe(blocked, given)
-    assert blocked.decisions[-1].rung is Rung.ELASTIC
+    assert blocked.decisions[-1].rung is Rung.STOP
     free = replace(given, obstacles=())
     law.reconfigure(free)
     stamps = [k * PERIOD for k in range(51, 101)]
@@ -266,10 +268,9 @@ def test_odometry_late(fault):
     late = np.random.default_rng(1).integers(0, 90, size=51) * 1_000_000
     late[[0, 50]] = 0
     run = drive(GuidanceLaw(COURSE), COURSE, [int(k) for k in np.array(ON_TIME) + late])
-    assert_is(fault, run.moves[len(run.moves) // 2])
+    assert_is(fault, run.moves[-1])
     assert_safe(run, COURSE)
-    # The wheels are at their limit towards the end: what is lost to the last delays stays lost.
-    assert run.miss() < 2e-2
+    assert run.miss() < 1e-2
 
 
 def test_odometry_repeated_and_out_of_order(fault):

@@ -72,6 +72,7 @@ _FACTS = {
         Column('qp_iterations', 'int'),
         Column('active_rows', 'int'),
         Column('failures', 'int'),
+        Column('wheel_slip', 'float'),
         Column('finished', 'bool'),
         Column('halted', 'bool'),
         Column('run', 'int'),

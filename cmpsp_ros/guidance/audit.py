@@ -66,7 +66,7 @@ class Audit:
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take limits, road and obstacles from the settings."""
-        self._robot = settings.robot
+        self._robot = settings.model
         self._between = settings.safety.between_samples
         self._space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         self._names = (

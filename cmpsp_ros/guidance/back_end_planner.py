@@ -45,7 +45,7 @@ class BackEndPlanner:
     ) -> OptimalControlProblem:
         """The problem from a pose on; arguments as of `improve`."""
         task, durations = self._task, horizon.durations
-        space, robot = task.space(guess, durations), task.settings.robot
+        space, robot = task.space(guess, durations), task.settings.model
         problem = GuidanceProblem(robot, space, task.cost, pose, task.goal, durations)
         rate = task.settings.weights.control_rate
         return ControlRateProblem(problem, rate, held) if rate > 0.0 else problem

@@ -74,6 +74,7 @@ class Decision:
         qp_iterations: Iterations of the QP back end in the last of them.
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
+        wheel_slip: Part of the wheels' turning that is reckoned to be lost.
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
@@ -98,6 +99,7 @@ class Decision:
     qp_iterations: int = 0
     active_rows: int = 0
     failures: int = 0
+    wheel_slip: float = 0.0
     finished: bool = False
     missed: bool = False
     halted: bool = False

@@ -10,7 +10,8 @@ from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 def facts(decision: Decision) -> dict[str, str]:
     """Everything about a decision but its reason and its plan, as text by key.
 
-    Floats are written so that they read back bit for bit; times end in ``_ms``.
+    Floats are written so that they read back bit for bit; times end in ``_ms``. Without slip
+    nothing is said of it.
     """
     right, left = decision.wheel_speeds.tolist()
     values: dict[str, object] = {
@@ -28,6 +29,7 @@ def facts(decision: Decision) -> dict[str, str]:
         'qp_iterations': decision.qp_iterations,
         'active_rows': decision.active_rows,
         'failures': decision.failures,
+        **({'wheel_slip': decision.wheel_slip} if decision.wheel_slip > 0.0 else {}),
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,

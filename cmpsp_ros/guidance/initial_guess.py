@@ -41,7 +41,7 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
 
     Arguments and result as in `initial_guess`.
     """
-    robot = settings.robot
+    robot = settings.model
     controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
     poses[0] = pose
     _follow(

@@ -17,6 +17,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, t
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.progress import Progress
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.slip import SlipEstimate
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
 
 Array = NDArray[np.float64]
@@ -39,6 +40,7 @@ class GuidanceLaw:
         """
         self._timer = timer
         self._run = self._revision = -1
+        self._slip = SlipEstimate()
         self.reconfigure(settings)
         self.reset()
 
@@ -52,6 +54,9 @@ class GuidanceLaw:
         self._failures = 0
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
+        self._slip.forget()
+        if self._reckoned.slip:
+            self._reckon()
         self._progress.forget()
         self._forget()
 
@@ -65,12 +70,18 @@ class GuidanceLaw:
         """Take new settings, from the next control step on."""
         self._revision += 1
         self._settings = settings
-        self._audit = Audit(settings)
-        self._choice = Choice(settings, self._audit, self._timer)
+        self._reckon()
         self._progress = Progress(settings)
         self._period = to_nanoseconds(settings.control_period)
         self._final = to_nanoseconds(settings.final_time)
         self._delay = to_nanoseconds(settings.command_delay)
+
+    def _reckon(self) -> None:
+        """Reckon with the slip that is estimated, from now on."""
+        slip = min(self._slip.slip, self._settings.max_slip)
+        self._reckoned = replace(self._settings, slip=slip)
+        self._audit = Audit(self._reckoned)
+        self._choice = Choice(self._reckoned, self._audit, self._timer)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -95,6 +106,7 @@ class GuidanceLaw:
         if now >= self._final:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose))
+        self._end_period(stamp, pose)
         horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
@@ -106,7 +118,19 @@ class GuidanceLaw:
             decision = self._decide(stamp, pose, start, horizon)
         self._stop_in_time(start, decision.plan, last)
         self._step += 1
+        self._begin_period(stamp, pose, decision.wheel_speeds)
         return self._sent(decision)
+
+    def _begin_period(self, stamp: int, pose: Array, wheel_speeds: Array) -> None:
+        if self._settings.max_slip > 0.0:
+            ahead, durations = self._under_way.until(stamp, self._delay)
+            speeds = np.array([self._under_way.in_force, *ahead, wheel_speeds])
+            self._slip.begin(stamp, pose, speeds, durations)
+
+    def _end_period(self, stamp: int, pose: Array) -> None:
+        most = self._settings.max_slip
+        if most > 0.0 and self._slip.end(stamp, pose, self._settings.robot, most):
+            self._reckon()
 
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.
@@ -118,18 +142,20 @@ class GuidanceLaw:
             reason: Why, in a sentence.
         """
         self._forget()
+        self._slip.lose()
         self._due = 0 if self._start is None else self._latest + 1
         return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
     def _sent(self, decision: Decision) -> Decision:
         self._under_way.add(decision.stamp, decision.wheel_speeds)
-        return decision
+        slip = self._reckoned.slip
+        return replace(decision, wheel_slip=slip) if slip > 0.0 else decision
 
     def _foresee(self, stamp: int, pose: Array) -> Start:
         wheel_speeds, durations = self._under_way.until(stamp, self._delay)
         if not len(durations):
             return Start(pose)
-        ahead = self._settings.robot.roll_out(pose, wheel_speeds, durations)[-1]
+        ahead = self._reckoned.model.roll_out(pose, wheel_speeds, durations)[-1]
         return Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
 
     def _is_settled(self, left: int) -> bool:
@@ -235,7 +261,7 @@ class GuidanceLaw:
         verdict = self._choice.judge(start, controls, horizon)
         if not verdict.passed:
             return None
-        poses = self._settings.robot.roll_out(start.pose, controls, horizon.durations)
+        poses = self._reckoned.model.roll_out(start.pose, controls, horizon.durations)
         return Plan(horizon, controls, poses, self._delay), verdict
 
     def _finish(self, stamp: int, pose: Array) -> Decision:

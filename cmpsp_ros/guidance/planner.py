@@ -111,7 +111,7 @@ class Planner:
         pose = np.ascontiguousarray(pose, dtype=np.float64)
         space = task.space(guess, durations)
         if space is not self._space:
-            robot, hessian = task.settings.robot, task.settings.solver.hessian
+            robot, hessian = task.settings.model, task.settings.solver.hessian
             self._space = space
             self._given = guidance_data(
                 robot, space, task.cost, pose, task.goal, durations, hessian

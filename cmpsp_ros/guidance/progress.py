@@ -54,7 +54,7 @@ class Progress:
             return ''
         plan, settings = candidate.plan, self._settings
         left = float(plan.horizon.durations.sum())
-        worth_while = min(_WORTH_WHILE, _PART * settings.robot.max_speed * left)
+        worth_while = min(_WORTH_WHILE, _PART * settings.model.max_speed * left)
         self._without = self._without + 1 if self._gain(plan.poses) < worth_while else 0
         if self._without <= _PATIENCE:
             return ''

@@ -76,7 +76,7 @@ def follow(
     Returns:
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
-    robot, (center_x, center_y) = settings.robot, settings.annulus.center
+    robot, (center_x, center_y) = settings.model, settings.annulus.center
     step = abs(total) / (len(profile) - 1)
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(profile, step)[::-1])[::-1]

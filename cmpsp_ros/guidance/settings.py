@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
@@ -99,6 +99,8 @@ class GuidanceSettings:
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
+        max_slip: Largest wheel slip, a fraction, that is estimated and reckoned with; 0 for none.
+        slip: Wheel slip that plans reckon with; the law follows its estimate with it.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
@@ -118,6 +120,15 @@ class GuidanceSettings:
     frame_id: str = 'odom'
     odom_timeout: float = 0.5
     failure_tolerance: int = 3
+    max_slip: float = 0.0
+    slip: float = 0.0
+
+    @property
+    def model(self) -> DifferentialDrive:
+        """The robot as plans foresee it: it comes less far for its slip."""
+        if self.slip == 0.0:
+            return self.robot
+        return replace(self.robot, wheel_radius=(1.0 - self.slip) * self.robot.wheel_radius)
 
     @property
     def annulus(self) -> Annulus:

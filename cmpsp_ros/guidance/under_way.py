@@ -25,6 +25,11 @@ class CommandsUnderWay:
         self._given: deque[tuple[int, Array]] = deque()
         self._in_force = np.zeros(2)
 
+    @property
+    def in_force(self) -> Array:
+        """What the wheels do at the instant last asked for, shape ``(2,)`` [rad/s]."""
+        return self._in_force
+
     def add(self, stamp: int, wheel_speeds: Array) -> None:
         """Remember a command.
 

@@ -96,7 +96,7 @@ def ways_through(
     # A beginning or a goal off the road is no place to lead along.
     on_road = (min(max(ends[0], inner), outer), min(max(ends[1], inner), outer))
     profiles = relax(low, high, on_road, road.center_radius, turned[1])
-    reach = settings.robot.max_speed * float(durations.sum())
+    reach = settings.model.max_speed * float(durations.sum())
     costs = _costs(profiles, turned[1], road.center_radius, reach)
     signatures = [tuple(int(-side) * each for each in trail.signature) for trail in trails]
     wanted = [i for i, each in enumerate(signatures) if each not in without]

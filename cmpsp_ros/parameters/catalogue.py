@@ -55,6 +55,10 @@ def _parameters() -> Iterator[Parameter]:
     yield task('command_delay', _DOUBLE, 0.0, 's',
         'Time from the stamp of odometry to the effect of the command that answers it; the plan '
         'begins where the robot will be then.', range=_NOT_NEGATIVE, **guidance_only)
+    yield task('max_wheel_slip', _DOUBLE, 0.0, '',
+        'Largest part of their turning by which the wheels may fail to move the robot. Up to it '
+        'slip is estimated from odometry and reckoned with; 0: it is not.',
+        range=Range(0.0, 0.5), **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper.',
         range=_POSITIVE, **_FIXED)

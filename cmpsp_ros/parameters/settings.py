@@ -62,6 +62,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         final_time=values['final_time'],
         control_period=values['control_period'],
         command_delay=values['command_delay'],
+        max_slip=values['max_wheel_slip'],
         obstacles=_obstacles(values),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),

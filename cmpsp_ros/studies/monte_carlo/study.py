@@ -48,7 +48,9 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
                 'wheel_lag': 0.05,
                 'wheel_slip': [0.03, 0.03],
                 'actuation_delay': 0.06,
-                'command_delay': 0.06,
+                # What the wheels lag comes to as much.
+                'command_delay': 0.11,
+                'max_wheel_slip': 0.1,
                 'safety.margin': 0.05,
             },
             0.05,

@@ -76,8 +76,8 @@ def _distributed() -> ModuleType:
     try:
         import distributed  # noqa: PLC0415 (optional)
     except ImportError as error:
-        wanted = 'dask.distributed: pip install "cmpsp_ros[dask]"'
-        raise StudyError(f'--scheduler: found no {error.name}, wanted {wanted}') from error
+        text = f'--scheduler: found no {error.name}, wanted it: pip install distributed'
+        raise StudyError(text) from error
     return distributed
 
 

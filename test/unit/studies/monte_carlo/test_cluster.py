@@ -115,7 +115,7 @@ def test_no_scheduler_there_is_told_in_one_line(monkeypatch, tmp_path, address):
 
 def test_without_dask_it_says_what_it_wants(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, 'distributed', None)
-    with pytest.raises(StudyError, match='pip install "cmpsp_ros'):
+    with pytest.raises(StudyError, match='pip install distributed'):
         run(Order(STUDY, 2, tmp_path / 'study', scheduler='x'), lambda *_: lambda _: None)
 
 

@@ -101,6 +101,10 @@ def study(
     runs: Annotated[int, typer.Option(min=1, help='How many: those numbered from 0 on.')] = 200,
     seed: Annotated[int, typer.Option(min=0, help='Of all starts, obstacles and noise.')] = 1,
     workers: Annotated[int, typer.Option(min=1, help='Processes that share the runs.')] = 1,
+    scheduler: Annotated[
+        str,
+        typer.Option(metavar='ADDRESS', help='Dask scheduler whose workers share them instead.'),
+    ] = '',
     output: Annotated[
         Path | None,
         typer.Option(help='New folder, or one to go on with; without: study_NAME.'),
@@ -141,7 +145,8 @@ def study(
                     task = bar.add_task(part, total=pieces)
                     return lambda count: bar.advance(task, count)
 
-                values = room.run(room.Order(chosen, runs, folder, workers, judge), progress)
+                order = room.Order(chosen, runs, folder, workers, scheduler, judge)
+                values = room.run(order, progress)
         except KeyboardInterrupt:
             complain(f'{folder}: interrupted; the same command goes on')
             raise typer.Exit(130) from None

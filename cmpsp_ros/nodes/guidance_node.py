@@ -25,6 +25,7 @@ from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
 from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
 from cmpsp_ros.nodes.parameters import declare
+from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.rivals import TRUST, Rivals
 from cmpsp_ros.nodes.runtime import run
@@ -79,6 +80,12 @@ class GuidanceNode(LifecycleNode):
         if autostart and self.trigger_configure() == SUCCESS:
             self._activate_when_known()
 
+    @property
+    def prompt(self) -> Prompt | None:
+        """Odometry comes first while the node is active; simulated time is heard before it."""
+        simulated = self.get_clock().ros_time_is_active
+        return self._prompt if self._state == ACTIVE and not simulated else None
+
     def stop(self) -> None:
         """Leave the active state, with a zero twist, before the process ends."""
         if self._state != FINALIZED:
@@ -114,10 +121,11 @@ class GuidanceNode(LifecycleNode):
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._inputs = (
-            GUIDANCE_ODOM.listen_on(self, self._on_odometry),
+            odometry := GUIDANCE_ODOM.listen_on(self, self._on_odometry),
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
+        self._prompt = Prompt(odometry, self.context)
         self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)

@@ -91,6 +91,11 @@ class ParameterWatch:
         self._gone: dict[str, int] = {}
         self._inquiries: dict[str, _Inquiry] = {}
 
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Nodes whose values are known: what changes from now on is a change."""
+        return tuple(sorted(name for name, life in self._lives.items() if life.values.settled))
+
     def poll(self) -> None:
         """Look who is there, begin and go on with inquiries; to be called periodically."""
         # A node that was killed stays in the graph for a while, beside the one that follows it.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock, ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -17,6 +18,7 @@ from rclpy.qos import QoSCompatibility, qos_check_compatible
 
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.nodes.health import Health, Report
 from cmpsp_ros.nodes.message_types import message_class
 from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
@@ -106,6 +108,7 @@ class Recorder(Node):
         self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
         self.get_logger().info(f'recording to {self._bag.path}')
         self._discover()
+        Health(self, self._look)
 
     def stop(self) -> None:
         """Take what is still on its way, then close the bag.
@@ -125,6 +128,23 @@ class Recorder(Node):
             f'{self._bag.message_count} messages of {len(self._topics)} topics '
             f'recorded to {self._bag.path}'
         )
+
+    def _look(self) -> Report:
+        known = self._parameter_watch.known
+        level, message = DiagnosticStatus.OK, f'Recording {len(self._topics)} topics.'
+        if self._left_out:
+            level = DiagnosticStatus.WARN
+            message += f' Left out, as the log says: {", ".join(sorted(self._left_out))}.'
+
+        def values() -> dict[str, object]:
+            return {
+                'output': str(self._bag.path),
+                'messages': self._bag.message_count,
+                'topics': len(self._topics),
+                'parameters_of': ', '.join(known),
+            }
+
+        return Report(level, message, (message, known), values)
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():

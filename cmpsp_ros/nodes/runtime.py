@@ -16,7 +16,12 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import (
+    ExternalShutdownException,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+)
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
@@ -26,10 +31,18 @@ if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
     from rclpy.node import Node
 
+    from cmpsp_ros.nodes.prompt import Prompt
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 WAKE_PERIOD = 0.05
 """Longest wait for work [s]: the wait set does not notice signals, so this bounds the answer."""
+
+REST_PERIOD = 0.02
+"""Longest wait [s] of all else in a node that hears one subscription before it."""
+
+REST_COUNT = 100
+"""Callbacks of all else, at most, between two looks at that subscription."""
 
 DELIVERY_LIMIT = 0.5
 """Longest wait at the end for subscribers to confirm what was published last [s]."""
@@ -47,7 +60,8 @@ def run(make_node: Callable[[], Node], *, name: str, args: Sequence[str] | None 
 
     Args:
         make_node: The node's class, or any callable that returns a node. A `stop` method of the
-            node, when there is one, is called once before the node is destroyed.
+            node, when there is one, is called once before the node is destroyed. While it has a
+            `prompt` that is not None, the subscription of this `Prompt` comes before all else.
         name: Name of the logger for as long as there is no node.
         args: Command line; `sys.argv` when absent.
 
@@ -90,7 +104,12 @@ def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: Rcut
     healthy = True
     try:
         while not stopping.is_set():
-            executor.spin_once(timeout_sec=WAKE_PERIOD)
+            prompt: Prompt | None = getattr(node, 'prompt', None)
+            if prompt is None:
+                executor.spin_once(timeout_sec=WAKE_PERIOD)
+            else:
+                prompt.hear(REST_PERIOD)
+                _serve_rest(executor)
     except ExternalShutdownException:
         pass
     except Exception as error:
@@ -103,6 +122,17 @@ def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: Rcut
     # Each is tried, whatever became of the one before.
     failed = [end for end in ends if end is not None and not _ends_well(end, logger)]
     return 0 if healthy and not failed else 1
+
+
+def _serve_rest(executor: SingleThreadedExecutor) -> None:
+    """Call back for all that is ready now."""
+    for _ in range(REST_COUNT):
+        try:
+            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
+        except (TimeoutException, ShutdownException):
+            return
+        handler()
+        handler.result()
 
 
 def _deliver(node: Node) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import pathlib
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -182,6 +182,12 @@ SIM_WHEELS = Topic(
 CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`')
 SIM_RESET = Topic(
     'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time goes on', depth=0
+)
+
+RECORDER_HEALTH = replace(
+    HEALTH,
+    node='recorder',
+    notes='as above: messages, topics, those left out, nodes whose parameters are known',
 )
 
 TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))

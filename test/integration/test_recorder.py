@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
@@ -123,6 +123,7 @@ def test_nothing_is_lost(record, spawn, bag):
             '/markers': (QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL),
             '/rosout': (QosReliability.RELIABLE, QosDurability.TRANSIENT_LOCAL),
             '/parameter_events': (QosReliability.RELIABLE, QosDurability.VOLATILE),
+            '/diagnostics': (QosReliability.RELIABLE, QosDurability.VOLATILE),
         }
         assert (offered['/rosout'].lifespan.sec, offered['/odom'].lifespan.sec) == (10, 9223372036)
 
@@ -184,6 +185,26 @@ def test_output_exists(spawn, bag):
     assert f'parameter output: {bag}: exists already' in line
     assert 'Traceback' not in recorder.stderr
     assert list(bag.iterdir()) == []
+
+
+def test_it_says_on_diagnostics_what_it_records(record, ros, bag):
+    said = {}
+
+    def hear(message):
+        said.update({each.name: each for each in message.status})
+
+    def knows_the_tester():
+        status = said.get('/recorder: recorder')
+        values = {each.key: each.value for each in status.values} if status else {}
+        return '/tester' in values.get('parameters_of', '') and values
+
+    ros.node.create_subscription(DiagnosticArray, '/diagnostics', hear, 10)
+    ros.node.create_publisher(String, '/said', 10)
+    record('topics:=[/said]')
+    values = ros.spin_until(knows_the_tester)
+    assert values['output'] == str(bag)
+    assert int(values['topics']) > 0
+    assert said['/recorder: recorder'].level == DiagnosticStatus.OK
 
 
 @pytest.mark.parametrize(

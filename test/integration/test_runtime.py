@@ -15,6 +15,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.lifecycle import guard_change_state
+from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.runtime import StartupError, run
 
 pytestmark = pytest.mark.integration
@@ -50,6 +51,21 @@ class Listener(Node):
     def __init__(self):
         super().__init__('listener')
         self.create_subscription(Twist, 'cmd_vel', lambda _: print('heard', flush=True), 10)
+
+
+class Attentive(Node):
+    """Hears commands before all else, and has a timer beside."""
+
+    def __init__(self):
+        super().__init__('attentive')
+        subscription = self.create_subscription(Twist, 'cmd_vel', self.on_command, 1000)
+        self.prompt = Prompt(subscription, self.context)
+        self.create_timer(0.05, lambda: print('timer', flush=True))
+
+    def on_command(self, message):
+        print(f'heard {message.linear.x:g}', flush=True)
+        if message.linear.x < 0.0:
+            raise ZeroDivisionError('no way')
 
 
 class Slow(Node):
@@ -197,8 +213,9 @@ def test_exception_in_stop(start, wait_until):
     assert fatal_lines(process) == ['OSError: disk full']
 
 
-def test_idle_process_leaves_the_core_alone(start, wait_until):
-    process = start(Idle)
+@pytest.mark.parametrize('node', [Idle, Attentive])
+def test_idle_process_leaves_the_core_alone(start, wait_until, node):
+    process = start(node)
     wait_until(lambda: process.stdout)
     stat = Path(f'/proc/{process.pid}/stat')
 
@@ -208,6 +225,26 @@ def test_idle_process_leaves_the_core_alone(start, wait_until):
     before, end = ticks(), time.monotonic() + 1.0
     wait_until(lambda: time.monotonic() > end)
     assert ticks() - before < 20, 'hundredths of a second in one second'
+
+
+def test_one_subscription_comes_first_and_all_else_is_served(start, ros):
+    process = start(Attentive)
+    publisher = ros.node.create_publisher(Twist, 'cmd_vel', 1000)
+    ros.spin_until(publisher.get_subscription_count)
+    ros.spin_until(lambda: process.stdout.count('timer') > 2)
+    twist = Twist()
+    for k in range(300):
+        twist.linear.x = float(k)
+        publisher.publish(twist)
+    ros.spin_until(lambda: 'heard 299' in process.stdout)
+    said = process.stdout.splitlines()
+    assert [each for each in said if each != 'timer'] == [f'heard {k}' for k in range(300)]
+    count = len(said)
+    ros.spin_until(lambda: process.stdout.splitlines()[count:].count('timer') > 2)
+    twist.linear.x = -1.0
+    publisher.publish(twist)
+    assert process.wait() == 1
+    assert fatal_lines(process) == ['ZeroDivisionError: no way']
 
 
 def test_impossible_transition_does_not_kill(start, ros):

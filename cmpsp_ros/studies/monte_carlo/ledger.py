@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,6 +69,17 @@ def append(folder: Path, outcome: Outcome) -> None:
     _append(folder / NAME, outcome.to_json())
 
 
+@cache
+def digest() -> str:
+    """Of all code that outcomes depend on: runs of different code are no one study."""
+    root = Path(cmpsp_ros.__file__).parent
+    digest = hashlib.sha256()
+    for room in _DECIDING:
+        for path in sorted((root / room).rglob('*.py')):
+            digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
+    return digest.hexdigest()[:16]
+
+
 def _append(path: Path, line: str) -> None:
     # One call of the system: neither a kill nor another process comes between. The line break in
     # front keeps what a power cut left of a line apart from this one.
@@ -80,22 +92,12 @@ def _append(path: Path, line: str) -> None:
 
 def _head(study: Study) -> dict[str, Any]:
     return {
-        'code': _code(),
+        'code': digest(),
         'study': study.name,
         'seed': study.seed,
         'obstacles': study.most_obstacles,
         'parameters': study.values(),
     }
-
-
-def _code() -> str:
-    """A digest of all code that outcomes depend on: runs of different code are no one study."""
-    root = Path(cmpsp_ros.__file__).parent
-    digest = hashlib.sha256()
-    for room in _DECIDING:
-        for path in sorted((root / room).rglob('*.py')):
-            digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
-    return digest.hexdigest()[:16]
 
 
 def _values(lines: list[str]) -> Iterator[dict[str, Any]]:

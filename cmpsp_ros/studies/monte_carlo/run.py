@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -11,6 +11,7 @@ from typing import Any, Final
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo import parquet, pictures
+from cmpsp_ros.studies.monte_carlo.cluster import make_on
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.ledger import open_ledger
@@ -32,6 +33,7 @@ class Order:
         runs: How many: those numbered from 0 on.
         folder: Where everything is written to.
         workers: Processes that share the runs.
+        scheduler: Address of the Dask scheduler that shares them out instead, if any.
         judge: Whether IPOPT is asked about runs that failed.
     """
 
@@ -39,6 +41,7 @@ class Order:
     runs: int
     folder: Path
     workers: int = 1
+    scheduler: str = ''
     judge: bool = False
 
 
@@ -58,8 +61,8 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
         where pyarrow is installed, and the pictures.
 
     Raises:
-        StudyError: The folder holds something else, or cannot be used; a worker died; or CasADi
-            is not installed and wanted.
+        StudyError: The folder holds something else, or cannot be used; a worker died; the cluster
+            cannot be used; or CasADi is not installed and wanted.
         ParameterError: A parameter is wrong.
     """
     study, folder = order.study, order.folder
@@ -67,7 +70,7 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
     missing = [number for number in range(order.runs) if number not in there]
     advance = progress('runs', order.runs)
     advance(order.runs - len(missing))
-    for made in make(study, missing, folder, order.workers, advance):
+    for made in _made(order, missing, advance):
         there[made.number] = made
     outcomes = [there[number] for number in range(order.runs)]
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
@@ -112,6 +115,12 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str]
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
     return outcome(driven), _changes(driven), picture
+
+
+def _made(order: Order, numbers: list[int], advance: Callable[[int], None]) -> Iterator[Outcome]:
+    if order.scheduler:
+        return make_on(order.scheduler, order.study, numbers, order.folder, advance)
+    return make(order.study, numbers, order.folder, order.workers, advance)
 
 
 def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Progress) -> None:

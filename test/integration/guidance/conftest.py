@@ -51,7 +51,7 @@ class Client:
     def __init__(self, ros, prefix='', kind=Twist):
         self.ros, self.node, self.prefix, self.kind = ros, ros.node, prefix, kind
         self.commands, self.messages, self.decisions = [], [], []
-        self.wheels, self.paths, self.health = [], [], []
+        self.wheels, self.paths, self.health, self.recorded = [], [], [], {}
         listen, self.base = self.node.create_subscription, f'{prefix}/guidance'
         listen(kind, f'{prefix}/cmd_vel', self.on_command, 100)
         listen(DiagnosticStatus, f'{self.base}/decision', self.on_decision, 1000)
@@ -76,6 +76,8 @@ class Client:
             if status.name == f'{self.base}: guidance':
                 values = {each.key: each.value for each in status.values}
                 self.health.append({**values, 'said': status.message, 'level': status.level})
+            elif status.name == '/recorder: recorder':
+                self.recorded = {each.key: each.value for each in status.values}
 
     def until(self, condition, timeout=LIMIT):
         return self.ros.spin_until(condition, timeout)

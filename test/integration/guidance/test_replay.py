@@ -54,9 +54,8 @@ def begin(start_node, client, spawn):
             client.until(
                 lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
             )
-        # Its question for the parameters is answered: later, it would hear them changed already.
-        asked = client.node.get_client_names_and_types_by_node
-        client.until(lambda: '/guidance/get_parameters' not in dict(asked('recorder', '/')))
+        # What changes before the recorder knows the parameters, it cannot know.
+        client.until(lambda: '/guidance' in client.recorded.get('parameters_of', '').split(', '))
         return recorder
 
     return start

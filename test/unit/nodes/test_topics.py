@@ -7,6 +7,7 @@ import pytest
 import rclpy
 
 from cmpsp_ros.nodes.guidance_node import GuidanceNode
+from cmpsp_ros.nodes.recorder import Recorder
 from cmpsp_ros.nodes.recorder_options import own_topics
 from cmpsp_ros.nodes.sim_node import SimNode
 from cmpsp_ros.nodes.topics import TOPICS, with_table
@@ -79,6 +80,12 @@ def test_simulator_opens_what_the_table_says(make, clock):
     node = make(SimNode, f'publish_clock:={str(clock).lower()}')
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, clock=clock)
+
+
+def test_the_recorder_opens_what_the_table_says(make, tmp_path):
+    node = make(Recorder, f'output:={tmp_path / "bag"}')
+    assert opened(node, 'out') == in_table(node, 'out')
+    node.stop()
 
 
 def test_readme_holds_the_table():

@@ -149,9 +149,13 @@ class Tracks:
                 del self._known[number]
         return tuple(latest)
 
-    def forget(self) -> None:
-        """Begin again, as when time has."""
-        self._known.clear()
+    def forget_after(self, stamp: int) -> None:
+        """Forget what was seen later than an instant [ns], to which time has jumped back."""
+        kept = {
+            number: [each for each in known if each.stamp <= stamp]
+            for number, known in self._known.items()
+        }
+        self._known = {number: known for number, known in kept.items() if known}
 
 
 def written_keys(tracks: Iterable[Track]) -> str:

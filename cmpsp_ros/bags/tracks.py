@@ -22,7 +22,9 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
     found: dict[tuple[int, int], Track] = {}
     for _, message in bag.messages(topic) if topic in bag.topics else ():
         try:
-            for each in tracks_of(message, message.header.frame_id if frame_id is None else frame_id):
+            for each in tracks_of(
+                message, message.header.frame_id if frame_id is None else frame_id
+            ):
                 found[each.key] = max(each, found.get(each.key, each))
         except TrackError:
             continue

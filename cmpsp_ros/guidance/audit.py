@@ -312,15 +312,15 @@ def _standing(
 ) -> float:
     """Clearance from a disc that moves, now or worse, of a robot that stands for a while."""
     away_x, away_y = x - moving[j, X], y - moving[j, Y]
-    now = math.hypot(away_x, away_y) - moving[j, RADIUS]
     u, v = moving[j, VELOCITY_X], moving[j, VELOCITY_Y]
     if between:
         arc = arc_from(x, y, 0.0, 0.0, 0.0)
         there_x, there_y = moving[j, X], moving[j, Y]
         later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
-        return min(now, later - moving[j, RADIUS])
-    later = math.hypot(away_x - duration * u, away_y - duration * v)
-    return min(now, later - moving[j, RADIUS] - growth * duration)
+    else:
+        later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
+    clearance: float = min(math.hypot(away_x, away_y), later) - moving[j, RADIUS]
+    return clearance
 
 
 @allocation_free

@@ -77,9 +77,7 @@ class GuidanceLaw:
         """Whether odometry of this time [ns] is one to decide on."""
         return self._start is None or stamp - self._start >= self._due
 
-    def update(
-        self, stamp: int, pose: Array, tracks: tuple[Track, ...] = ()
-    ) -> Decision | None:
+    def update(self, stamp: int, pose: Array, tracks: tuple[Track, ...] = ()) -> Decision | None:
         """Decide, if a control step is due.
 
         Args:

@@ -111,8 +111,7 @@ def check_age(stamp: int, now: int, timeout: float) -> None:
     if age > timeout or (now > 0 and -age > timeout):
         found = f'{age:.3f} s old' if age > 0.0 else f'{-age:.3f} s ahead of the clock'
         raise TrackError(
-            f'Obstacles are {found} (moving_obstacles.timeout {timeout} s);'
-            ' is use_sim_time right?'
+            f'Obstacles are {found} (moving_obstacles.timeout {timeout} s); is use_sim_time right?'
         )
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.tracks import TrackError, Tracks, check_age, stamp_of, tracks_of
+from cmpsp_ros.guidance.odometry import stamp_of
+from cmpsp_ros.guidance.tracks import TrackError, Tracks, check_age, tracks_of
 from cmpsp_ros.nodes.topics import GUIDANCE_MOVING
 
 if TYPE_CHECKING:
@@ -54,10 +55,10 @@ class ObstacleInput:
             self._node.destroy_subscription(self._subscription)
 
     def _hear(self, message: PointCloud2) -> None:
-        now, timeout = self._node.get_clock().now().nanoseconds, self.settings.moving_obstacles.timeout
+        now = self._node.get_clock().now().nanoseconds
         try:
             tracks = tracks_of(message, self.settings.frame_id)
-            check_age(stamp_of(message), now, timeout)
+            check_age(stamp_of(message), now, self.settings.moving_obstacles.timeout)
         except TrackError as error:
             self._refusal = str(error)
             self._node.get_logger().warning(

@@ -96,8 +96,8 @@ GUIDANCE_MOVING = Topic(
     'in',
     'moving_obstacles',
     PointCloud2,
-    'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s], `radius`'
-    ' [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
+    ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
     depth=50,
     best_effort=True,
 )

@@ -48,9 +48,9 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If a number is out of all proportion; else if the road cannot be made or
-            leaves no room, an obstacle cannot be made, the goal is off the road or in an obstacle, the final time comes before
-            the first control step or before its command has held for one, or the QP back end is
-            not installed; with all of these.
+            leaves no room, an obstacle cannot be made, the goal is off the road or in an obstacle,
+            the final time comes before the first control step or before its command has held for
+            one, or the QP back end is not installed; with all of these.
     """
     _raise_if_any(list(_size_problems(values)))
     groups = (
@@ -128,8 +128,10 @@ def check_start(values: Values) -> None:
         values: A set resolved by the table.
 
     Raises:
-        ParameterError: If the initial pose is off the road or in an obstacle.
+        ParameterError: If an obstacle cannot be made, or the initial pose is off the road or in an
+            obstacle.
     """
+    _raise_if_any(list(obstacle_problems(values)))
     x, y, _ = values['initial_pose']
     _raise_if_any(list(_place_problems(values, 'initial_pose', (x, y))))
 

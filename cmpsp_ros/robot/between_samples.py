@@ -181,12 +181,11 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
         Distances to keep at the samples, shape ``(..., M)`` [m].
     """
     twists, beyond = _ranges(limits)
-    return _outside_moving(distance[..., None], speeds[:, None], twists, beyond, period).max(-1)
+    grown = _outside_moving(distance[..., None], speeds[:, None], twists, beyond, period)
+    return np.asarray(grown.max(axis=-1))
 
 
-def outside_moving_known(
-    distance: Array, speeds: Array, twists: Array, period: float
-) -> Array:
+def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
     """Like `outside_moving`, for known arcs.
 
     Args:

@@ -57,6 +57,11 @@ class Capsule:
         """What the radius is kept from: both ends, and all between them."""
         return (self.start, self.end)
 
+    @property
+    def center(self) -> Point:
+        """Its middle (x, y) [m]."""
+        return _middle(self.corners)
+
 
 @dataclass(frozen=True)
 class Polygon:
@@ -74,6 +79,11 @@ class Polygon:
     def corners(self) -> tuple[Point, ...]:
         """The vertices."""
         return self.vertices
+
+    @property
+    def center(self) -> Point:
+        """The middle between its sides (x, y) [m]."""
+        return _middle(self.vertices)
 
     @property
     def radius(self) -> float:
@@ -150,6 +160,11 @@ def outline(obstacle: Shape, distance: float) -> Array:
         parts.append(_arc(corner, distance, begin, turn))
     line = np.vstack(parts)
     return np.vstack([line, line[:1]])
+
+
+def _middle(corners: Sequence[Point]) -> Point:
+    x, y = zip(*corners, strict=True)
+    return (min(x) + max(x)) / 2.0, (min(y) + max(y)) / 2.0
 
 
 def _arc(center: Point, radius: float, begin: float, turn: float) -> Array:

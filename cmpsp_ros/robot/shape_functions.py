@@ -33,6 +33,7 @@ def distance_from(corners: Array, first: Indices, k: int, j: int, x: float, y: f
     if first[j + 1] == begin + 1:
         dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
         return math.sqrt(dx * dx + dy * dy)
+    distance: float
     distance, _, _ = away_from(corners, first, k, j, x, y)
     return distance
 
@@ -81,6 +82,7 @@ def sweep(arc: Arc, corners: Array, first: Indices, j: int, enough: float) -> fl
     Exact for a point. Else the arc is taken for chords of it, less what it strays from them: never
     more than it is, and less by `ROUGHNESS` at most, unless it is more than ``enough``.
     """
+    least: float
     begin, end = first[j], first[j + 1]
     if end - begin == 1:
         least, _ = reach_of(arc, corners[0, begin, 0], corners[0, begin, 1])
@@ -236,7 +238,7 @@ def _least_on_chord(
 def _cross(
     x: float, y: float, to_x: float, to_y: float, a_x: float, a_y: float, b_x: float, b_y: float
 ) -> bool:
-    """Whether two lines between points properly cross; where they touch, an end is at distance 0."""
+    """Whether two lines cross properly; where they only touch, an end is at distance 0."""
     way_x, way_y, along_x, along_y = to_x - x, to_y - y, b_x - a_x, b_y - a_y
     one = way_x * (a_y - y) - way_y * (a_x - x)
     two = way_x * (b_y - y) - way_y * (b_x - x)
@@ -255,14 +257,16 @@ def _depth_on_chord(
     the way is convex: two lines that bracket its least value are replaced by what exceeds them
     where they meet, until nothing does.
     """
+    at: float
+    last: float
+    value: float
     at, slope = _steepest(corners, begin, end, x, y, to_x, to_y, 0.0)
     if not slope < 0.0:
         return at
     last, rise = _steepest(corners, begin, end, x, y, to_x, to_y, 1.0)
     if not rise > 0.0:
         return last
-    left, right = 0.0, 1.0
-    value = min(at, last)
+    left, right, value = 0.0, 1.0, min(at, last)
     for _ in range(2 * (end - begin)):
         # Lines through (left, at) and (right, last).
         part = (last - at + slope * left - rise * right) / (slope - rise)

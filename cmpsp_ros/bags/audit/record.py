@@ -99,7 +99,9 @@ class Record:
         settings = self.history.epochs[0].settings
         radius, timeout = settings.robot_radius, settings.moving_obstacles.timeout
         paths = (leg.guided for leg in self.legs)
-        return tuple(each for path in paths for each in encounters(path, self.tracks, radius, timeout))
+        return tuple(
+            each for path in paths for each in encounters(path, self.tracks, radius, timeout)
+        )
 
     @property
     def start(self) -> int:

@@ -140,9 +140,7 @@ def test_sweep_past_what_moves(wheels, period, start, heading, point, velocity, 
     shape=shapes,
     further=st.floats(0.0, 0.2),
 )
-def test_samples_clear_of_a_shape_keep_arcs_clear(
-    shape, wheels, period, start, heading, further
-):
+def test_samples_clear_of_a_shape_keep_arcs_clear(shape, wheels, period, start, heading, further):
     _, path, error = driven(wheels, period, start, heading)
     space = clear_of(shape, 0.05).for_samples(ROBOT.twist_limits(), period)
     ends = signed(shape, path[[0, -1]])

@@ -115,9 +115,9 @@ def test_a_message_that_is_refused(message, reason):
 def test_age():
     check_age(NANOSECONDS, 2 * NANOSECONDS, 1.0)
     check_age(NANOSECONDS, 0, 0.1)
-    with pytest.raises(TrackError, match='1.500 s old'):
+    with pytest.raises(TrackError, match=r'1\.500 s old'):
         check_age(NANOSECONDS, 2_500_000_000, 1.0)
-    with pytest.raises(TrackError, match='1.500 s ahead of the clock'):
+    with pytest.raises(TrackError, match=r'1\.500 s ahead of the clock'):
         check_age(2_500_000_000, NANOSECONDS, 1.0)
 
 

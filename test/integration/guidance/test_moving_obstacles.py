@@ -31,7 +31,9 @@ def tell(client):
     return send
 
 
-def test_what_cannot_be_used_changes_nothing_and_is_said(start_node, client, make_odometry, tell):
+def test_what_cannot_be_used_changes_nothing_and_is_said(
+    fault, start_node, client, make_odometry, tell
+):
     running = start_node('guidance_node', ROOM)
     client.connect()
     client.until_health(state='active')
@@ -55,7 +57,8 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(start_node, client, mak
         (replace(far, stamp=far.stamp - 100_000_000_000), 'odom', 's old (moving_obstacles'),
     ):
         tell([bad], frame_id)
-        client.until_health(level=DiagnosticStatus.WARN, said=reason)
+        health = client.until_health(level=DiagnosticStatus.WARN, said=reason)
+        fault.assert_said('—', health['level'][0], health['said'])
         stamp += PERIOD_NS
         decision, command = client.decide(make_odometry(stamp, POSE))
         assert decision['moving_obstacles'] == known

@@ -14,6 +14,7 @@ from scenarios import CASES, PERIOD, ROAD, START, settings
 
 from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import MovingObstacles
 from cmpsp_ros.guidance.tracks import Track
@@ -113,17 +114,30 @@ def test_more_than_there_is_room_for_are_audited_all_the_same():
     assert all(len(each.tracks) == 3 for each in decisions)
 
 
-def test_a_robot_in_the_way_is_led_out():
+def assert_is(fault, decision):
+    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
+
+
+def test_what_drives_at_the_robot_is_evaded(fault):
+    x, y, _ = START
+    decisions, least = drive(OPEN, [(x + 0.9, y, -0.8, 0.0, 0.3)], steps=10)
+    for decision in decisions:
+        assert_is(fault, decision)
+    assert least >= 0.0
+
+
+def test_a_robot_in_the_way_is_led_out(fault):
     """What is told to be where the robot is, and drives on, does not freeze it."""
     x, y, _ = START
     behind = (x - 0.25, y, 0.3, 0.0, 0.3)
     decisions, _ = drive(OPEN, [behind], steps=10)
     assert decisions[0].margin < 0.0
+    assert_is(fault, decisions[0])
     assert Rung.STOP not in {each.rung for each in decisions}
     assert decisions[-1].margin > 0.0
 
 
-def test_a_robot_that_is_surrounded_stands():
+def test_a_robot_that_is_surrounded_stands(fault):
     """What drives into a robot that stands is no collision of the robot's."""
     x, y, _ = START
     ring = [
@@ -133,9 +147,9 @@ def test_a_robot_that_is_surrounded_stands():
     crowd = replace(OPEN, moving_obstacles=MovingObstacles(capacity=8, growth=0.0))
     decisions, least = drive(crowd, ring, steps=10)
     assert least >= -ROUGHNESS - 1e-9
-    assert (
-        math.dist(decisions[-1].plan.poses[0, :2] if decisions[-1].plan else (x, y), (x, y)) < 0.1
-    )
+    for decision in decisions:
+        assert_is(fault, decision)
+    assert math.dist(decisions[-1].plan.poses[0, :2], (x, y)) < 0.1
 
 
 shares = st.floats(-1.0, 1.0)

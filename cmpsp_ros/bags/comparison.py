@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from cmpsp_ros.bags.recording import Recorded
 from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.facts import facts, waypoints
+from cmpsp_ros.guidance.facts import MOVING, facts, waypoints
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
-_TOLD = frozenset(('halted', 'run', 'revision'))
+_TOLD = frozenset(('halted', 'run', 'revision', MOVING))
 """Facts that say what the law was told: they are followed, not compared."""
 
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[+-]?\d+)?')

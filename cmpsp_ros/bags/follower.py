@@ -39,6 +39,6 @@ class Follower:
                 self.law.reset()
             case Halted(decision):
                 return self.law.halt(decision.stamp, decision.reason)
-            case Heard(odometry):
-                return self.law.update(odometry.stamp, odometry.pose)
+            case Heard(odometry, tracks=tracks):
+                return self.law.update(odometry.stamp, odometry.pose, tracks)
         return None

@@ -1,19 +1,21 @@
 """What a guidance law was told, in the order that its recorded decisions imply.
 
 Odometry is in the bag. What odometry does not show - stops by the node's clock, resets, live
-changes of parameters - every decision says of itself: `halted`, `run`, `revision`.
+changes of parameters, which messages on obstacles that move had come by then - every decision says
+of itself: `halted`, `run`, `revision`, `moving_obstacles`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
 from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.parameters.table import Values
 
 
@@ -38,10 +40,11 @@ class Reset:
 
 @dataclass(frozen=True)
 class Heard:
-    """Odometry came; the decision on it, if there was one."""
+    """Odometry came; the decision on it, if there was one, and what was known that moves."""
 
     odometry: Odometry
     decision: Recorded | None
+    tracks: tuple[Track, ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,8 @@ class Inputs:
     def _heard(self, odometry: Odometry, decision: Recorded | None) -> Iterator[Input]:
         if self._time.back(odometry.stamp) > self.values['odom_timeout']:
             yield Reset()
-        yield Heard(odometry, decision)
+        tracks = () if decision is None else self._recording.tracks(decision)
+        yield Heard(odometry, decision, tracks=tracks)
 
     def _began(self, decision: Recorded, *, again: bool) -> Iterator[Input]:
         began = 0

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.node_parameters import EVENTS, changes_in
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.facts import MOVING
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.tracks import Track, TrackError, read_keys, tracks_of
 
 Array = NDArray[np.float64]
 Waypoint = tuple[float, float, float, float]
@@ -27,6 +29,9 @@ _LATE = 50_000_000
 
 _MOST = 10_000
 """Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
+
+_MOST_TRACKS = 100_000
+"""Sightings of obstacles that move, of all of them, that are kept."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,11 @@ class Names:
     def path(self) -> str:
         """Topic of the predicted paths."""
         return f'{self.node}/predicted_path'
+
+    @property
+    def moving(self) -> str:
+        """Topic of the obstacles that move."""
+        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
 
 
 @dataclass(frozen=True)
@@ -137,6 +147,14 @@ class Recorded:
         """How often the law had been given new settings; None where that was not recorded."""
         return self._parsed('revision', int) if 'revision' in self.facts else None
 
+    @property
+    def tracks(self) -> list[tuple[int, int]]:
+        """Numbers and stamps of the obstacles that move, as they were known."""
+        try:
+            return read_keys(self.facts.get(MOVING, ''))
+        except ValueError as error:
+            raise BagError(f'{self.source}: {error}') from None
+
     def _parsed(self, key: str, kind: type[T]) -> T:
         text = self.text(key)
         try:
@@ -183,7 +201,7 @@ class Recording:
         Raises:
             BagError: A topic is missing.
         """
-        optional = (EVENTS, names.cmd_vel, names.path)
+        optional = (EVENTS, names.cmd_vel, names.path, names.moving)
         self._bag, self._names, self._frame_id = bag, names, frame_id
         there = (topic for topic in optional if topic in bag.topics)
         self._topics = [names.odom, names.decision, *there]
@@ -192,6 +210,7 @@ class Recording:
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
         self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
+        self._tracks: dict[tuple[int, int], Track] = {}
         self._first = True
 
     def decisions(self) -> Iterator[Recorded]:
@@ -219,6 +238,20 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
+    def tracks(self, decision: Recorded) -> tuple[Track, ...]:
+        """Obstacles that move, as they were known to a decision.
+
+        Raises:
+            BagError: One of them is not in the bag.
+        """
+        for number, stamp in decision.tracks:
+            if (number, stamp) not in self._tracks:
+                raise BagError(
+                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) on obstacle'
+                    f' {number} as it was seen at {stamp} ns, wanted that in {self._names.moving}'
+                )
+        return tuple(self._tracks[key] for key in decision.tracks)
+
     def _take(self, topic: str, received: int, message: Any) -> None:
         if topic == self._names.odom:
             try:
@@ -230,6 +263,8 @@ class Recording:
         elif topic == self._names.cmd_vel:
             twist = getattr(message, 'twist', message)
             self._commands.append((received, (twist.linear.x, twist.angular.z)))
+        elif topic == self._names.moving:
+            self._take_tracks(message)
         elif topic == self._names.path:
             poses = (each.pose for each in message.poses)
             self._paths[stamp_of(message)] = tuple(
@@ -238,6 +273,17 @@ class Recording:
             )
         elif (said := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, said))
+
+    def _take_tracks(self, message: Any) -> None:
+        try:
+            tracks = tracks_of(message, self._frame_id)
+        except TrackError:
+            # The node refused it too.
+            return
+        for each in tracks:
+            self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
+        while len(self._tracks) > _MOST_TRACKS:
+            del self._tracks[next(iter(self._tracks))]
 
     def _complete(self, decision: Recorded) -> Recorded:
         if self._first:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.tracks import read_tracks
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.robot.arcs import arc_ends
 
 Array = NDArray[np.float64]
@@ -81,6 +83,7 @@ class Run:
         decisions: In order.
         plans: In order; empty where nobody listened to them.
         driven: The path driven: the simulator's own where there is one, else odometry's.
+        tracks: Obstacles that moved, as they were told of, by number and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
         wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
             ``(W, 2)`` [rad/s].
@@ -89,6 +92,7 @@ class Run:
     decisions: tuple[Said, ...]
     plans: tuple[Planned, ...]
     driven: Driven
+    tracks: tuple[Track, ...]
     wheel_stamps: Stamps
     wheel_speeds: Array
 
@@ -115,7 +119,8 @@ def read_run(path: Path, namespace: str = '') -> Run:
             plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
-        return Run(decisions, plans, _driven(bag, namespace), stamps, speeds)
+        tracks = read_tracks(bag, f'{namespace}/moving_obstacles', None)
+        return Run(decisions, plans, _driven(bag, namespace), tracks, stamps, speeds)
 
 
 def read_driven(path: Path, namespace: str = '') -> Driven:

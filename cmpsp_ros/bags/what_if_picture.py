@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.what_if import WhatIf
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.obstacles import outline
 
 Array = NDArray[np.float64]
 
@@ -84,7 +85,8 @@ def _draw_plans(axes: Axes, result: WhatIf) -> None:
 def _draw_scenery(axes: Axes, settings: GuidanceSettings) -> None:
     draw_road(axes, settings.road, _ROAD, _EDGE)
     for obstacle in settings.obstacles:
-        axes.add_patch(Circle(obstacle.center, obstacle.radius, color=_OBSTACLE, zorder=2))
+        edge = outline(obstacle, obstacle.radius)
+        axes.add_patch(Polygon(edge, color=_OBSTACLE, zorder=2))
 
 
 def _some(plans: Sequence[Array]) -> list[Array]:

@@ -45,8 +45,16 @@ def bench(
         str | None, typer.Option(metavar='NAME', help="The back end checked; without: guidance's.")
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help='Processes that check.')] = 1,
+    obstacles: Annotated[
+        bool, typer.Option('--obstacles', help='Instead, time steps past 0 to 64 obstacles.')
+    ] = False,
 ) -> None:
     """Time control steps, alone and beside other solvers, over horizons and over DDS."""
+    if obstacles:
+        from cmpsp_ros.studies.bench import many_obstacles  # noqa: PLC0415 (compiles kernels)
+
+        console.print(many_obstacles.table(many_obstacles.measure(runs)).rich())
+        return
     if verify is not None or verify_case is not None:
         from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
 

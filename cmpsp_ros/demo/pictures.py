@@ -9,7 +9,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.road_picture import draw_road
@@ -17,7 +17,9 @@ from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.tracks import Tracks
 from cmpsp_ros.robot.arcs import arc_ends
+from cmpsp_ros.robot.obstacles import outline
 
 Array = NDArray[np.float64]
 
@@ -41,10 +43,11 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     draw_road(axes, settings.road, _ROAD, _EDGE)
-    for obstacle, kept in zip(settings.obstacles, at_samples(settings).radii, strict=True):
-        center = obstacle.center
-        axes.add_patch(Circle(center, obstacle.radius, color=_OBSTACLE, alpha=0.85, lw=0, zorder=3))
-        axes.add_patch(Circle(center, kept, fill=False, color=_MARGIN, ls='--', zorder=3))
+    kept = at_samples(settings)
+    for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
+        edge, around = outline(obstacle, obstacle.radius), outline(obstacle, radius)
+        axes.add_patch(Polygon(edge, color=_OBSTACLE, alpha=0.85, lw=0, zorder=3))
+        axes.add_patch(Polygon(around, fill=False, color=_MARGIN, ls='--', zorder=3))
         axes.annotate(obstacle.name, center, color='white', ha='center', va='center', zorder=6)
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
@@ -52,6 +55,7 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         if not plans:
             break
         plan = plans[part * len(plans) // _PLANS]
+        _draw_moving(axes, run, settings, plan.stamp, color)
         axes.plot(
             *plan.points.T,
             '.-',
@@ -68,6 +72,19 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     _frame(axes, points, settings)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *_keys(settings)], loc='best')
     figure.savefig(path, dpi=120)
+
+
+def _draw_moving(
+    axes: Axes, run: Run, settings: GuidanceSettings, stamp: int, color: Array
+) -> None:
+    """What moved, where it was at an instant [ns]."""
+    seen = Tracks()
+    seen.hear(run.tracks)
+    for each in seen.at(stamp, settings.moving_obstacles.timeout):
+        age = (stamp - each.stamp) / 1e9
+        center = each.x + age * each.vx, each.y + age * each.vy
+        axes.add_patch(Circle(center, each.radius, color=color, alpha=0.5, lw=0, zorder=3))
+        axes.annotate(str(each.id), center, ha='center', va='center', zorder=6)
 
 
 def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:

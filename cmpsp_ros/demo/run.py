@@ -71,7 +71,7 @@ def _drive(
         try:
             for name, arguments in _nodes(scenario, folder, view_port):
                 children.append(Child.start(name, arguments, folder))
-            _get_ready(observer, children)
+            _get_ready(observer, children, scenario)
             _watch(observer, children, scenario, progress)
         finally:
             # Guidance first, so that its last zero twist is still driven, recorded and shown.
@@ -92,15 +92,16 @@ def _nodes(
     yield 'guidance_node', ['--params-file', parameters, '-p', clock]
 
 
-def _get_ready(observer: Observer, children: list[Child]) -> None:
+def _get_ready(observer: Observer, children: list[Child], scenario: Scenario) -> None:
     """Wait until nothing of the run can be missed, and activate the guidance node."""
+    moving = ('/moving_obstacles',) if scenario.values['moving_obstacles.names'] else ()
 
     def is_recorded() -> bool:
         for child in children:
             child.check()
         # Simulator and recorder must be known to the command's publisher itself.
         listeners = int(observer.seen.health.get('command_subscribers', 0))
-        return listeners >= 2 and observer.is_recorded(_RECORDED)
+        return listeners >= 2 and observer.is_recorded((*_RECORDED, *moving))
 
     guidance = children[-1]
     try:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.run import Run
 from cmpsp_ros.guidance.decision import Rung
@@ -27,7 +28,8 @@ class Summary:
         reached: Whether the goal was passed within its tolerance at the final time.
         miss: Distance from the goal at the final time [m].
         clearance: Least clearance of the path driven, between samples too, from road edges and
-            obstacles, the robot's own radius taken off [m].
+            obstacles, and while the robot moves from those that move, the robot's own radius taken
+            off [m].
         max_wheel_speed: Largest wheel speed driven [rad/s].
         step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where
             they were not measured.
@@ -98,6 +100,9 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     driven = run.driven.between(first, last)
     clearance = space.along(driven.poses[:-1], driven.twists[:-1], driven.durations)
+    timeout = settings.moving_obstacles.timeout
+    met = encounters(driven, run.tracks, settings.robot_radius, timeout)
+    nearest = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
     miss = math.dist(run.driven.at(last)[:2], settings.goal)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
     steps = [each for each in run.decisions if each.stamp < last]
@@ -108,7 +113,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         preset=preset,
         reached=miss <= settings.goal_tolerance,
         miss=miss,
-        clearance=float(clearance.min()),
+        clearance=min([float(clearance.min()), *nearest]),
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
         deadline_misses=sum(time > 1e3 * settings.control_period for time in times),

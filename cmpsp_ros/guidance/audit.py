@@ -14,11 +14,22 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.arcs import arc_from, reach_of
+from cmpsp_ros.robot.arcs import arc_from
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.moving_discs import (
+    NOTHING_MOVES,
+    RADIUS,
+    VELOCITY_X,
+    VELOCITY_Y,
+    MovingDiscs,
+    X,
+    Y,
+)
+from cmpsp_ros.robot.shape_functions import ROUGHNESS, distance_from, sweep, sweep_moving
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # With `safety.between_samples` off only the samples are held clear, and an active constraint is
 # met there to the accuracy of a linearisation.
@@ -68,26 +79,34 @@ class Audit:
         """Take limits, road and obstacles from the settings."""
         self._robot = settings.model
         self._between = settings.safety.between_samples
+        self._radius = settings.robot_radius
         self._space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         self._names = (
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
         )
 
-    def check(self, pose: Array, controls: Array, durations: Array) -> Verdict:
+    def check(
+        self,
+        pose: Array,
+        controls: Array,
+        durations: Array,
+        moving: MovingDiscs = NOTHING_MOVES,
+    ) -> Verdict:
         """Roll a plan out afresh and say whether its first command may be sent.
 
         A robot that is already outside the road, or inside an obstacle, may only be commanded not
-        to get deeper.
+        to get deeper; and where something drives into it, not deeper than if it stood.
 
         Args:
             pose: Measured pose, shape ``(3,)`` [m, m, rad].
             controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s].
+            moving: What moves, from the pose on.
         """
         robot = self._robot
         fastest, margin, worst_margin, nearest, shortfall, short, tightest = self._swept(
-            pose, controls, durations
+            pose, controls, durations, moving
         )
         if not math.isfinite(fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
@@ -102,11 +121,17 @@ class Audit:
         if shortfall > 0.0:
             reason = (
                 f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
-                f' to {self._names[int(short)]}.'
+                f' to {self._name(int(short), moving)}.'
             )
-        return Verdict(not reason, reason, margin, worst_margin, self._names[int(nearest)])
+        return Verdict(not reason, reason, margin, worst_margin, self._name(int(nearest), moving))
 
-    def check_way(self, pose: Array, wheel_speeds: Array, durations: Array) -> Verdict:
+    def check_way(
+        self,
+        pose: Array,
+        wheel_speeds: Array,
+        durations: Array,
+        moving: MovingDiscs = NOTHING_MOVES,
+    ) -> Verdict:
         """Say whether the way is clear that commands given before will lead.
 
         The whole of it is swept like the first command of a plan; wheel speeds are not judged
@@ -116,17 +141,26 @@ class Audit:
             pose: Where it begins, shape ``(3,)`` [m, m, rad].
             wheel_speeds: Along it ``(K, 2)`` [rad/s], at least one pair.
             durations: For how long each pair holds, shape ``(K,)`` [s].
+            moving: What moves, from the pose on.
         """
         poses = self._robot.roll_out(pose, wheel_speeds, durations)
+        begins = np.cumsum(durations) - durations
         arcs = (
-            self._check_arc(poses[k], wheel_speeds[k : k + 1], durations[k : k + 1])
+            self._check_arc(
+                poses[k],
+                wheel_speeds[k : k + 1],
+                durations[k : k + 1],
+                moving.after(float(begins[k])),
+            )
             for k in range(len(durations))
         )
         return reduce(Verdict.followed_by, arcs)
 
-    def _check_arc(self, pose: Array, wheel_speeds: Array, duration: Array) -> Verdict:
+    def _check_arc(
+        self, pose: Array, wheel_speeds: Array, duration: Array, moving: MovingDiscs
+    ) -> Verdict:
         _, margin, _, nearest, shortfall, short, tightest = self._swept(
-            pose, wheel_speeds, duration
+            pose, wheel_speeds, duration, moving
         )
         if not math.isfinite(margin):
             return _refused('The way under the commands given before is not finite.')
@@ -134,16 +168,18 @@ class Audit:
         if shortfall > _WAY_TOLERANCE:
             reason = (
                 f'The commands given before come {-tightest:.3g} m too close'
-                f' to {self._names[int(short)]}.'
+                f' to {self._name(int(short), moving)}.'
             )
-        return Verdict(not reason, reason, margin, margin, self._names[int(nearest)])
+        return Verdict(not reason, reason, margin, margin, self._name(int(nearest), moving))
 
-    def _swept(self, pose: Array, controls: Array, durations: Array) -> list[float]:
+    def _swept(
+        self, pose: Array, controls: Array, durations: Array, moving: MovingDiscs
+    ) -> list[float]:
         robot, space = self._robot, self._space
         found = np.empty(_FOUND)
         _sweep(
             found,
-            np.empty(len(self._names)),
+            np.empty(len(self._names) + len(moving)),
             pose,
             controls,
             durations,
@@ -151,19 +187,32 @@ class Audit:
             robot.half_track,
             self._between,
             space.road,
-            space.centers,
+            space.corners,
+            space.first,
             space.radii,
+            moving.grown(self._radius).states,
+            moving.growth,
         )
         values: list[float] = found.tolist()
         return values
 
-    def at(self, pose: Array) -> Array:
-        """Clearance of a pose from both road edges and obstacles, ``(2 + M,)`` [m]."""
-        return np.asarray(self._space.at(pose[None])[0])
+    def at(self, pose: Array, moving: MovingDiscs = NOTHING_MOVES) -> Array:
+        """Clearance of a pose from both road edges, obstacles and what moves ``(2 + M,)`` [m]."""
+        standing = self._space.at(pose[None])[0]
+        if not len(moving):
+            return np.asarray(standing)
+        return np.concatenate([standing, moving.clearance(pose) - self._radius])
 
-    def names(self, constraints: Sequence[int]) -> str:
+    def names(self, constraints: Sequence[int], moving: MovingDiscs = NOTHING_MOVES) -> str:
         """Names of path constraints by their index, for messages."""
-        return ', '.join(self._names[index] for index in constraints)
+        known, slots = len(self._names), moving.slots.tolist()
+        places = [i if i < known else known + slots.index(i - known) for i in constraints]
+        return ', '.join(self._name(index, moving) for index in places)
+
+    def _name(self, index: int, moving: MovingDiscs) -> str:
+        """What a column of the clearance is about."""
+        known = len(self._names)
+        return self._names[index] if index < known else moving.names[index - known]
 
 
 @allocation_free
@@ -177,8 +226,11 @@ def _sweep(
     half_track: float,
     between: bool,
     road: Any,
-    centers: Array,
+    corners: Array,
+    first: Indices,
     radii: Array,
+    moving: Array,
+    growth: float,
 ) -> None:
     """Drive a plan arc by arc.
 
@@ -186,7 +238,7 @@ def _sweep(
         found: Filled with the largest wheel speed; the least clearance of the first step and of
             the whole plan, and what it is from; by how much the first step falls short of what it
             must keep, what it comes too close to, and its clearance from that. Shape ``(7,)``.
-        worst: Scratch, shape ``(2 + M,)``.
+        worst: Scratch, shape ``(2 + M + D,)``.
         pose: Where it begins.
         controls: Wheel speeds.
         durations: Of the steps.
@@ -194,8 +246,11 @@ def _sweep(
         half_track: Of the robot.
         between: Whether the way between samples counts.
         road: Where on it the robot's centre may be.
-        centers: Of the obstacles.
-        radii: Least distances from the obstacles.
+        corners: Of the obstacles, as `shape_functions` has them.
+        first: Where the corners of each begin.
+        radii: Least distances from the obstacles without theirs.
+        moving: States of the discs that move, as of `MovingDiscs`, shape ``(D, 5)``.
+        growth: Of their radii [m/s].
     """
     fastest = 0.0
     for k in range(controls.shape[0]):
@@ -207,8 +262,14 @@ def _sweep(
     progress = road_functions.find(road, x, y, heading)
     progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
     worst[0], worst[1] = -over, -over_other
-    for j in range(centers.shape[0]):
-        worst[EDGES + j] = math.hypot(x - centers[j, 0], y - centers[j, 1]) - radii[j]
+    moved = EDGES + radii.shape[0]
+    for j in range(radii.shape[0]):
+        worst[EDGES + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
+        if first[j + 1] - first[j] > 1:
+            worst[EDGES + j] -= ROUGHNESS
+    for j in range(moving.shape[0]):
+        worst[moved + j] = _standing(moving, j, growth, x, y, durations[0], between) - ROUGHNESS
+    time = 0.0
     for k in range(durations.shape[0]):
         right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
         length = (right + left) / 2.0 * durations[k]
@@ -222,9 +283,20 @@ def _sweep(
         progress, clearance, other = road_functions.sweep(road, arc, progress, enough, enough_other)
         _note(found, worst, k, 0, clearance, between)
         _note(found, worst, k, 1, other, between)
-        for j in range(centers.shape[0]):
-            least, _ = reach_of(arc, centers[j, 0], centers[j, 1])
+        for j in range(radii.shape[0]):
+            enough = worst[EDGES + j] + radii[j] if k > 0 else math.inf
+            least = sweep(arc, corners, first, j, enough)
             _note(found, worst, k, EDGES + j, least - radii[j], between)
+        # Of the time as of the way only the end counts where only the samples do.
+        begin, lasting = (time, durations[k]) if between else (time + durations[k], 0.0)
+        for j in range(moving.shape[0]):
+            radius = moving[j, RADIUS] + growth * begin
+            u, v = moving[j, VELOCITY_X], moving[j, VELOCITY_Y]
+            there_x, there_y = moving[j, X] + begin * u, moving[j, Y] + begin * v
+            enough = worst[moved + j] + radius if k > 0 else math.inf
+            least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, enough)
+            _note(found, worst, k, moved + j, least - radius, between)
+        time += durations[k]
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
@@ -232,6 +304,23 @@ def _sweep(
         total += worst[what]
     # Not a number if any of them is not.
     found[2], found[3] = worst[nearest] + 0.0 * total, nearest
+
+
+@allocation_free
+def _standing(
+    moving: Array, j: int, growth: float, x: float, y: float, duration: float, between: bool
+) -> float:
+    """Clearance from a disc that moves, now or worse, of a robot that stands for a while."""
+    away_x, away_y = x - moving[j, X], y - moving[j, Y]
+    u, v = moving[j, VELOCITY_X], moving[j, VELOCITY_Y]
+    if between:
+        arc = arc_from(x, y, 0.0, 0.0, 0.0)
+        there_x, there_y = moving[j, X], moving[j, Y]
+        later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
+    else:
+        later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
+    clearance: float = min(math.hypot(away_x, away_y), later) - moving[j, RADIUS]
+    return clearance
 
 
 @allocation_free

@@ -15,6 +15,7 @@ from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.robot.guidance_problem import GuidanceProblem
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -27,10 +28,17 @@ class BackEndPlanner:
         self._task = task
 
     def improve(
-        self, pose: Array, held: Array, guess: Array, horizon: Horizon, *, at_rest: bool = False
+        self,
+        pose: Array,
+        held: Array,
+        guess: Array,
+        horizon: Horizon,
+        *,
+        at_rest: bool = False,
+        moving: MovingDiscs = NOTHING_MOVES,
     ) -> Improvement:
         """As `cmpsp_ros.guidance.planner.Planner.improve`."""
-        problem = self.problem(pose, held, guess, horizon)
+        problem = self.problem(pose, held, guess, horizon, moving)
         iteration = CMPSP(problem, self.options(problem))
         iterate = iteration.init(guess)
         most = self._task.settings.solver.iterations(at_rest=at_rest)
@@ -41,11 +49,16 @@ class BackEndPlanner:
         return _summary(iterate, horizon)
 
     def problem(
-        self, pose: Array, held: Array, guess: Array, horizon: Horizon
+        self,
+        pose: Array,
+        held: Array,
+        guess: Array,
+        horizon: Horizon,
+        moving: MovingDiscs = NOTHING_MOVES,
     ) -> OptimalControlProblem:
         """The problem from a pose on; arguments as of `improve`."""
         task, durations = self._task, horizon.durations
-        space, robot = task.space(guess, durations), task.settings.model
+        space, robot = task.space(guess, durations, pose, moving), task.settings.model
         problem = GuidanceProblem(robot, space, task.cost, pose, task.goal, durations)
         rate = task.settings.weights.control_rate
         return ControlRateProblem(problem, rate, held) if rate > 0.0 else problem

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -29,16 +30,19 @@ class Start:
     Attributes:
         pose: Where the robot will be when the command decided now takes effect.
         way: Verdict on the way there, under commands given before; None when there is none.
+        moving: What moves, as it will be then.
     """
 
     pose: Array
     way: Verdict | None = None
+    moving: MovingDiscs = NOTHING_MOVES
 
 
 def inside(pose: Array, audit: Audit) -> str:
     """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
 
-    A robot that is under way already is not stopped for it, but led out.
+    A robot that is under way already is not stopped for it, but led out; and so is one that
+    something has moved upon.
 
     Args:
         pose: Where the robot is, shape ``(3,)`` [m, m, rad].
@@ -98,12 +102,14 @@ class Candidate:
             return other.improvement.elastic
         return self.improvement.slack < _CLEARLY_LESS * other.improvement.slack
 
-    def describe(self, audit: Audit, settings: GuidanceSettings) -> str:
+    def describe(
+        self, audit: Audit, settings: GuidanceSettings, moving: MovingDiscs = NOTHING_MOVES
+    ) -> str:
         """What is to be said of it when it is followed, in a sentence."""
         improvement, verdict = self.improvement, self.verdict
         miss = math.dist(self.plan.poses[-1, :2], settings.goal)
         if improvement.elastic:
-            where = audit.names(improvement.slack_where)
+            where = audit.names(improvement.slack_where, moving)
             parts = [where] if where else []
             miss_said = ''
             if improvement.slack_terminal:

@@ -19,11 +19,13 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.gaps import Signature
 from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
+from cmpsp_ros.guidance.meeting import NOT_MET, Met, meet
 from cmpsp_ros.guidance.merit_of_plan import Judge, Merit
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import in_words, signature_of, ways_through
+from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
@@ -61,12 +63,16 @@ class _Contender:
 
 @dataclass(frozen=True)
 class _Moment:
-    """What all plans of one control step have in common; at rest there was none before."""
+    """What all plans of one control step have in common; at rest there was none before.
+
+    What moves is passed on a side as well, where it will be met.
+    """
 
     start: Start
     held: Array
     horizon: Horizon
     at_rest: bool
+    met: Met
 
 
 class Choice:
@@ -89,7 +95,7 @@ class Choice:
         self._task, self._judge = Task(settings), Judge(settings)
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._centers = np.array([each.center for each in settings.obstacles]).reshape(-1, 2)
+        self._centers = ClearSpace.of(settings.road, settings.obstacles, 0.0).centers
         self._beside: list[_Contender] = []
         self.phases: dict[str, float] = {}
         self.forget()
@@ -101,6 +107,10 @@ class Choice:
         self._review = True
         self._pause = self._waited = self._troubled = 0
         self._remark = ''
+
+    def look_again(self) -> None:
+        """Look at all ways at the next control step: something new is in sight."""
+        self._review = True
 
     @property
     def remark(self) -> str:
@@ -117,7 +127,8 @@ class Choice:
             horizon: Horizon of the plans wanted.
         """
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
-        moment = _Moment(start, held, horizon, at_rest=plan is None)
+        met = meet(self._settings, start, plan, horizon) if len(start.moving) else NOT_MET
+        moment = _Moment(start, held, horizon, at_rest=plan is None, met=met)
         if plan is None:
             self._planner.forget()
             guess, *others = self._first_guesses(moment)
@@ -147,8 +158,8 @@ class Choice:
         began = self._timer()
         pose, durations = moment.start.pose, moment.horizon.durations
         road, ways = along_road(self._settings, pose, durations), []
-        if self._names:
-            space = self._task.space(road, durations)
+        if self._names or moment.met.names:
+            space = moment.met.taken_from(self._task.standing(road, durations))
             ways = ways_through(self._settings, space, pose, durations, most, without)
         self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
         return [way.guess for way in ways] or [road]
@@ -217,13 +228,14 @@ class Choice:
         if review:
             self._waited = 0
             self._pause = 0 if best is not followed else min(2 * self._pause + 1, _LONGEST_PAUSE)
-        self._remark = self._said(best, count, changed=best is not followed and not moment.at_rest)
+        changed = best is not followed and not moment.at_rest
+        self._remark = self._said(best, count, moment, changed=changed)
         return best.candidate
 
-    def _said(self, best: _Contender, count: int, *, changed: bool) -> str:
+    def _said(self, best: _Contender, count: int, moment: _Moment, *, changed: bool) -> str:
         if count == 1:
             return ''
-        words = in_words(best.signature, self._names)
+        words = in_words(best.signature, [*self._names, *moment.met.names])
         way = f', {words}' if words else ''
         verb = 'Changed over to' if changed else 'It is'
         return f' {verb} the best of {count} plans{way}.'
@@ -278,17 +290,23 @@ class Choice:
 
     def _contender(self, planner: Planner, candidate: Candidate, moment: _Moment) -> _Contender:
         began = self._timer()
+        centers = np.concatenate([self._centers, moment.met.centers])
         signature = signature_of(
-            self._settings.annulus, self._centers, candidate.plan.poses, self._settings.goal
+            self._settings.annulus, centers, candidate.plan.poses, self._settings.goal
         )
-        merit = self._judge.merit(candidate, moment.held)
+        merit = self._judge.merit(candidate, moment.held, moment.start.moving)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return _Contender(planner, candidate, merit, signature)
 
     def _improved(self, planner: Planner, guess: Array, moment: _Moment) -> Candidate:
         began = self._timer()
         improvement = planner.improve(
-            moment.start.pose, moment.held, guess, moment.horizon, at_rest=moment.at_rest
+            moment.start.pose,
+            moment.held,
+            guess,
+            moment.horizon,
+            at_rest=moment.at_rest,
+            moving=moment.start.moving,
         )
         solved = self._timer()
         verdict = self.judge(moment.start, improvement.plan.controls, moment.horizon)
@@ -300,7 +318,7 @@ class Choice:
 
     def judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
         """The verdict on a plan and on the way to its beginning."""
-        verdict = self._audit.check(start.pose, controls, horizon.durations)
+        verdict = self._audit.check(start.pose, controls, horizon.durations, start.moving)
         return verdict if start.way is None else start.way.followed_by(verdict)
 
     def _free_planner(self) -> Planner:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.tracks import Track
 
 Array = NDArray[np.float64]
 
@@ -80,6 +81,7 @@ class Decision:
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
+        tracks: Obstacles that move, as they were known.
         phases: Computing time by phase [ms], where a timer was given.
     """
 
@@ -105,4 +107,5 @@ class Decision:
     halted: bool = False
     run: int = 0
     revision: int = 0
+    tracks: tuple[Track, ...] = ()
     phases: Mapping[str, float] = field(default_factory=dict)

@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.tracks import written_keys
+
+MOVING = 'moving_obstacles'
+"""Key of the obstacles that move, by number and time; there only where there are some."""
 
 
 def facts(decision: Decision) -> dict[str, str]:
@@ -35,6 +39,7 @@ def facts(decision: Decision) -> dict[str, str]:
         'halted': decision.halted,
         'run': decision.run,
         'revision': decision.revision,
+        **({MOVING: written_keys(decision.tracks)} if decision.tracks else {}),
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
     return {key: written(value) for key, value in values.items()}

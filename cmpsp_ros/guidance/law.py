@@ -15,10 +15,13 @@ from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
+from cmpsp_ros.guidance.lookout import Lookout
 from cmpsp_ros.guidance.progress import Progress
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.slip import SlipEstimate
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -39,6 +42,7 @@ class GuidanceLaw:
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
         """
         self._timer = timer
+        self._lookout = Lookout()
         self._run = self._revision = -1
         self._slip = SlipEstimate()
         self.reconfigure(settings)
@@ -54,6 +58,7 @@ class GuidanceLaw:
         self._failures = 0
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
+        self._lookout.forget()
         self._slip.forget()
         if self._reckoned.slip:
             self._reckon()
@@ -87,12 +92,13 @@ class GuidanceLaw:
         """Whether odometry of this time [ns] is one to decide on."""
         return self._start is None or stamp - self._start >= self._due
 
-    def update(self, stamp: int, pose: Array) -> Decision | None:
+    def update(self, stamp: int, pose: Array, tracks: tuple[Track, ...] = ()) -> Decision | None:
         """Decide, if a control step is due.
 
         Args:
             stamp: Time stamp of the odometry [ns].
             pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
+            tracks: Obstacles that move, as they are known then, each once.
 
         Returns:
             The decision, or None between two control steps and for odometry older than the last.
@@ -103,11 +109,13 @@ class GuidanceLaw:
             self._start = stamp
         now = stamp - self._start
         self._latest = now
+        moving = self._lookout.at(stamp, pose, tracks, self._settings.moving_obstacles)
         if now >= self._final:
             self._due = now + self._period
-            return self._sent(self._finish(stamp, pose))
+            return self._sent(self._finish(stamp, pose, moving), tracks)
         self._end_period(stamp, pose)
-        horizon, start = remaining(now, self._period, self._final), self._foresee(stamp, pose)
+        horizon = remaining(now, self._period, self._final)
+        start = self._foresee(stamp, pose, moving)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
         last = self._final - self._delay
@@ -119,7 +127,7 @@ class GuidanceLaw:
         self._stop_in_time(start, decision.plan, last)
         self._step += 1
         self._begin_period(stamp, pose, decision.wheel_speeds)
-        return self._sent(decision)
+        return self._sent(decision, tracks)
 
     def _begin_period(self, stamp: int, pose: Array, wheel_speeds: Array) -> None:
         if self._settings.max_slip > 0.0:
@@ -146,17 +154,20 @@ class GuidanceLaw:
         self._due = 0 if self._start is None else self._latest + 1
         return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
-    def _sent(self, decision: Decision) -> Decision:
+    def _sent(self, decision: Decision, tracks: tuple[Track, ...] = ()) -> Decision:
         self._under_way.add(decision.stamp, decision.wheel_speeds)
         slip = self._reckoned.slip
-        return replace(decision, wheel_slip=slip) if slip > 0.0 else decision
+        if slip == 0.0 and not tracks:
+            return decision
+        return replace(decision, wheel_slip=slip, tracks=tracks)
 
-    def _foresee(self, stamp: int, pose: Array) -> Start:
+    def _foresee(self, stamp: int, pose: Array, moving: MovingDiscs) -> Start:
         wheel_speeds, durations = self._under_way.until(stamp, self._delay)
         if not len(durations):
-            return Start(pose)
+            return Start(pose, None, moving)
         ahead = self._reckoned.model.roll_out(pose, wheel_speeds, durations)[-1]
-        return Start(ahead, self._audit.check_way(pose, wheel_speeds, durations))
+        way = self._audit.check_way(pose, wheel_speeds, durations, moving)
+        return Start(ahead, way, moving.after(float(durations.sum())))
 
     def _is_settled(self, left: int) -> bool:
         """Whether the last plan left no more commands for the time that is left [ns]."""
@@ -172,7 +183,7 @@ class GuidanceLaw:
         outlasting = np.array([(self._due - self._latest) / NANOSECONDS])
         if (
             self._latest < last
-            and not self._audit.check(start.pose, plan.controls, outlasting).passed
+            and not self._audit.check(start.pose, plan.controls, outlasting, start.moving).passed
         ):
             self._due = last
 
@@ -186,7 +197,8 @@ class GuidanceLaw:
         horizon = Horizon(np.array([self._latest, end], dtype=np.int64))
         shifted = self._shifted(start, horizon)
         if self._plan is None or shifted is None:
-            return self._halt(stamp, pose, 'No plan can go on until a stop takes effect.')
+            reason = 'No plan can go on until a stop takes effect.'
+            return self._halt(stamp, pose, reason, moving=start.moving)
         plan, verdict = shifted
         return Decision(
             stamp=stamp,
@@ -207,12 +219,15 @@ class GuidanceLaw:
 
     def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
         if self._plan is None and (reason := inside(pose, self._audit)):
-            return self._halt(stamp, pose, reason)
+            return self._halt(stamp, pose, reason, moving=start.moving)
+        if self._lookout.surprised:
+            self._choice.look_again()
         known, self._waiting = self._plan or self._waiting, None
         candidate = self._choice.best(start, self._held, known, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if candidate.gives_way else Rung.NOMINAL
-        reason = candidate.describe(self._audit, self._settings) + self._choice.remark
+        described = candidate.describe(self._audit, self._settings, start.moving)
+        reason = described + self._choice.remark
         if candidate.usable:
             self._failures = 0
             if why := self._progress.reason_to_wait(candidate):
@@ -225,7 +240,7 @@ class GuidanceLaw:
             if shifted is None:
                 self._progress.stand()
                 self._forget_after_failures()
-                return self._halt(stamp, pose, reason, improvement)
+                return self._halt(stamp, pose, reason, improvement, moving=start.moving)
             rung, (plan, verdict) = Rung.SHIFTED, shifted
             reason += ' The last audited plan goes on.'
         self._plan = plan
@@ -264,11 +279,12 @@ class GuidanceLaw:
         poses = self._reckoned.model.roll_out(start.pose, controls, horizon.durations)
         return Plan(horizon, controls, poses, self._delay), verdict
 
-    def _finish(self, stamp: int, pose: Array) -> Decision:
+    def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
         miss = math.dist(pose[:2], self._settings.goal)
         missed = miss > self._settings.goal_tolerance
         where = f', {miss:.3g} m from the goal' if missed else ''
-        stop = self._halt(stamp, pose, f'The final time has passed{where}.', finished=True)
+        reason = f'The final time has passed{where}.'
+        stop = self._halt(stamp, pose, reason, finished=True, moving=moving)
         return replace(stop, missed=missed)
 
     def _forget_after_failures(self) -> None:
@@ -284,9 +300,10 @@ class GuidanceLaw:
         *,
         finished: bool = False,
         halted: bool = False,
+        moving: MovingDiscs = NOTHING_MOVES,
     ) -> Decision:
         self._held = np.zeros(2)
-        margin = float(self._audit.at(pose).min())
+        margin = float(self._audit.at(pose, moving).min())
         elapsed = 0 if self._start is None else stamp - self._start
         return Decision(
             stamp=stamp,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.candidate import Candidate
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
@@ -95,19 +96,24 @@ class Judge:
         self._road = Audit(replace(settings, obstacles=()))
         self._obstacles = Audit(replace(settings, road=boundless))
 
-    def merit(self, candidate: Candidate, held: Array) -> Merit:
+    def merit(
+        self, candidate: Candidate, held: Array, moving: MovingDiscs = NOTHING_MOVES
+    ) -> Merit:
         """Merit of a candidate.
 
         Args:
             candidate: The plan, improved and audited.
             held: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
+            moving: What moves, from the plan's beginning on.
         """
         plan, settings = candidate.plan, self._settings
         swept = plan.poses[0], plan.controls, plan.horizon.durations
         miss = math.dist(plan.poses[-1, :2], settings.goal)
         return Merit(
             candidate.usable,
-            _depth(self._obstacles.check(*swept).worst_margin) if settings.obstacles else 0.0,
+            _depth(self._obstacles.check(*swept, moving).worst_margin)
+            if settings.obstacles or len(moving)
+            else 0.0,
             _depth(self._road.check(*swept).worst_margin),
             0.0 if miss <= settings.goal_tolerance else miss,
             candidate.improvement.elastic,

@@ -33,8 +33,9 @@ from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES, GuidanceData
+from cmpsp_ros.robot.guidance_functions import GuidanceData
 from cmpsp_ros.robot.guidance_problem import guidance_data
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,14 @@ class Planner:
         self._horizon = None
 
     def improve(
-        self, pose: Array, held: Array, guess: Array, horizon: Horizon, *, at_rest: bool = False
+        self,
+        pose: Array,
+        held: Array,
+        guess: Array,
+        horizon: Horizon,
+        *,
+        at_rest: bool = False,
+        moving: MovingDiscs = NOTHING_MOVES,
     ) -> Improvement:
         """Run the iterations of one control step.
 
@@ -86,10 +94,13 @@ class Planner:
             guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
             horizon: Their horizon.
             at_rest: Whether the robot stands, and there is time for more iterations.
+            moving: What moves, from the pose on.
         """
         rules = self._first_rules if at_rest else self._rules
         if not self._compiled:
-            return self._back_end.improve(pose, held, guess, horizon, at_rest=at_rest)
+            return self._back_end.improve(
+                pose, held, guess, horizon, at_rest=at_rest, moving=moving
+            )
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
             self._packed, self._room = self._make_room(steps)
@@ -98,18 +109,25 @@ class Planner:
         over = len(room.lower) if begun is None else steps_over(begun, horizon)
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
-        data = self._data(pose, held, guess, horizon)
+        data = self._data(pose, held, guess, horizon, moving)
         self._improve(data, self._packed, steps, over, rules)
         if room.counts[OUTCOME] in _WANTING:
-            return self._back_end.improve(pose, held, guess, horizon, at_rest=at_rest)
+            return self._back_end.improve(
+                pose, held, guess, horizon, at_rest=at_rest, moving=moving
+            )
         return _summary(room, horizon, rules)
 
     def _data(
-        self, pose: Array, held: Array, guess: Array, horizon: Horizon
+        self,
+        pose: Array,
+        held: Array,
+        guess: Array,
+        horizon: Horizon,
+        moving: MovingDiscs = NOTHING_MOVES,
     ) -> GuidanceData | ControlRateData:
         task, durations = self._task, horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
-        space = task.space(guess, durations)
+        space = task.space(guess, durations, pose, moving)
         if space is not self._space:
             robot, hessian = task.settings.model, task.settings.solver.hessian
             self._space = space
@@ -125,7 +143,7 @@ class Planner:
         task = self._task
         settings = task.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
-        size = Dimensions(steps, states, 2, 2, EDGES + len(settings.obstacles))
+        size = Dimensions(steps, states, 2, 2, len(task.penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = task.heading_trust_region
         room = workspace(size, task.penalty_terminal, task.penalty_path, trust_radius)

@@ -2,7 +2,7 @@
 
 Both are certain, since both are taken for the better than they are: the shortest way is one
 without obstacles, and of a gap only its width counts. On other roads than an annulus the shortest
-way is the straight one, and gaps are not looked at.
+way is the straight one, and gaps are not looked at; nor are they beside what is no disc, or moves.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus
 from cmpsp_ros.robot.way import Point, angle_between, shortest_way
 
@@ -59,6 +60,8 @@ def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
     whole = angle_between(road, start, settings.goal)
     for obstacle in settings.obstacles:
+        if not isinstance(obstacle, Obstacle):
+            continue
         turned = angle_between(road, start, obstacle.center)
         away = math.dist(obstacle.center, road.center)
         outside = road.outer_radius - away - obstacle.radius

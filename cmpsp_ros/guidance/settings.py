@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.obstacles import Shape
 from cmpsp_ros.robot.road import Annulus, Road
 
 
@@ -83,6 +83,21 @@ class Safety:
 
 
 @dataclass(frozen=True)
+class MovingObstacles:
+    """What is made of obstacles that are told of while the robot drives.
+
+    Attributes:
+        capacity: How many of them a plan can miss at a time; 0 where none are listened to.
+        timeout: Age at which one that is not told of again is forgotten [s].
+        growth: Of their radii with the age of what is known of them [m/s].
+    """
+
+    capacity: int = 0
+    timeout: float = 1.0
+    growth: float = 0.05
+
+
+@dataclass(frozen=True)
 class GuidanceSettings:
     """All that the guidance law depends on, apart from odometry.
 
@@ -95,7 +110,8 @@ class GuidanceSettings:
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
-        obstacles: Obstacles to miss.
+        obstacles: Obstacles to miss that stand still.
+        moving_obstacles: What is made of those that move.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
@@ -111,7 +127,8 @@ class GuidanceSettings:
     final_time: float = 10.0
     control_period: float = 0.2
     command_delay: float = 0.0
-    obstacles: tuple[Obstacle, ...] = ()
+    obstacles: tuple[Shape, ...] = ()
+    moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     robot_radius: float = 0.0
     weights: Weights = field(default_factory=Weights)
     solver: SolverSettings = field(default_factory=SolverSettings)

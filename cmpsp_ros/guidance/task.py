@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_functions import EDGES
 from cmpsp_ros.robot.guidance_problem import Cost
+from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -34,7 +35,8 @@ class Task:
         cost: Weights of the cost.
         goal: Point to pass at the end, shape ``(2,)`` [m].
         penalty_terminal: Weight of each coordinate of the miss, shape ``(2,)`` [1/m].
-        penalty_path: Weight of each path constraint, edges first, shape ``(2 + M,)`` [1/m].
+        penalty_path: Weight of each path constraint, shape ``(2 + M + S,)`` [1/m]: edges first,
+            then obstacles that stand still, then room for as many that move as are listened to.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
     """
 
@@ -45,19 +47,15 @@ class Task:
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self.goal = np.array(settings.goal, dtype=float)
         self.penalty_terminal = np.full(2, _GOAL_PENALTY)
-        self.penalty_path = np.array(
-            [_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * len(settings.obstacles)
-        )
+        self._capacity = settings.moving_obstacles.capacity
+        obstacles = len(settings.obstacles) + self._capacity
+        self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self._spaces: dict[float, ClearSpace] = {}
+        self._padded: tuple[ClearSpace, ClearSpace] | None = None
 
-    def space(self, guess: Array, durations: Array) -> ClearSpace:
-        """Space to keep to at the samples.
-
-        Args:
-            guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
-            durations: Length of every step, shape ``(N,)`` [s].
-        """
+    def standing(self, guess: Array, durations: Array) -> ClearSpace:
+        """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
         settings, longest = self.settings, _rounded_up(float(durations.max()))
         space = self._spaces.get(longest)
         if space is None:
@@ -66,6 +64,54 @@ class Task:
             period = max(settings.control_period, longest)
             return space.for_samples_of(_ROOM * settings.robot.twist(guess[:-1]), period)
         return space
+
+    def space(
+        self,
+        guess: Array,
+        durations: Array,
+        pose: Array | None = None,
+        moving: MovingDiscs = NOTHING_MOVES,
+    ) -> ClearSpace:
+        """Space to keep to at the samples.
+
+        Args:
+            guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
+            durations: Length of every step, shape ``(N,)`` [s].
+            pose: Where it begins, shape ``(3,)`` [m, m, rad]; may be missing where nothing moves.
+            moving: What moves, from then on.
+        """
+        space = self.standing(guess, durations)
+        if self._capacity == 0:
+            return space
+        if pose is None or not len(moving):
+            if self._padded is None or self._padded[0] is not space:
+                shape = len(np.atleast_2d(space.radii)), self._capacity
+                none = space.with_points(np.zeros((*shape, 2)), np.full(shape, -np.inf))
+                self._padded = space, none
+            return self._padded[1]
+        return space.with_points(*self._slots(guess, durations, pose, moving))
+
+    def _slots(
+        self, guess: Array, durations: Array, pose: Array, moving: MovingDiscs
+    ) -> tuple[Array, Array]:
+        """What the discs that have slots ask for at the samples, each in its own."""
+        settings, distance = self.settings, self.settings.robot_radius
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        period = max(settings.control_period, _rounded_up(float(durations.max())))
+        between, limit = settings.safety.between_samples, settings.robot.max_wheel_speed
+        discs = moving.grown(distance + settings.safety.margin)
+        if between and math.isinf(limit):
+            twists = _ROOM * settings.robot.twist(guess[:-1])
+            found = discs.for_samples_of(times, twists, period)
+        else:
+            limits = settings.robot.twist_limits() if between else None
+            found = discs.for_samples(times, limits, period, pose)
+        centers = np.zeros((len(times), self._capacity, 2))
+        radii = np.full((len(times), self._capacity), -np.inf)
+        inside = discs.slots >= 0
+        centers[:, discs.slots[inside]] = found[0][:, inside]
+        radii[:, discs.slots[inside]] = found[1][:, inside]
+        return centers, radii
 
 
 def _rounded_up(duration: float) -> float:

@@ -157,7 +157,8 @@ def in_words(signature: Signature, names: Sequence[str]) -> str:
 
 def _discs(road: Annulus, space: ClearSpace, begin: float, side: float) -> list[Disc]:
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
-    offsets = space.centers - road.center
+    # What is no disc counts as the disc around it.
+    radii, offsets = radii + space.reaches, space.centers - road.center
     return [
         Disc(side * _wrapped(math.atan2(y, x) - begin), math.hypot(x, y), radius)
         for (x, y), radius in zip(offsets.tolist(), radii.tolist(), strict=True)

@@ -24,6 +24,7 @@ from cmpsp_ros.nodes.guidance_messages import level_of
 from cmpsp_ros.nodes.guidance_outputs import GuidanceOutputs
 from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
+from cmpsp_ros.nodes.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
@@ -120,6 +121,8 @@ class GuidanceNode(LifecycleNode):
         self._outputs = GuidanceOutputs(self, self._values)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
+        # Before odometry: of two messages that wait the executor takes this one first.
+        self._obstacles = ObstacleInput(self, self._settings)
         self._inputs = (
             odometry := GUIDANCE_ODOM.listen_on(self, self._on_odometry),
             self.create_service(RESET.type, RESET.name, self._on_reset),
@@ -158,6 +161,7 @@ class GuidanceNode(LifecycleNode):
         self.destroy_subscription(subscription)
         self.destroy_service(service)
         self.destroy_timer(timer)
+        self._obstacles.close()
         self._outputs.close()
         self._rivals.close()
         self._garbage.end()
@@ -219,7 +223,8 @@ class GuidanceNode(LifecycleNode):
         self._heard_at = now
         self._notice_time(stamp)
         try:
-            decision = self._law.update(stamp, pose)
+            tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
+            decision = self._law.update(stamp, pose, tracks)
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return
@@ -247,6 +252,7 @@ class GuidanceNode(LifecycleNode):
         if back > self._settings.odom_timeout:
             self.get_logger().warning(f'time has jumped back by {back:.3f} s: the run begins again')
             self._law.reset()
+            self._obstacles.forget_after(stamp)
 
     def _watch(self) -> None:
         if self._state != ACTIVE:
@@ -302,6 +308,7 @@ class GuidanceNode(LifecycleNode):
         if self._state == UNCONFIGURED:
             return
         self._law.reconfigure(self._settings)
+        self._obstacles.settings = self._settings
         self._scenery_changed = True
         if self._state != ACTIVE:
             self._show()
@@ -342,6 +349,7 @@ class GuidanceNode(LifecycleNode):
         """What is wrong around the decisions, in sentences."""
         return [
             *self._rivals.warnings(),
+            *self._obstacles.warnings(),
             *self._clock_watch.warnings(self._now()),
             *self._times.warnings(),
         ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import Point
@@ -10,6 +9,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.robot.obstacles import Obstacle, outline
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.guidance.settings import GuidanceSettings
 
-_SEGMENTS = 180
 _HEIGHT = 0.2
 
 _ROAD = (0.45, 0.45, 0.45, 1.0)
@@ -49,11 +48,16 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
         add('road', _line(edge, 0.05, _ROAD))
     if len(road.center_line()):
         add('centre_line', _line(road.center_line(), 0.02, _ROAD))
-    kept = at_samples(settings).radii.tolist()
-    for obstacle, radius in zip(settings.obstacles, kept, strict=True):
-        add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
-        add('obstacle_names', _text(obstacle.center, obstacle.name))
-        add('margins', _ring(obstacle.center, radius, 0.02, _MARGIN))
+    kept = at_samples(settings)
+    for obstacle, center, radius in zip(
+        settings.obstacles, kept.centers.tolist(), kept.radii.tolist(), strict=True
+    ):
+        if isinstance(obstacle, Obstacle):
+            add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
+        else:
+            add('obstacles', _line(outline(obstacle, obstacle.radius), 0.05, _OBSTACLE))
+        add('obstacle_names', _text(center, obstacle.name))
+        add('margins', _line(outline(obstacle, radius), 0.02, _MARGIN))
     add('goal', _disc(settings.goal, max(settings.goal_tolerance, 0.1), _GOAL))
     return MarkerArray(markers=markers)
 
@@ -67,16 +71,6 @@ def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) 
     return marker
 
 
-def _ring(
-    center: tuple[float, float], radius: float, width: float, color: tuple[float, ...]
-) -> Marker:
-    angles = [math.tau * i / _SEGMENTS for i in range(_SEGMENTS + 1)]
-    x, y = center
-    return _line(
-        [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in angles], width, color
-    )
-
-
 def _line(points: Iterable[Sequence[float]], width: float, color: tuple[float, ...]) -> Marker:
     marker = Marker(type=Marker.LINE_STRIP, color=_color(color))
     marker.scale.x = width
@@ -84,7 +78,7 @@ def _line(points: Iterable[Sequence[float]], width: float, color: tuple[float, .
     return marker
 
 
-def _text(center: tuple[float, float], text: str) -> Marker:
+def _text(center: Sequence[float], text: str) -> Marker:
     marker = Marker(type=Marker.TEXT_VIEW_FACING, text=text, color=_color((1.0, 1.0, 1.0, 1.0)))
     marker.pose.position.x, marker.pose.position.y = map(float, center)
     marker.pose.position.z = 2.0 * _HEIGHT

@@ -17,11 +17,13 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.nodes.moving_obstacles import Traffic, cloud_of
 from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.runtime import run
 from cmpsp_ros.nodes.topics import (
     CLOCK,
     SIM_COMMAND,
+    SIM_MOVING,
     SIM_ODOM,
     SIM_RESET,
     SIM_STAMPED_COMMAND,
@@ -70,6 +72,8 @@ class SimNode(Node):
         check_pace(self.values)
         has_clock = self.values['publish_clock']
         self.odometry = SIM_ODOM.publish_on(self)
+        self._traffic = Traffic(self.values)
+        self._moving = SIM_MOVING.publish_on(self) if len(self._traffic) else None
         self._truth = TRUTH.publish_on(self)
         self._wheels = SIM_WHEELS.publish_on(self)
         self._clock_out = CLOCK.publish_on(self) if has_clock else None
@@ -106,6 +110,7 @@ class SimNode(Node):
     def obey(self, twist: Twist) -> None:
         """Command the robot now; a twist that is no number changes nothing."""
         stamp_ns = self.plant.stamp_ns
+        self._traffic.begin(stamp_ns)
         try:
             self.plant.command(stamp_ns, twist.linear.x, twist.angular.z)
         except TwistError as error:
@@ -124,9 +129,16 @@ class SimNode(Node):
         return message
 
     def publish(self, message: Odometry | None) -> None:
-        """Publish odometry of this instant if it is not lost, its time before, the truth after."""
+        """Publish odometry of this instant if it is not lost.
+
+        Time and what moves come before it, for who decides on it must know them; the truth after.
+        """
+        stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
-            self._clock_out.publish(ClockMessage(clock=_stamp(self.plant.stamp_ns)))
+            self._clock_out.publish(ClockMessage(clock=_stamp(stamp_ns)))
+        if self._moving is not None:
+            tracks = self._traffic.at(stamp_ns)
+            self._moving.publish(cloud_of(tracks, stamp_ns, self.values['frame_id']))
         if message is not None:
             self.odometry.publish(message)
             if self._transforms is not None:
@@ -162,6 +174,7 @@ class SimNode(Node):
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._pace.before_reset()
         self.plant.reset()
+        self._traffic.reset()
         self._publish_truth(self.plant.motion)
         self._pace.after_reset()
         response.success = True

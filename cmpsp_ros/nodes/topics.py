@@ -15,7 +15,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -91,6 +91,16 @@ GUIDANCE_ODOM = Topic(
     depth=50,
     best_effort=True,
 )
+GUIDANCE_MOVING = Topic(
+    'guidance',
+    'in',
+    'moving_obstacles',
+    PointCloud2,
+    'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
+    ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    depth=50,
+    best_effort=True,
+)
 COMMAND = Topic(
     'guidance',
     'out',
@@ -130,7 +140,7 @@ PLAN_MARKERS = Topic(
     'out',
     '~/plan_markers',
     MarkerArray,
-    'the plan in the colour of its rung, and the sentence; while somebody listens',
+    'the plan in the colour of its rung, the sentence, and what moves; while somebody listens',
     repeats=True,
 )
 HEALTH = Topic(
@@ -166,6 +176,15 @@ SIM_ODOM = Topic(
     'odom',
     Odometry,
     'at `odom_rate` on an exact time grid, with all errors of `noise`',
+    depth=_OF_A_RUN,
+)
+SIM_MOVING = Topic(
+    'sim',
+    'out',
+    'moving_obstacles',
+    PointCloud2,
+    'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
+    ' among the names, from 0',
     depth=_OF_A_RUN,
 )
 TRUTH = Topic(

@@ -111,10 +111,40 @@ def _parameters() -> Iterator[Parameter]:
         'Whether a `corridor` goes on from its last point to its first.')
     yield place('obstacles.names', _STRINGS, [], '',
         'Names of the obstacles, each with a block of its own; leave it out when there are none.')
-    yield place('obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
-        'Centre of this obstacle (x, y).', **_POINT)
-    yield place('obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
-        'Radius of this obstacle.', range=_POSITIVE)
+    yield place('obstacles.<name>.type', _STRING, 'circle', '',
+        'Shape of this obstacle: `capsule` is all that is near a line between two points, '
+        '`polygon` is convex.', choices=('circle', 'capsule', 'polygon'))
+    yield place('obstacles.<name>.center', _DOUBLES, [], 'm',
+        'Centre of this `circle` (x, y).')
+    yield place('obstacles.<name>.start', _DOUBLES, [], 'm',
+        'One end of the line of this `capsule` (x, y).')
+    yield place('obstacles.<name>.end', _DOUBLES, [], 'm', 'Its other end (x, y).')
+    yield place('obstacles.<name>.vertices', _DOUBLES, [], 'm',
+        'Corners of this `polygon`, in order, either way round: x and y of each.')
+    yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
+        'Radius of this `circle` or `capsule`, which is more than 0.', range=_NOT_NEGATIVE)
+
+    moving = _Group('Moving obstacles', 'guidance')
+    yield moving('moving_obstacles.capacity', _INTEGER, 0, '',
+        'How many obstacles a plan can miss at a time that it is told of on '
+        '`moving_obstacles`; 0 means that the topic is not listened to.',
+        range=Range(0, 64), **_FIXED)
+    yield moving('moving_obstacles.timeout', _DOUBLE, 1.0, 's',
+        'Age at which an obstacle that is not told of again is forgotten.', range=_POSITIVE)
+    yield moving('moving_obstacles.growth', _DOUBLE, 0.05, 'm/s',
+        'Growth of their radii, in a plan, with the time since they were seen.',
+        range=_NOT_NEGATIVE)
+    sim_only = {'nodes': ('sim',), **_FIXED}
+    yield moving('moving_obstacles.names', _STRINGS, [], '',
+        'Obstacles that the simulator moves and tells of, each with a block of its own; leave it '
+        'out when there are none.', **sim_only)
+    yield moving('moving_obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
+        'Centre of this obstacle at first (x, y).', **_POINT, **sim_only)
+    yield moving('moving_obstacles.<name>.velocity', _DOUBLES, REQUIRED, 'm/s',
+        'Velocity of this obstacle (x, y), from the first command to the robot on.',
+        **_POINT, **sim_only)
+    yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
+        'Radius of this obstacle.', range=_POSITIVE, **sim_only)
 
     cost = _Group('Cost', 'guidance')
     yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',

@@ -12,6 +12,7 @@ import numpy as np
 from cmpsp_ros.guidance.settings import (
     GuidanceSettings,
     InitialGuess,
+    MovingObstacles,
     Safety,
     SolverSettings,
     Weights,
@@ -19,11 +20,11 @@ from cmpsp_ros.guidance.settings import (
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.obstacles import in_obstacle_problems, obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.roads import off_road_problems, road_of, road_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import OdometryErrors
-from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.physics import Physics
 from cmpsp_ros.robot.plant import PlantSettings
 
@@ -47,12 +48,18 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If a number is out of all proportion; else if the road cannot be made or
-            leaves no room, the goal is off the road or in an obstacle, the final time comes before
-            the first control step or before its command has held for one, or the QP back end is
-            not installed; with all of these.
+            leaves no room, an obstacle cannot be made, the goal is off the road or in an obstacle,
+            the final time comes before the first control step or before its command has held for
+            one, or the QP back end is not installed; with all of these.
     """
     _raise_if_any(list(_size_problems(values)))
-    groups = (_time_problems, road_problems, _goal_problems, _solver_problems)
+    groups = (
+        _time_problems,
+        road_problems,
+        obstacle_problems,
+        _goal_problems,
+        _solver_problems,
+    )
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
@@ -63,7 +70,12 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         control_period=values['control_period'],
         command_delay=values['command_delay'],
         max_slip=values['max_wheel_slip'],
-        obstacles=_obstacles(values),
+        obstacles=obstacles_of(values),
+        moving_obstacles=MovingObstacles(
+            values['moving_obstacles.capacity'],
+            values['moving_obstacles.timeout'],
+            values['moving_obstacles.growth'],
+        ),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
         solver=SolverSettings(**_section(values, 'solver')),
@@ -117,8 +129,10 @@ def check_start(values: Values) -> None:
         values: A set resolved by the table.
 
     Raises:
-        ParameterError: If the initial pose is off the road or in an obstacle.
+        ParameterError: If an obstacle cannot be made, or the initial pose is off the road or in an
+            obstacle.
     """
+    _raise_if_any(list(obstacle_problems(values)))
     x, y, _ = values['initial_pose']
     _raise_if_any(list(_place_problems(values, 'initial_pose', (x, y))))
 
@@ -197,17 +211,6 @@ def _robot(values: Values) -> DifferentialDrive:
     )
 
 
-def _obstacles(values: Values) -> tuple[Obstacle, ...]:
-    return tuple(
-        Obstacle(
-            name,
-            tuple(values[f'obstacles.{name}.center']),
-            values[f'obstacles.{name}.radius'],
-        )
-        for name in values['obstacles.names']
-    )
-
-
 def _section(values: Values, name: str) -> dict[str, Any]:
     prefix = f'{name}.'
     return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
@@ -259,13 +262,7 @@ def _solver_problems(values: Values) -> Iterator[Problem]:
 def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
     """What forbids the robot, without its margin, to stand at a point [m]."""
     yield from off_road_problems(values, key, point)
-    radius = values['robot.radius']
-    for obstacle in _obstacles(values):
-        distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
-        if distance < needed:
-            found = f'{distance:.9g} m from the centre of obstacle {obstacle.name}'
-            wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'
-            yield Problem(key, found, wanted)
+    yield from in_obstacle_problems(values, key, point)
 
 
 def _raise_if_any(problems: list[Problem]) -> None:

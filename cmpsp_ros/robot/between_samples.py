@@ -30,6 +30,7 @@ Array = NDArray[np.float64]
 
 _GRID = 256
 _REFINEMENTS = 3
+_RANGES = 32
 
 # A straight line is taken for an arc that turns this little [rad/s], on the safe side.
 _STRAIGHT = 1e-6
@@ -162,10 +163,61 @@ def inside_known(distance: float, twists: Array, period: float) -> Array:
     return shrunk
 
 
+def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
+    """Like `outside`, for points that move at constant velocity.
+
+    Seen from such a point the robot drives no arc, but strays from the chord of its path by no
+    more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
+    ``u``. Over each of a few ranges of ``w`` the greatest of each counts: a little more than is
+    needed.
+
+    Args:
+        distance: What the robot must keep meanwhile from each of several points, ``(..., M)`` [m].
+        speeds: Of the points, shape ``(M,)`` [m/s].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distances to keep at the samples, shape ``(..., M)`` [m].
+    """
+    twists, beyond = _ranges(limits)
+    grown = _outside_moving(distance[..., None], speeds[:, None], twists, beyond, period)
+    return np.asarray(grown.max(axis=-1))
+
+
+def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
+    """Like `outside_moving`, for known arcs.
+
+    Args:
+        distance: For each arc, shape ``(N, M)`` [m].
+        speeds: Of the points, shape ``(M,)`` [m/s].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    v, w = np.abs(twists[:, :1]), np.abs(twists[:, 1:])
+    return _outside_moving(distance, speeds, v, w, period)
+
+
 def at_ends(worse: Callable[[Array, Array], Array], of_arcs: Array) -> Array:
     """From one value an arc to one a sample: the worse of the two arcs that meet there."""
     before, after = np.concatenate([of_arcs[:1], of_arcs]), np.concatenate([of_arcs, of_arcs[-1:]])
     return worse(before, after)
+
+
+@lru_cache(maxsize=16)
+def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
+    """Ranges of the turn rate: greatest speed and greatest turn rate in each, shape ``(R,)``."""
+    w = np.linspace(0.0, limits.turn_rate, _RANGES + 1)
+    return np.maximum(limits.speed - limits.half_track * w[:-1], 0.0), w[1:]
+
+
+def _outside_moving(distance: Array, speeds: Array, v: Array, w: Array, period: float) -> Array:
+    astray, half_chord = v * w * period**2 / 8.0, (v + speeds) * period / 2.0
+    grown: Array = np.hypot(distance + astray, half_chord)
+    return grown
 
 
 def _arcs(twists: Array, period: float) -> tuple[Array, Array]:

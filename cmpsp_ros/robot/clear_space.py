@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.annulus_functions import AnnulusSpace
-from cmpsp_ros.robot.arcs import arc_from, reach
+from cmpsp_ros.robot.arcs import arc_from
 from cmpsp_ros.robot.between_samples import TwistLimits, at_ends, outside, outside_known
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.obstacles import Shape
 from cmpsp_ros.robot.road import Road, RoadSpace
+from cmpsp_ros.robot.shape_functions import distance_from, sweep
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 # Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
 _JUMP = 0.1
@@ -26,26 +28,51 @@ _JUMP = 0.1
 
 @dataclass(frozen=True)
 class ClearSpace:
-    """A road with discs taken out of it; all of it may change along a horizon.
+    """A road with convex shapes taken out of it; all of it may change along a horizon.
+
+    A shape is all that is nearer than a radius to a point, a line or a polygon, given by its
+    corners; see `cmpsp_ros.robot.shape_functions`.
 
     Attributes:
         road: Where on the road the robot's centre may be.
-        centers: Centres of the discs, shape ``(M, 2)`` [m].
-        radii: Radii of the discs, shape ``(M,)`` or ``(K, M)`` [m].
+        corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
+            stand still.
+        first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
+        radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
     """
 
     road: RoadSpace
-    centers: Array
+    corners: Array
+    first: Indices
     radii: Array
 
     @classmethod
-    def of(cls, road: Road, obstacles: Sequence[Obstacle], distance: float) -> ClearSpace:
+    def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> ClearSpace:
         """Space whose every point is at least ``distance`` [m] from road edges and obstacles."""
+        corners = [corner for obstacle in obstacles for corner in obstacle.corners]
+        counts = [len(obstacle.corners) for obstacle in obstacles]
         return cls(
             road.space(distance),
-            np.array([obstacle.center for obstacle in obstacles]).reshape(-1, 2),
-            np.array([obstacle.radius + distance for obstacle in obstacles]),
+            np.array(corners, dtype=float).reshape(1, -1, 2),
+            np.cumsum([0, *counts], dtype=np.int64),
+            np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
         )
+
+    @property
+    def centers(self) -> Array:
+        """Of the corners of each shape, as at first, shape ``(M, 2)`` [m]."""
+        if self.corners.shape[1] == len(self.first) - 1:
+            return np.asarray(self.corners[0])
+        parts = np.split(self.corners[0], self.first[1:-1])
+        return np.array([(part.min(axis=0) + part.max(axis=0)) / 2.0 for part in parts])
+
+    @property
+    def reaches(self) -> Array:
+        """Greatest distance of the corners of each shape from their centre, shape ``(M,)`` [m]."""
+        if self.corners.shape[1] == len(self.first) - 1:
+            return np.zeros(len(self.first) - 1)
+        parts = zip(np.split(self.corners[0], self.first[1:-1]), self.centers, strict=True)
+        return np.array([np.hypot(*(part - center).T).max() for part, center in parts])
 
     @property
     def annulus(self) -> AnnulusSpace:
@@ -66,11 +93,8 @@ class ClearSpace:
             limits: What the robot can drive.
             period: Time between two samples [s].
         """
-        return ClearSpace(
-            self.road.for_samples(limits, period),
-            self.centers,
-            np.array([outside(radius, limits, period) for radius in self.radii.tolist()]),
-        )
+        grown = np.array([outside(radius, limits, period) for radius in self.radii.tolist()])
+        return replace(self, road=self.road.for_samples(limits, period), radii=grown)
 
     def for_samples_of(self, twists: Array, period: float) -> ClearSpace:
         """Space to keep to at the samples of one plan so that its own arcs stay within this one.
@@ -82,10 +106,28 @@ class ClearSpace:
         Returns:
             A space for each of the ``N + 1`` samples, between two arcs each.
         """
-        return ClearSpace(
-            self.road.for_samples_of(twists, period),
-            self.centers,
-            at_ends(np.maximum, outside_known(self.radii, twists, period)),
+        return replace(
+            self,
+            road=self.road.for_samples_of(twists, period),
+            radii=at_ends(np.maximum, outside_known(self.radii, twists, period)),
+        )
+
+    def with_points(self, centers: Array, radii: Array) -> ClearSpace:
+        """This space with discs taken out that are elsewhere at every sample.
+
+        Args:
+            centers: Of the discs at the samples, shape ``(K, D, 2)`` [m].
+            radii: ``-inf`` where there is no disc at a sample, shape ``(K, D)`` [m].
+        """
+        samples, added = radii.shape
+        corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
+        standing = np.broadcast_to(self.radii, (samples, len(self.first) - 1))
+        more = self.first[-1] + np.arange(1, added + 1, dtype=np.int64)
+        return replace(
+            self,
+            corners=np.concatenate([corners, centers], axis=1),
+            first=np.concatenate([self.first, more]),
+            radii=np.concatenate([standing, radii], axis=1),
         )
 
     def at(self, poses: Array) -> Array:
@@ -95,12 +137,13 @@ class ClearSpace:
             poses: Shape ``(K, 3)`` [m, m, rad]; the samples, where the space is one for each.
 
         Returns:
-            To both edges of the road and to each disc, negative where violated; shape
+            To both edges of the road and to each shape, negative where violated; shape
             ``(K, 2 + M)`` [m].
         """
-        edges = np.empty((len(poses), 2))
-        _edges_at(edges, self.road, np.ascontiguousarray(poses))
-        away = np.linalg.norm(poses[:, None, :2] - self.centers, axis=2)
+        edges, poses = np.empty((len(poses), 2)), np.ascontiguousarray(poses)
+        _edges_at(edges, self.road, poses)
+        away = np.empty((len(poses), len(self.first) - 1))
+        _away_at(away, self.corners, self.first, poses)
         return np.column_stack([edges, away - self.radii])
 
     def along(self, poses: Array, twists: Array, durations: Array) -> Array:
@@ -117,9 +160,10 @@ class ClearSpace:
             As from `at`.
         """
         edges = np.empty((len(poses), 2))
-        arguments = (np.ascontiguousarray(each) for each in (poses, twists, durations))
+        arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
         _edges_along(edges, self.road, *arguments)
-        least, _ = reach(poses, twists, durations, self.centers)
+        least = np.empty((len(poses), len(self.first) - 1))
+        _away_along(least, self.corners, self.first, *arguments)
         return np.column_stack([edges, least - self.radii])
 
 
@@ -145,3 +189,22 @@ def _edges_along(clearance: Array, road: Any, poses: Array, twists: Array, times
             road, arc, place, math.inf, math.inf
         )
         end_x, end_y = arc.end_x, arc.end_y
+
+
+@allocation_free
+def _away_at(away: Array, corners: Array, first: Indices, poses: Array) -> None:
+    for k in range(poses.shape[0]):
+        at = min(k, corners.shape[0] - 1)
+        for j in range(away.shape[1]):
+            away[k, j] = distance_from(corners, first, at, j, poses[k, 0], poses[k, 1])
+
+
+@allocation_free
+def _away_along(
+    least: Array, corners: Array, first: Indices, poses: Array, twists: Array, times: Array
+) -> None:
+    for k in range(poses.shape[0]):
+        length, turn = twists[k, 0] * times[k], twists[k, 1] * times[k]
+        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        for j in range(least.shape[1]):
+            least[k, j] = sweep(arc, corners, first, j, math.inf)

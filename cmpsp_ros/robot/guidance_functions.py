@@ -13,8 +13,10 @@ from cmpsp_ros.mpsp.realtime import functions
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive, drive_and_differentiate
+from cmpsp_ros.robot.shape_functions import away_from, distance_from
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 EDGES = 2
 """Path constraints of the road, one an edge; the obstacles' follow."""
@@ -26,15 +28,18 @@ GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
 class GuidanceData(NamedTuple):
     """One robot's problem from where it is.
 
-    Radii are those of one clear space for all stages, or one for each: ``K`` is 1 or ``N + 1``.
+    Corners and radii are those of one clear space for all stages, or one for each: ``K``, for
+    either, is 1 or ``N + 1``.
 
     Attributes:
         pose: Present pose, shape ``(3,)`` [m, m, rad].
         goal: Point to pass at the end, shape ``(2,)`` [m].
         durations: Length of every step, shape ``(N,)`` [s].
         road: Where on the road the robot's centre may be, as `road_functions` has it.
-        centers: Centres of the obstacles, shape ``(M, 2)`` [m].
-        radii: Least distances from the obstacles' centres, shape ``(K, M)`` [m].
+        corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
+        first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
+        radii: Least distances from the obstacles without their radii, ``-inf`` where there is
+            nothing to keep to, shape ``(K, M)`` [m].
         wheel_radius: The paper's ``r`` [m].
         half_track: The paper's ``L`` [m].
         road_center: ``q``, on the squared distance to the centre line [1/m^2].
@@ -47,7 +52,8 @@ class GuidanceData(NamedTuple):
     goal: Array
     durations: Array
     road: Any
-    centers: Array
+    corners: Array
+    first: Indices
     radii: Array
     wheel_radius: float
     half_track: float
@@ -121,8 +127,9 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
         qp.g_X[k, 0, 1] = first_y
         qp.g_X[k, 1, 0] = second_x
         qp.g_X[k, 1, 1] = second_y
-        for j in range(data.centers.shape[0]):
-            x, y = _away(data, X, k, j, _distance(data, X, k, j))
+        at = min(k, data.corners.shape[0] - 1)
+        for j in range(data.radii.shape[1]):
+            _, x, y = away_from(data.corners, data.first, at, j, X[k, 0], X[k, 1])
             qp.g_X[k, EDGES + j, 0] = -x
             qp.g_X[k, EDGES + j, 1] = -y
     for i in range(2):
@@ -145,23 +152,9 @@ def _constrain(data: GuidanceData, X: Array, k: int, progress: float, g: Array) 
             g[0, j] = -math.inf
         return progress, off_center
     g[k, 0], g[k, 1] = first, second
-    at = min(k, data.radii.shape[0] - 1)
-    for j in range(data.centers.shape[0]):
-        g[k, EDGES + j] = data.radii[at, j] - _distance(data, X, k, j)
+    at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
+    for j in range(data.radii.shape[1]):
+        g[k, EDGES + j] = data.radii[at, j]
+        if data.radii[at, j] > -math.inf:
+            g[k, EDGES + j] -= distance_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
     return progress, off_center
-
-
-@allocation_free
-def _distance(data: GuidanceData, X: Array, k: int, j: int) -> float:
-    """Distance of a pose from a centre."""
-    dx, dy = X[k, 0] - data.centers[j, 0], X[k, 1] - data.centers[j, 1]
-    return math.sqrt(dx * dx + dy * dy)
-
-
-@allocation_free
-def _away(data: GuidanceData, X: Array, k: int, j: int, distance: float) -> Any:
-    """Unit vector away from a centre; along x at the centre itself, so that a solver can leave."""
-    if distance > 0.0:
-        dx, dy = X[k, 0] - data.centers[j, 0], X[k, 1] - data.centers[j, 1]
-        return dx / distance, dy / distance
-    return 1.0, 0.0

@@ -85,7 +85,7 @@ class GuidanceProblem(OptimalControlProblem):
         """
         steps = len(durations)
         self.size = Dimensions(
-            horizon=steps, state=3, control=2, output=2, path=EDGES + len(space.centers)
+            horizon=steps, state=3, control=2, output=2, path=EDGES + len(space.first) - 1
         )
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
@@ -143,7 +143,8 @@ def guidance_data(
         goal=goal,
         durations=durations,
         road=space.road,
-        centers=space.centers,
+        corners=np.ascontiguousarray(space.corners),
+        first=space.first,
         radii=np.atleast_2d(space.radii),
         wheel_radius=float(robot.wheel_radius),
         half_track=float(robot.half_track),

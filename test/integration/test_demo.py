@@ -192,6 +192,27 @@ def test_a_road_that_crosses_itself_in_lockstep(start_demo, tmp_path):
     assert summary['miss_m'] < 1e-6
 
 
+def test_obstacles_that_move_in_lockstep(start_demo, spawn, tmp_path):
+    runs = []
+    for name in ('one', 'two'):
+        folder = tmp_path / name
+        running = start_demo('moving', '--lockstep', '--output', folder)
+        assert running.wait(LIMIT) == 0, running.stderr
+        summary = json.loads((folder / 'summary.json').read_text())
+        assert summary['rungs'] == {'nominal': 50, 'elastic': 0, 'shifted': 0, 'stop': 0}
+        assert summary['clearance_m'] >= 0.0
+        assert summary['miss_m'] < 1e-3
+        runs.append(read_run(folder / 'bag'))
+    one, two = runs
+    assert {each.id for each in one.tracks} == {0, 1}
+    assert [each.points.tolist() for each in one.plans] == [e.points.tolist() for e in two.plans]
+    for command in ('replay', 'audit'):
+        judged = spawn([sys.executable, '-m', 'cmpsp_ros.cli', command, tmp_path / 'one' / 'bag'])
+        assert judged.wait(LIMIT) == 0, judged.stdout + judged.stderr
+        said = ' '.join(judged.stdout.split())
+        assert ('identical: ' if command == 'replay' else 'clear of what moves') in said
+
+
 def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):
     folder, runs = tmp_path / 'deep' / 'run', []
     for flags in ([], ['--force']):

@@ -30,6 +30,7 @@ class _Check:
 CHECKS: Final = (
     _Check('road', 'Path: inside the road', path_checks.road, _ROAD),
     _Check('obstacles', 'Path: clear of obstacles', path_checks.obstacles, ('obstacles.names',)),
+    _Check('moving', 'Path: clear of what moves', path_checks.moving),
     _Check('margin', 'Path: margin kept', path_checks.margin, (*_ROAD, 'safety.margin')),
     _Check(
         'goal',

@@ -72,6 +72,8 @@ def nominal(record: Record) -> Verdict:
     if not record.decisions:
         return _no_decision(record)
     answers = [each for each in record.decisions if not each.halted]
+    if not answers:
+        return skipped('No control step is on rung nominal.')
     stamps = np.array([each.stamp for each in answers], dtype=np.int64)
     if np.any(np.diff(stamps) < 0):
         return skipped('Time jumps back, and rungs cannot be told apart by it.')

@@ -47,6 +47,35 @@ def obstacles(record: Record) -> Verdict:
     return _clear(record, slice(EDGES, None), 0.0)
 
 
+def moving(record: Record) -> Verdict:
+    """Clearance from what moved, where it was told to be, while the robot moved as well.
+
+    What drives into a robot that stands is no collision of the robot's.
+    """
+    met = record.encounters
+    if not met:
+        return skipped(f'Nothing that moves is told of in {record.places.moving or "any topic"}.')
+    worst, at, nearest = math.inf, record.start, ''
+    stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
+    for each in met:
+        least = np.where(each.stands, math.inf, each.clearance)
+        if least.min() < worst:
+            worst, at = float(least.min()), int(each.stamps[least.argmin()])
+            nearest = each.track.name
+    if worst == math.inf:
+        return skipped('The robot stands while anything moves.')
+    passed = worst >= -_ROUNDING
+    sentence = (
+        f'Between samples too, the robot keeps {worst:.3g} m from {nearest}, where that was told'
+        ' to be.'
+        if passed
+        else f'Along the path driven, the robot cuts {nearest} by {-worst:.3g} m.'
+    )
+    if stood < 0.0:
+        sentence += f' Something moves {-stood:.3g} m into it while it stands.'
+    return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+
+
 def margin(record: Record) -> Verdict:
     """Whether the margin asked for was kept as well."""
     wanted = max(each.settings.safety.margin for each in record.sweeps)

@@ -14,10 +14,13 @@ from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
 from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
+from cmpsp_ros.bags.encounters import Encounter, encounters
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.bags.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.tracks import Track
 
 
 @dataclass(frozen=True)
@@ -70,6 +73,7 @@ class Record:
         odometry: All of it.
         commands: All of them.
         decisions: All of them; none in the bag of another program.
+        tracks: Obstacles that moved, as they were told of, by number and time.
         pairs: Which command belongs to which decision.
         legs: Parts in which time does not jump back and commands were sent.
     """
@@ -80,6 +84,7 @@ class Record:
     odometry: Odometry
     commands: Commands
     decisions: tuple[Said, ...]
+    tracks: tuple[Track, ...]
     pairs: Pairs
     legs: tuple[Leg, ...]
 
@@ -87,6 +92,16 @@ class Record:
     def sweeps(self) -> tuple[Sweep, ...]:
         """The path driven since the beginning of each leg's first run, with its clearance."""
         return tuple(each for leg in self.legs for each in sweep(leg.guided, self.history))
+
+    @cached_property
+    def encounters(self) -> tuple[Encounter, ...]:
+        """The same path, with what moved meanwhile as it was told to."""
+        settings = self.history.epochs[0].settings
+        radius, timeout = settings.robot_radius, settings.moving_obstacles.timeout
+        paths = (leg.guided for leg in self.legs)
+        return tuple(
+            each for path in paths for each in encounters(path, self.tracks, radius, timeout)
+        )
 
     @property
     def start(self) -> int:
@@ -135,7 +150,8 @@ def _record(bag: Bag, sources: Sources) -> Record:
             f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
             ' wanted a drive'
         )
-    return Record(bag.path, places, history, odometry, commands, decisions, pairs, legs)
+    tracks = read_tracks(bag, places.moving, frame_id)
+    return Record(bag.path, places, history, odometry, commands, decisions, tracks, pairs, legs)
 
 
 def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[Said]) -> list[Leg]:

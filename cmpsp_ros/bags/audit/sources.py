@@ -36,6 +36,7 @@ class Places:
         cmd_vel: Topic of the commands.
         decision: Topic of the decisions; the bag may lack it.
         plan: Topic of the plans; the bag may lack it.
+        moving: Topic of the obstacles that move; the bag may lack it.
     """
 
     node: str
@@ -43,6 +44,7 @@ class Places:
     cmd_vel: str
     decision: str
     plan: str
+    moving: str
 
 
 def find(bag: Bag, sources: Sources) -> Places:
@@ -60,6 +62,7 @@ def find(bag: Bag, sources: Sources) -> Places:
         _topic(bag, sources.cmd_vel or f'{namespace}/cmd_vel', '--cmd-vel'),
         f'{node}/decision',
         f'{node}/predicted_path',
+        f'{namespace}/moving_obstacles',
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.obstacles import Obstacle, outline
 from cmpsp_ros.robot.physics import Physics, mjcf
 
 Array = NDArray[np.float64]
@@ -55,8 +56,11 @@ def _edges(settings: GuidanceSettings) -> Iterator[str]:
 
 def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
     for each in settings.obstacles:
-        (x, y), height = each.center, _HEIGHT / 2.0
-        yield _geom('cylinder', f'{each.radius} {height}', (x, y, height), '0.8 0.25 0.18 1')
+        height, color = _HEIGHT / 2.0, '0.8 0.25 0.18 1'
+        if isinstance(each, Obstacle):
+            yield _geom('cylinder', f'{each.radius} {height}', (*each.center, height), color)
+        else:
+            yield from _line(outline(each, each.radius), _LINE, color)
 
 
 def _way(settings: GuidanceSettings, way: Array) -> Iterator[str]:

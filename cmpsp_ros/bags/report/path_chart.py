@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.robot.obstacles import Obstacle, Shape, outline
 from cmpsp_ros.robot.road import Road
 
 Array = NDArray[np.float64]
@@ -28,7 +30,7 @@ def path(views: Sequence[View]) -> Figure:
     for road in dict.fromkeys(view.settings.road for view in views):
         shapes += _road(road)
     for obstacle, kept in obstacles(views).items():
-        shapes += _discs(obstacle, kept)
+        shapes += _shapes(obstacle, kept)
         annotations.append(_name(obstacle))
     x, y = frame(views)
     figure['layout'] |= {
@@ -80,7 +82,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
 
 
 def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, then plans, then robots, one of each a bag and in their order; then the goals."""
+    """Paths, then plans, then robots, one of each a bag and in their order; then the rest."""
     several = len(views) > 1
     prefixes = [f'{escaped(view.label)}: ' if several else '' for view in views]
     driven = [
@@ -136,8 +138,34 @@ def _traces(views: Sequence[View]) -> list[Figure]:
         }
         for goal in dict.fromkeys(view.settings.goal for view in views)
     ]
-    traces: tuple[Figure, ...] = (*driven, *plans, *robots, *goals)
+    traces: tuple[Figure, ...] = (*driven, *plans, *robots, *goals, *_ways(views))
     return [{'type': 'scatter', **each} for each in traces]
+
+
+def _ways(views: Sequence[View]) -> list[Figure]:
+    """Where what moves was told to be, one line each."""
+    return [
+        {
+            'name': told[0].name,
+            'mode': 'lines',
+            'x': numbers(np.array([each.x for each in told])),
+            'y': numbers(np.array([each.y for each in told])),
+            'text': [
+                f'{view.record.seconds(each.stamp):.2f} s, radius {each.radius:.3g} m'
+                for each in told
+            ],
+            'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
+            'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'},
+        }
+        for view in views
+        for told in told_of(view)
+    ]
+
+
+def told_of(view: View) -> list[list[Track]]:
+    """What was told of each obstacle that moved, in order of time."""
+    grouped = groupby(view.record.tracks, key=lambda each: each.id)
+    return [list(told) for _, told in grouped]
 
 
 def _road(road: Road) -> list[Figure]:
@@ -153,22 +181,22 @@ def _road(road: Road) -> list[Figure]:
     return [shape | {'layer': 'below'} for shape in shapes]
 
 
-def _discs(obstacle: Obstacle, kept: float) -> list[Figure]:
-    disc = _circle(obstacle.center, obstacle.radius)
+def _shapes(obstacle: Shape, kept: float) -> list[Figure]:
+    disc = _edge(obstacle, obstacle.radius)
     disc |= {'fillcolor': OBSTACLE, 'opacity': 0.85, 'line': {'width': 0}, 'layer': 'below'}
     if kept == obstacle.radius:
         return [disc]
     around = {'line': {'color': OBSTACLE, 'width': 1.2, 'dash': 'dash'}, 'layer': 'below'}
-    return [disc, _circle(obstacle.center, kept) | around]
+    return [disc, _edge(obstacle, kept) | around]
 
 
-def _name(obstacle: Obstacle) -> Figure:
+def _name(obstacle: Shape) -> Figure:
     x, y = obstacle.center
     font = {'color': '#ffffff', 'size': 13}
     return {'x': x, 'y': y, 'text': escaped(obstacle.name), 'showarrow': False, 'font': font}
 
 
-def obstacles(views: Sequence[View]) -> dict[Obstacle, float]:
+def obstacles(views: Sequence[View]) -> dict[Shape, float]:
     """All obstacles there ever were, and the radius that the robot's centre keeps out of."""
     every = (epoch.settings for view in views for epoch in view.record.history.epochs)
     return {
@@ -190,6 +218,12 @@ def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
 
 def _line(points: Array) -> str:
     return f'M {" L ".join(f"{x:.4f},{y:.4f}" for x, y in points.tolist())}'
+
+
+def _edge(obstacle: Shape, distance: float) -> Figure:
+    if isinstance(obstacle, Obstacle):
+        return _circle(obstacle.center, distance)
+    return {'type': 'path', 'path': f'{_line(outline(obstacle, distance))} Z'}
 
 
 def _circle(center: tuple[float, float], radius: float) -> Figure:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Patch, Polygon
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.palette import (
@@ -22,9 +22,10 @@ from cmpsp_ros.bags.report.palette import (
     RUNGS,
     bag_color,
 )
-from cmpsp_ros.bags.report.path_chart import frame, obstacles
+from cmpsp_ros.bags.report.path_chart import frame, obstacles, told_of
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.bags.road_picture import draw_road
+from cmpsp_ros.robot.obstacles import outline
 
 
 def draw(views: Sequence[View], output: Path) -> None:
@@ -56,9 +57,13 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
     for road in dict.fromkeys(view.settings.road for view in views):
         draw_road(axes, road, ROAD, EDGE)
     for obstacle, kept in obstacles(views).items():
-        axes.add_patch(Circle(obstacle.center, obstacle.radius, fc=OBSTACLE, lw=0, zorder=2))
-        axes.add_patch(Circle(obstacle.center, kept, fill=False, ec=OBSTACLE, ls='--', zorder=2))
+        edge, around = outline(obstacle, obstacle.radius), outline(obstacle, kept)
+        axes.add_patch(Polygon(edge, fc=OBSTACLE, lw=0, zorder=2))
+        axes.add_patch(Polygon(around, fill=False, ec=OBSTACLE, ls='--', zorder=2))
         axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
+    for told in (each for view in views for each in told_of(view)):
+        x, y = [each.x for each in told], [each.y for each in told]
+        axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)
     for number, view in enumerate(views):
         color = bag_color(number)
         axes.plot(*view.poses[:, :2].T, color=color, lw=2.0, label=_plain(view.label), zorder=4)

@@ -87,8 +87,7 @@ def converge(
     """
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)
-    endless = settings.road.space(-np.inf)
-    nowhere = ClearSpace(endless, np.zeros((0, 2)), np.zeros(0))
+    nowhere = ClearSpace.of(settings.road, (), -np.inf)
     problem = GuidanceProblem(
         settings.robot,
         nowhere,

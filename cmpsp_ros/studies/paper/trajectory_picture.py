@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Wedge
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.obstacles import Shape
 from cmpsp_ros.studies.journal import WIDTH
 from cmpsp_ros.studies.paper.drives import Drive, Path
 from cmpsp_ros.studies.paper.style import PANELS, key_above, strokes
@@ -73,7 +73,7 @@ def _draw_place(axes: Axes, drives: Sequence[Drive]) -> None:
     _frame(axes, settings)
 
 
-def _obstacles(drive: Drive) -> tuple[Obstacle, ...]:
+def _obstacles(drive: Drive) -> tuple[Shape, ...]:
     return drive.path.settings.obstacles
 
 

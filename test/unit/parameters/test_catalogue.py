@@ -25,5 +25,7 @@ def test_what_needs_a_restart():
         'enable_stamped_cmd_vel', 'autostart', 'initial_pose', 'odom_rate', 'real_time_factor',
         'publish_clock', 'lockstep', 'noise.dropout_windows', 'noise.seed',
         'realtime.priority', 'realtime.cpu',
+        'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
+        'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip

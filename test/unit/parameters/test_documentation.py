@@ -70,8 +70,8 @@ def test_schema_accepts_the_presets(name):
     [
         {'frame': 'odom'}, {'goal.tolerance': 0.0}, {'goal.position': [1.0]},
         {'solver.hessian': 'newton'}, {'solver.iterations_per_step': 2.5}, {'autostart': 1},
-        {'obstacles.names': ['a', 'a']}, {'obstacles.c.radius': 1.0}, {'obstacles.a.name': 1},
-        {'control_period': 11.0},
+        {'obstacles.names': ['a', 'a']}, {'moving_obstacles.c.radius': 1.0},
+        {'obstacles.a.name': 1}, {'control_period': 11.0},
     ],
 )  # fmt: skip
 def test_schema_refuses_what_the_table_refuses(change):

@@ -28,9 +28,10 @@ def test_blocks_stand_together_behind_their_names():
     values = TABLE.resolve({**second, **OBSTACLE, 'obstacles.names': ('b', 'a')})
     keys = list(values)
     start = keys.index('obstacles.names')
-    assert keys[start + 1 : start + 5] == [
-        'obstacles.b.center', 'obstacles.b.radius', 'obstacles.a.center', 'obstacles.a.radius',
-    ]  # fmt: skip
+    block = ['type', 'center', 'start', 'end', 'vertices', 'radius']
+    assert keys[start + 1 : start + 13] == [
+        f'obstacles.{name}.{key}' for name in ('b', 'a') for key in block
+    ]
     assert values['obstacles.b.center'] == [1.0, 2.0]
 
 
@@ -45,13 +46,14 @@ def test_all_problems_are_reported_together():
 
 def test_a_bad_radius_of_an_obstacle():
     bad = {**OBSTACLE, 'obstacles.names': ['a'], 'obstacles.a.radius': -0.5}
-    assert refusal(bad) == ['obstacles.a.radius: found -0.5, wanted a number > 0 [m]']
+    assert refusal(bad) == ['obstacles.a.radius: found -0.5, wanted a number >= 0 [m]']
 
 
 def test_an_obstacle_named_and_not_given():
-    assert refusal({'obstacles.names': ['a']}) == [
-        'obstacles.a.center: found nothing, wanted a list of 2 numbers [m]',
-        'obstacles.a.radius: found nothing, wanted a number > 0 [m]',
+    assert refusal({'moving_obstacles.names': ['a']}) == [
+        'moving_obstacles.a.center: found nothing, wanted a list of 2 numbers [m]',
+        'moving_obstacles.a.velocity: found nothing, wanted a list of 2 numbers [m/s]',
+        'moving_obstacles.a.radius: found nothing, wanted a number > 0 [m]',
     ]
 
 
@@ -134,7 +136,7 @@ def test_a_change_that_needs_a_restart_is_refused():
 
 def test_a_change_that_spoils_the_set_is_refused():
     start = TABLE.resolve({**OBSTACLE, 'obstacles.names': ['a']})
-    for changes in ({'obstacles.names': ['a', 'b']}, {'obstacles.names': 3}, {'nonsense': 1}):
+    for changes in ({'obstacles.a.radius': -1}, {'obstacles.names': 3}, {'nonsense': 1}):
         with pytest.raises(ParameterError):
             TABLE.reconfigure(start, changes)
 

@@ -1,0 +1,33 @@
+"""Obstacles that move, as a bag tells of them."""
+
+from __future__ import annotations
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.tracks import Track, TrackError, tracks_of
+
+
+def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
+    """All that a topic tells of, by number and time; none where the bag lacks the topic.
+
+    Args:
+        bag: An open bag.
+        topic: Full name.
+        frame_id: Frame in which they are wanted, messages in others being left out as the node
+            refuses them; None takes any.
+
+    Raises:
+        BagError: A message is none of its type.
+    """
+    found: dict[tuple[int, int], Track] = {}
+    for _, message in bag.messages(topic) if topic in bag.topics else ():
+        try:
+            for each in tracks_of(
+                message, message.header.frame_id if frame_id is None else frame_id
+            ):
+                found[each.key] = max(each, found.get(each.key, each))
+        except TrackError:
+            continue
+        except (AttributeError, TypeError, ValueError) as error:
+            raise BagError(f'{bag.path}: {topic}: found no obstacles there: {error}') from error
+    return tuple(found[key] for key in sorted(found))

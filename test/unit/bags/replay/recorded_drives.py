@@ -1,0 +1,184 @@
+"""A guidance law that drives an exact robot in this process and is recorded as its node is."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.bags.messages import (
+    PATH,
+    STATUS,
+    TWIST,
+    command_message,
+    decision_message,
+    path_message,
+)
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+ODOMETRY, EVENT = 'nav_msgs/msg/Odometry', 'rcl_interfaces/msg/ParameterEvent'
+SECOND = 1_000_000_000
+TICK = SECOND // 50
+START = (0.0, -9.25, 0.0)
+
+
+def make(name, *fields):
+    return jazzy().types[name](*fields)
+
+
+def odometry(stamp, pose, frame_id='odom'):
+    x, y, heading = map(float, pose)
+    vector, unknown = jazzy().types['geometry_msgs/msg/Vector3'], np.zeros(36)
+    turn = make(
+        'geometry_msgs/msg/Quaternion', 0.0, 0.0, math.sin(heading / 2.0), math.cos(heading / 2.0)
+    )
+    placed = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', x, y, 0.0), turn)
+    still = make('geometry_msgs/msg/Twist', vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+    time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
+    message = make(
+        ODOMETRY,
+        make('std_msgs/msg/Header', time, frame_id),
+        'base_link',
+        make('geometry_msgs/msg/PoseWithCovariance', placed, unknown),
+        make('geometry_msgs/msg/TwistWithCovariance', still, unknown),
+    )
+    return bytes(jazzy().serialize_cdr(message, ODOMETRY))
+
+
+def parameter_event(node, changes):
+    none = np.zeros(0)
+    parameters = []
+    for name, value in changes.items():
+        many = isinstance(value, list)
+        value_message = make(
+            'rcl_interfaces/msg/ParameterValue',
+            8 if many else 3,
+            False,
+            0,
+            0.0 if many else value,
+            '',
+            none.astype(np.uint8),
+            none.astype(bool),
+            none.astype(np.int64),
+            np.array(value) if many else none,
+            [],
+        )
+        parameters.append(make('rcl_interfaces/msg/Parameter', name, value_message))
+    time = make('builtin_interfaces/msg/Time', 0, 0)
+    message = make(EVENT, time, node, [], parameters, [])
+    return bytes(jazzy().serialize_cdr(message, EVENT))
+
+
+class Drive:
+    """A drive at 50 Hz that is recorded message by message; a context manager."""
+
+    def __init__(
+        self, folder, prefix='', begin=1_700_000_000 * SECOND + 7, preset='case3', **parameters
+    ):
+        self.prefix, self.now, self.pose = prefix, begin, np.array(START)
+        self.values = TABLE.resolve({**load_parameter_file(preset), **parameters})
+        self.settings = guidance_settings(self.values)
+        self.law, self.held, self.decisions = GuidanceLaw(self.settings), np.zeros(2), []
+        # By how much odometry is behind the recorder's clock, and what the node knows of its time.
+        self.behind, self.time = 0, TimeJump()
+        self.activate()
+        self.bag = BagWriter(folder)
+        for name, kind in (
+            ('/parameter_events', EVENT),
+            (f'{prefix}/odom', ODOMETRY),
+            (f'{prefix}/cmd_vel', TWIST),
+            (f'{prefix}/guidance/decision', STATUS),
+            (f'{prefix}/guidance/predicted_path', PATH),
+        ):
+            self.bag.topic(name, kind)
+        keys = TABLE.keys(self.values)
+        said = {key: self.values[key] for key, row in keys if 'guidance' in row.nodes}
+        self.bag.set_parameters(f'{prefix}/guidance', said)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.bag.close()
+
+    def activate(self):
+        self.law.reset()
+
+    def publish(self, decision, late=2_000_000):
+        """What a node publishes on a decision, a little after its odometry."""
+        self.held, when = decision.wheel_speeds, self.now + late
+        self.decisions.append(decision)
+        self.bag.write(f'{self.prefix}/cmd_vel', when, command_message(decision))
+        said = decision_message(decision, 'decision')
+        self.bag.write(f'{self.prefix}/guidance/decision', when + 1000, said)
+        if decision.plan is not None:
+            path = path_message(decision.plan, self.settings.frame_id, decision.stamp)
+            self.bag.write(f'{self.prefix}/guidance/predicted_path', when + 2000, path)
+
+    def say(self, raw):
+        self.bag.write(f'{self.prefix}/odom', self.now + 1000, raw)
+
+    def go(self, seconds, *, heard=True):
+        """Drive, odometry being heard or neither heard nor recorded."""
+        for _ in range(round(seconds * SECOND / TICK)):
+            if heard:
+                self.hear(self.now - self.behind)
+            self.tick()
+
+    def hear(self, stamp):
+        self.say(odometry(stamp, self.pose))
+        if self.time.back(stamp) > self.settings.odom_timeout:
+            self.law.reset()
+        decision = self.law.update(stamp, self.measured())
+        if decision is not None:
+            self.publish(decision)
+
+    def measured(self):
+        """The pose as it reads back from a message."""
+        x, y, heading = self.pose
+        turn = math.sin(heading / 2.0), math.cos(heading / 2.0)
+        return np.array([x, y, math.atan2(2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2)])
+
+    def tick(self):
+        held, seconds = self.held[None], np.array([TICK / SECOND])
+        self.pose = self.settings.robot.roll_out(self.pose, held, seconds)[-1]
+        self.now += TICK
+
+    def halt(self, reason='No usable odometry.'):
+        self.publish(self.law.halt(self.now, reason))
+        self.now += TICK // 4
+
+    def change(self, **changes):
+        """A live change of parameters, `__` standing for a dot."""
+        said = {key.replace('__', '.'): value for key, value in changes.items()}
+        self.values = TABLE.reconfigure(self.values, said)
+        self.settings = guidance_settings(self.values)
+        event = parameter_event(f'{self.prefix}/guidance', said)
+        self.bag.write('/parameter_events', self.now, event)
+        self.law.reconfigure(self.settings)
+
+
+def altered(
+    source, target, change=lambda topic, index, message: message, parameters=None, restarts=None
+):
+    """A copy of a bag: `change` returns each message as it is to be, or None for none of it."""
+    with Bag(source) as bag, BagWriter(target) as new:
+        for topic, there in bag.topics.items():
+            new.topic(topic, there.msgtype)
+            for index, (stamp, message) in enumerate(bag.messages(topic)):
+                kept = change(topic, index, message)
+                if kept is not None:
+                    new.write(topic, stamp, bytes(jazzy().serialize_cdr(kept, there.msgtype)))
+        for node, values in (bag.parameters if parameters is None else parameters).items():
+            new.set_parameters(node, values)
+        for node, lives in (restarts or {}).items():
+            for since, values in lives:
+                new.set_parameters(node, values, since)
+    return target

@@ -64,8 +64,10 @@ class Progress:
     def _gain(self, poses: Array) -> float:
         """By how much the end of a path is nearer than its beginning, along the road or not [m]."""
         goal = self._settings.goal
-        (along, straight), (along_then, straight_then) = (
-            (abs(way_left(self._road, *pose, *goal)), math.dist(pose[:2], goal))
-            for pose in (poses[0].tolist(), poses[-1].tolist())
-        )
-        return max(along - along_then, straight - straight_then)
+
+        def left(x: float, y: float, heading: float) -> tuple[float, float]:
+            along = way_left(self._road, x, y, heading, *goal)
+            return abs(along), math.dist((x, y), goal)
+
+        now, then = left(*poses[0]), left(*poses[-1])
+        return max(now[0] - then[0], now[1] - then[1])

@@ -137,6 +137,11 @@ class Recorded:
         """How often the law had been given new settings; None where that was not recorded."""
         return self._parsed('revision', int) if 'revision' in self.facts else None
 
+    @property
+    def told(self) -> int:
+        """How many goals the law had been told since the run began."""
+        return self._parsed('told', int) if 'told' in self.facts else 0
+
     def _parsed(self, key: str, kind: type[T]) -> T:
         text = self.text(key)
         try:

@@ -88,7 +88,7 @@ class Itinerary:
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
             way = abs(way_along(self._given.road, pose, goal.position, goal.heading))
-            self._set_out(goal, effect, way / self._given.nominal_speed)
+            self._set_out(goal, effect, way / self._given.pace)
             return True
         if self._given.follow is not None:
             self._look_ahead(now, pose)

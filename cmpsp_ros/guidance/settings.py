@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
+_PART_OF_TOP, _WITHOUT_TOP = 0.8, 1.0
+
 
 @dataclass(frozen=True)
 class Weights:
@@ -107,7 +109,8 @@ class GuidanceSettings:
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
         hold: Whether the robot is kept at the goal after the final time.
-        nominal_speed: Speed along the road to a goal that is told without a time [m/s].
+        nominal_speed: Speed along the road to a goal that is told without a time; 0 for eight
+            tenths of the top speed, or 1 m/s without a wheel limit [m/s].
         follow: How to follow the road, where that is the task; there is no goal then.
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
@@ -128,7 +131,7 @@ class GuidanceSettings:
     final_time: float = 10.0
     waypoints: tuple[Goal, ...] = ()
     hold: bool = False
-    nominal_speed: float = 1.0
+    nominal_speed: float = 0.0
     follow: Follow | None = None
     control_period: float = 0.2
     command_delay: float = 0.0
@@ -149,6 +152,12 @@ class GuidanceSettings:
             return ()
         name = GOAL if self.waypoints else ''
         return (*self.waypoints, Goal(self.goal, self.final_time, self.goal_heading, name))
+
+    @property
+    def pace(self) -> float:
+        """Speed along the road where no time says it [m/s]."""
+        top = self.robot.max_speed
+        return self.nominal_speed or (_PART_OF_TOP * top if math.isfinite(top) else _WITHOUT_TOP)
 
     def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
         """The same with one goal alone.

@@ -70,7 +70,7 @@ def _parts(settings: GuidanceSettings, pose: Array) -> list[tuple[int, float, fl
     if settings.goal_heading is not None:
         last = math.remainder(settings.goal_heading - pose[2] - turn, math.tau)
     robot, period = settings.robot, settings.control_period
-    speed = min(settings.nominal_speed, _PART_OF_LIMIT * robot.max_speed)
+    speed = min(settings.pace, _PART_OF_LIMIT * robot.max_speed)
     turn_rate = min(_TURN_RATE, _PART_OF_LIMIT * robot.max_speed / robot.half_track)
     return [
         (math.ceil(abs(turn) / turn_rate / period), 0.0, turn),

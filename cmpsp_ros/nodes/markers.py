@@ -54,7 +54,10 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
         add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
         add('obstacle_names', _text(obstacle.center, obstacle.name))
         add('margins', _ring(obstacle.center, radius, 0.02, _MARGIN))
-    add('goal', _disc(settings.goal, max(settings.goal_tolerance, 0.1), _GOAL))
+    for goal in settings.goals:
+        add('goal', _disc(goal.position, max(settings.goal_tolerance, 0.1), _GOAL))
+        if goal.name:
+            add('goal_names', _text(goal.position, goal.name))
     return MarkerArray(markers=markers)
 
 

@@ -15,8 +15,6 @@ from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.corridor import Corridor
 from cmpsp_ros.robot.road import Annulus
 
-_NOMINAL: Final = 0.8
-_WITHOUT_LIMIT: Final = 1.0
 _FEWEST_STEPS: Final = 2
 _MOST_STEPS: Final = 1000
 _ROUNDING: Final = 1e-9
@@ -42,12 +40,6 @@ def waypoints_of(values: Values) -> tuple[Goal, ...]:
         )
         for name in values['waypoints.names']
     )
-
-
-def nominal_speed_of(values: Values) -> float:
-    """Speed to a goal that says no time [m/s]."""
-    top: float = values['robot.max_wheel_speed'] * values['robot.wheel_radius']
-    return values['goal.nominal_speed'] or _NOMINAL * top or _WITHOUT_LIMIT
 
 
 def follow_of(values: Values) -> Follow | None:

@@ -24,7 +24,6 @@ from cmpsp_ros.parameters.goals import (
     follow_problems,
     goal_problems,
     heading_of,
-    nominal_speed_of,
     waypoints_of,
 )
 from cmpsp_ros.parameters.places import obstacles_of, place_problems
@@ -73,7 +72,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
         hold=values['goal.hold'],
-        nominal_speed=nominal_speed_of(values),
+        nominal_speed=values['goal.nominal_speed'],
         follow=follow_of(values),
         control_period=values['control_period'],
         command_delay=values['command_delay'],

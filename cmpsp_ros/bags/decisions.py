@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Recorded
+from cmpsp_ros.guidance.goals import Goal
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,8 @@ class Said:
         halted: Whether it answers no odometry.
         wheel_speeds: Right and left wheel [rad/s], shape ``(2,)``.
         step_ms: Time from odometry to command [ms]; None where it was not measured.
+        goal: What it drives to, where it says so.
+        told: How many goals had been told since the run began.
     """
 
     received: int
@@ -48,6 +51,8 @@ class Said:
     halted: bool
     wheel_speeds: Array
     step_ms: float | None
+    goal: Goal | None = None
+    told: int = 0
 
 
 def read_decisions(bag: Bag, topic: str) -> tuple[Said, ...]:
@@ -84,4 +89,14 @@ def _said(source: str, received: int, message: Any) -> Said:
         halted=found.halted,
         wheel_speeds=np.array(wheels),
         step_ms=found.number('step_ms') if 'step_ms' in found.facts else None,
+        goal=_goal(found),
+        told=found.told,
     )
+
+
+def _goal(found: Recorded) -> Goal | None:
+    if 'goal' not in found.facts:
+        return None
+    position = found.number('goal_x'), found.number('goal_y')
+    heading = found.number('goal_heading') if 'goal_heading' in found.facts else None
+    return Goal(position, found.number('goal_time'), heading, found.text('goal'))

@@ -155,6 +155,11 @@ class Recorded:
         except ValueError as error:
             raise BagError(f'{self.source}: {error}') from None
 
+    @property
+    def told(self) -> int:
+        """How many goals the law had been told since the run began."""
+        return self._parsed('told', int) if 'told' in self.facts else 0
+
     def _parsed(self, key: str, kind: type[T]) -> T:
         text = self.text(key)
         try:

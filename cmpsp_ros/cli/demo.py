@@ -96,8 +96,13 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
     limited = f'limit {limit:g} rad/s' if math.isfinite(limit) else 'no limit'
     times = summary.step_times
     table = Table('figure', 'value', title=f'{summary.preset}: {summary.control_steps} steps')
+    for passing in summary.passings:
+        table.add_row(f'at {passing.goal.time:g} s', str(passing))
+    if summary.speed is not None:
+        table.add_row('mean speed along the road', f'{summary.speed:.4f} m/s')
+    elif not summary.passings:
+        table.add_row('miss at the final time', f'{summary.miss:.3g} m')
     for name, value in (
-        ('miss at the final time', f'{summary.miss:.3g} m'),
         ('least clearance, between samples too', f'{summary.clearance:+.4f} m'),
         ('largest wheel speed', f'{summary.max_wheel_speed:.2f} rad/s ({limited})'),
         (

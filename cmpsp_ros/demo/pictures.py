@@ -67,8 +67,11 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         )
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
     axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
-    axes.plot(*settings.goal, '*', color=_GOAL, ms=15, zorder=6, label='goal')
-    points = np.vstack([driven, [settings.goal], *(plan.points for plan in plans)])
+    goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
+    if len(goals):
+        name = 'goal' if len(goals) == 1 else 'goals'
+        axes.plot(*goals.T, '*', color=_GOAL, ms=15, ls='', zorder=6, label=name)
+    points = np.vstack([driven, goals, *(plan.points for plan in plans)])
     _frame(axes, points, settings)
     axes.legend(handles=[*axes.get_legend_handles_labels()[0], *_keys(settings)], loc='best')
     figure.savefig(path, dpi=120)

@@ -11,6 +11,7 @@ from typing import Any, Final
 from cmpsp_ros.guidance.prospects import doubts, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.road_files import with_road_file
 from cmpsp_ros.parameters.robots import load_robot
@@ -80,6 +81,8 @@ def load_scenario(
             remarks += _give_time(given)
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
+    if not math.isfinite(settings.final_time):
+        raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
     check_start(values)
     check_pace(values)
     remarks += doubts(settings, _start(values))

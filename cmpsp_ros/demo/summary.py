@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,10 +12,15 @@ import numpy as np
 
 from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.passing import Passing, mean_speed
 from cmpsp_ros.bags.run import Run
 from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.clear_space import ClearSpace
+
+# Part of the speed along a road by which its mean may be off.
+_SPEED_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True)
@@ -25,8 +29,9 @@ class Summary:
 
     Attributes:
         preset: Name of the preset or parameter file.
-        reached: Whether the goal was passed within its tolerance at the final time.
-        miss: Distance from the goal at the final time [m].
+        reached: Whether every goal was passed within its tolerances at its time; where a road is
+            followed, whether that was done at the speed asked for.
+        miss: Distance from the goal at the final time [m]; None where a road is followed.
         clearance: Least clearance of the path driven, between samples too, from road edges and
             obstacles, and while the robot moves from those that move, the robot's own radius taken
             off [m].
@@ -36,23 +41,32 @@ class Summary:
         deadline_misses: Control steps that took longer than the control period.
         rungs: Control steps on each rung of the ladder.
         control_steps: Number of control steps.
+        passings: How each goal was passed, in order, where there is more to it than one point.
+        speed: Mean speed along a road that is followed [m/s].
     """
 
     preset: str
     reached: bool
-    miss: float
+    miss: float | None
     clearance: float
     max_wheel_speed: float
     step_times: dict[str, float | None]
     deadline_misses: int
     rungs: dict[str, int]
     control_steps: int
+    passings: tuple[Passing, ...] = ()
+    speed: float | None = None
 
     @property
     def failure(self) -> str:
         """Why the run is no success, in words; empty where it is one."""
         reasons = []
-        if not self.reached:
+        if not self.reached and self.speed is not None:
+            reasons.append(f'the road was followed at {self.speed:.3g} m/s')
+        elif not self.reached and self.passings:
+            worst = max(self.passings, key=lambda each: each.ratio)
+            reasons.append(f'the robot passed {worst}')
+        elif not self.reached:
             reasons.append(f'the goal was missed by {self.miss:.3g} m')
         if self.clearance < 0.0:
             reasons.append(f'the path cut road edge or obstacle by {-self.clearance:.3g} m')
@@ -71,6 +85,18 @@ class Summary:
             'rungs': self.rungs,
             'control_steps': self.control_steps,
         }
+        if self.passings:
+            values['goals'] = [
+                {
+                    'name': each.goal.name,
+                    'time_s': each.goal.time,
+                    'miss_m': each.miss,
+                    'heading_miss_rad': each.heading_miss,
+                }
+                for each in self.passings
+            ]
+        if self.speed is not None:
+            values['speed_m_s'] = self.speed
         path.write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
 
 
@@ -81,7 +107,7 @@ def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
         BagError: The run does not cover them.
     """
     first = run.decisions[0].stamp
-    last = first + round(settings.final_time * 1e9)
+    last = first + to_nanoseconds(settings.final_time)
     begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
     if not begin <= first < last <= end:
         raise BagError(
@@ -103,7 +129,16 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     timeout = settings.moving_obstacles.timeout
     met = encounters(driven, run.tracks, settings.robot_radius, timeout)
     nearest = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
-    miss = math.dist(run.driven.at(last)[:2], settings.goal)
+    passings = []
+    for goal in settings.goals:
+        stamp = first + to_nanoseconds(goal.time)
+        passings.append(Passing.of(settings, goal, stamp, run.driven.at(stamp)))
+    speed, follow = None, settings.follow
+    if follow is not None:
+        speed = mean_speed(settings, driven.poses, settings.final_time)
+        reached = abs(speed - follow.speed) <= _SPEED_TOLERANCE * abs(follow.speed)
+    else:
+        reached = all(each.ratio <= 1.0 for each in passings)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
     steps = [each for each in run.decisions if each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
@@ -111,12 +146,14 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     counts = Counter(each.rung for each in steps)
     return Summary(
         preset=preset,
-        reached=miss <= settings.goal_tolerance,
-        miss=miss,
+        reached=reached,
+        miss=passings[-1].miss if passings else None,
         clearance=min([float(clearance.min()), *nearest]),
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
         deadline_misses=sum(time > 1e3 * settings.control_period for time in times),
         rungs={rung.name.lower(): counts[rung.name.lower()] for rung in Rung},
         control_steps=len(steps),
+        passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
+        speed=speed,
     )

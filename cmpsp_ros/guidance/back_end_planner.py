@@ -59,7 +59,9 @@ class BackEndPlanner:
         """The problem from a pose on; arguments as of `improve`."""
         task, durations = self._task, horizon.durations
         space, robot = task.space(guess, durations, pose, moving), task.settings.model
-        problem = GuidanceProblem(robot, space, task.cost, pose, task.goal, durations)
+        problem = GuidanceProblem(
+            robot, space, task.cost, pose, task.goal, durations, task.heading, task.outputs
+        )
         rate = task.settings.weights.control_rate
         return ControlRateProblem(problem, rate, held) if rate > 0.0 else problem
 

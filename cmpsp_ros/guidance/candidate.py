@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -107,7 +106,7 @@ class Candidate:
     ) -> str:
         """What is to be said of it when it is followed, in a sentence."""
         improvement, verdict = self.improvement, self.verdict
-        miss = math.dist(self.plan.poses[-1, :2], settings.goal)
+        miss = settings.miss(self.plan.poses[-1])
         if improvement.elastic:
             where = audit.names(improvement.slack_where, moving)
             parts = [where] if where else []
@@ -127,4 +126,8 @@ class Candidate:
             )
         if miss > settings.goal_tolerance:
             return f'No slack was needed, but the plan still ends {miss:.3g} m from the goal.'
+        off = settings.heading_miss(self.plan.poses[-1])
+        if off is not None and off > settings.heading_tolerance:
+            where = f"{off:.3g} rad off the goal's heading"
+            return f'No slack was needed, but the plan still ends {where}.'
         return 'The plan meets every constraint.'

@@ -88,7 +88,7 @@ class Choice:
         """
         self._settings, self._audit, self._timer = settings, audit, timer
         # Only between two circles ways are known, and told apart.
-        known = isinstance(settings.road, Annulus)
+        known = isinstance(settings.road, Annulus) and settings.follow is None
         self._most = settings.solver.candidates if known else 1
         self._planner = Planner(settings)
         self._spare = [Planner(settings) for _ in range(max(1, self._most - 1))]
@@ -99,6 +99,15 @@ class Choice:
         self._beside: list[_Contender] = []
         self.phases: dict[str, float] = {}
         self.forget()
+
+    def aim(self, settings: GuidanceSettings) -> None:
+        """Take another goal; nothing else of the settings may differ."""
+        if settings is self._settings:
+            return
+        self._settings = settings
+        self._judge.aim(settings)
+        for planner in (self._planner, *self._spare, *(each.planner for each in self._beside)):
+            planner.aim(settings)
 
     def forget(self) -> None:
         """Begin again: all ways are looked at afresh at the next control step."""

@@ -9,6 +9,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.tracks import Track
 
@@ -63,9 +64,10 @@ class Decision:
         reason: Why that rung, in a sentence.
         wheel_speeds: Commanded wheel speeds (right, left), shape ``(2,)`` [rad/s].
         twist: The same as speed and turn rate, shape ``(2,)`` [m/s, rad/s].
-        time_left: Time to the final time [s]; 0 once it has passed.
+        time_left: Time to the final time [s]; 0 once it has passed, infinite where there is none.
         plan: The plan followed; None when stopped.
-        miss: Distance of the plan's end from the goal [m]; the robot's own once stopped.
+        miss: Distance of the plan's end from the goal [m]; the robot's own once stopped. Where a
+            road is followed the goal is a line across it.
         margin: Least clearance from obstacles and road edges until the end of the coming control
             period, between samples too, the robot's own radius taken off [m].
         worst_margin: The same along the whole plan [m].
@@ -82,6 +84,10 @@ class Decision:
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
         tracks: Obstacles that move, as they were known.
+        goal: What it drives to, at which time; None where a road is followed.
+        heading_miss: Difference of the plan's last heading from the goal's [rad]; None where any
+            will do.
+        told: How many goals the law had been told since the run began.
         phases: Computing time by phase [ms], where a timer was given.
     """
 
@@ -108,4 +114,7 @@ class Decision:
     run: int = 0
     revision: int = 0
     tracks: tuple[Track, ...] = ()
+    goal: Goal | None = None
+    heading_miss: float | None = None
+    told: int = 0
     phases: Mapping[str, float] = field(default_factory=dict)

@@ -40,9 +40,24 @@ def facts(decision: Decision) -> dict[str, str]:
         'run': decision.run,
         'revision': decision.revision,
         **({MOVING: written_keys(decision.tracks)} if decision.tracks else {}),
+        **_of_goal(decision),
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
     return {key: written(value) for key, value in values.items()}
+
+
+def _of_goal(decision: Decision) -> dict[str, object]:
+    """What is to be told of the goal where there is more to it than a point that never changes."""
+    goal, values = decision.goal, dict[str, object]()
+    if goal is not None and goal.name:
+        (x, y), time = goal.position, goal.time
+        values |= {'goal': goal.name, 'goal_x': x, 'goal_y': y, 'goal_time': time}
+        values |= {} if goal.heading is None else {'goal_heading': goal.heading}
+    if decision.heading_miss is not None:
+        values['heading_miss'] = decision.heading_miss
+    if decision.told:
+        values['told'] = decision.told
+    return values
 
 
 def severity(decision: Decision) -> int:

@@ -5,8 +5,10 @@ Times are integer nanoseconds since time 0, so that a run repeats exactly.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +19,13 @@ Array = NDArray[np.float64]
 
 NANOSECONDS = 1_000_000_000
 
+NEVER: Final = 2**62
+"""A time that does not come [ns]."""
+
 
 def to_nanoseconds(seconds: float) -> int:
-    """Seconds as a whole number of nanoseconds, to the nearest."""
-    return round(seconds * NANOSECONDS)
+    """Seconds as a whole number of nanoseconds, to the nearest; infinite ones are `NEVER`."""
+    return round(seconds * NANOSECONDS) if seconds < math.inf else NEVER
 
 
 @dataclass(frozen=True)

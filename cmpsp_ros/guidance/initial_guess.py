@@ -50,6 +50,7 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
         durations,
         settings.road.space(0.0),
         settings.goal,
+        math.nan if settings.goal_heading is None else settings.goal_heading,
         robot.wheel_radius,
         robot.half_track,
         robot.max_wheel_speed,
@@ -65,6 +66,7 @@ def _follow(
     durations: Array,
     road: Any,
     goal: tuple[float, float],
+    goal_heading: float,
     wheel_radius: float,
     half_track: float,
     max_wheel_speed: float,
@@ -76,10 +78,18 @@ def _follow(
     for k in range(steps):
         left += durations[k]
     progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2])
+    at_goal = road_functions.find(road, goal[0], goal[1], goal_heading)
     for k in range(steps):
         progress = road_functions.measure(road, 0, poses[k, 0], poses[k, 1], progress)[0]
         target_x, target_y, speed = _aim(
-            road, poses[k, 0], poses[k, 1], progress, goal, left, wheel_radius * max_wheel_speed
+            road,
+            poses[k, 0],
+            poses[k, 1],
+            progress,
+            goal,
+            at_goal,
+            left,
+            wheel_radius * max_wheel_speed,
         )
         turn_rate = pursue(target_x - poses[k, 0], target_y - poses[k, 1], poses[k, 2], speed)
         trusted = most_turn / durations[k]
@@ -100,11 +110,11 @@ def _aim(
     y: float,
     progress: float,
     goal: tuple[float, float],
+    at_goal: float,
     left: float,
     most: float,
 ) -> Any:
     """Point to pursue [m, m] and the speed that gets there in the time left [m/s]."""
-    at_goal = road_functions.find(road, goal[0], goal[1], math.nan)
     way = road_functions.way_to(road, x, y, progress, goal[0], goal[1], at_goal)
     way_left = abs(way)
     speed = min(way_left / left, most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +14,16 @@ from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Start, inside
 from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
+from cmpsp_ros.guidance.itinerary import Itinerary
 from cmpsp_ros.guidance.lookout import Lookout
 from cmpsp_ros.guidance.progress import Progress
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.slip import SlipEstimate
 from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
+from cmpsp_ros.guidance.way_back import way_back
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
@@ -45,6 +48,7 @@ class GuidanceLaw:
         self._lookout = Lookout()
         self._run = self._revision = -1
         self._slip = SlipEstimate()
+        self._itinerary = Itinerary(settings)
         self.reconfigure(settings)
         self.reset()
 
@@ -59,6 +63,7 @@ class GuidanceLaw:
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
         self._lookout.forget()
+        self._itinerary.reset()
         self._slip.forget()
         if self._reckoned.slip:
             self._reckon()
@@ -78,15 +83,15 @@ class GuidanceLaw:
         self._reckon()
         self._progress = Progress(settings)
         self._period = to_nanoseconds(settings.control_period)
-        self._final = to_nanoseconds(settings.final_time)
         self._delay = to_nanoseconds(settings.command_delay)
 
     def _reckon(self) -> None:
         """Reckon with the slip that is estimated, from now on."""
         slip = min(self._slip.slip, self._settings.max_slip)
         self._reckoned = replace(self._settings, slip=slip)
+        self._itinerary.reconfigure(self._reckoned)
         self._audit = Audit(self._reckoned)
-        self._choice = Choice(self._reckoned, self._audit, self._timer)
+        self._choice = Choice(self._itinerary.settings, self._audit, self._timer)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -110,21 +115,26 @@ class GuidanceLaw:
         now = stamp - self._start
         self._latest = now
         moving = self._lookout.at(stamp, pose, tracks, self._settings.moving_obstacles)
-        if now >= self._final:
+        self._end_period(stamp, pose)
+        start, itinerary = self._foresee(stamp, pose, moving), self._itinerary
+        turned = itinerary.go_on(stamp, now, start.pose)
+        self._choice.aim(itinerary.settings)
+        self._progress.aim(itinerary.settings)
+        if now >= itinerary.end:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose, moving), tracks)
-        self._end_period(stamp, pose)
-        horizon = remaining(now, self._period, self._final)
-        start = self._foresee(stamp, pose, moving)
+        horizon = remaining(now, self._period, itinerary.final)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
-        last = self._final - self._delay
-        if now >= last or self._is_settled(last - now):
+        last = itinerary.final - self._delay
+        if itinerary.is_last and (now >= last or self._is_settled(last - now)):
             decision = self._go_on(stamp, pose, start, last)
         else:
             horizon = remaining(now, self._period, last) if self._delay else horizon
-            decision = self._decide(stamp, pose, start, horizon)
-        self._stop_in_time(start, decision.plan, last)
+            known = self._turn(start, horizon) if turned else self._plan or self._waiting
+            decision = self._decide(stamp, pose, start, horizon, known)
+        if itinerary.is_last:
+            self._stop_in_time(start, decision.plan, last)
         self._step += 1
         self._begin_period(stamp, pose, decision.wheel_speeds)
         return self._sent(decision, tracks)
@@ -139,6 +149,16 @@ class GuidanceLaw:
         most = self._settings.max_slip
         if most > 0.0 and self._slip.end(stamp, pose, self._settings.robot, most):
             self._reckon()
+
+    def _turn(self, start: Start, horizon: Horizon) -> Plan | None:
+        """Look for a way to another goal; a plan to begin with, where no road says it."""
+        self._choice.forget()
+        if not self._itinerary.is_return:
+            return None
+        settings, durations = self._itinerary.settings, horizon.durations
+        controls = way_back(settings, start.pose, durations)
+        poses = settings.model.roll_out(start.pose, controls, durations)
+        return Plan(horizon, controls, poses, self._delay)
 
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.
@@ -200,33 +220,26 @@ class GuidanceLaw:
             reason = 'No plan can go on until a stop takes effect.'
             return self._halt(stamp, pose, reason, moving=start.moving)
         plan, verdict = shifted
-        return Decision(
-            stamp=stamp,
-            step=self._step,
-            rung=Rung.NOMINAL,
-            reason='The plan goes on: a new command comes too late to change its end.',
-            wheel_speeds=plan.controls[0],
-            twist=self._settings.robot.twist(plan.controls[0]),
-            time_left=(self._final - self._latest) / NANOSECONDS,
-            plan=plan,
+        reason = 'The plan goes on: a new command comes too late to change its end.'
+        return replace(
+            self._following(stamp, Rung.NOMINAL, reason, plan, verdict),
+            time_left=self._time_left(self._latest),
             miss=self._miss(self._plan),
-            margin=verdict.margin,
-            worst_margin=verdict.worst_margin,
-            failures=self._failures,
-            run=self._run,
-            revision=self._revision,
+            heading_miss=self._heading_miss(self._plan),
         )
 
-    def _decide(self, stamp: int, pose: Array, start: Start, horizon: Horizon) -> Decision:
+    def _decide(
+        self, stamp: int, pose: Array, start: Start, horizon: Horizon, known: Plan | None
+    ) -> Decision:
         if self._plan is None and (reason := inside(pose, self._audit)):
             return self._halt(stamp, pose, reason, moving=start.moving)
         if self._lookout.surprised:
             self._choice.look_again()
-        known, self._waiting = self._plan or self._waiting, None
+        self._waiting = None
         candidate = self._choice.best(start, self._held, known, horizon)
         improvement, verdict, plan = candidate.improvement, candidate.verdict, candidate.plan
         rung = Rung.ELASTIC if candidate.gives_way else Rung.NOMINAL
-        described = candidate.describe(self._audit, self._settings, start.moving)
+        described = candidate.describe(self._audit, self._itinerary.settings, start.moving)
         reason = described + self._choice.remark
         if candidate.usable:
             self._failures = 0
@@ -246,6 +259,22 @@ class GuidanceLaw:
         self._plan = plan
         self._held = plan.controls[0]
         self._forget_after_failures()
+        return self._following(
+            stamp,
+            rung,
+            reason,
+            plan,
+            verdict,
+            slack=improvement.slack if improvement.elastic else 0.0,
+            iterations=improvement.iterations,
+            qp_iterations=improvement.qp_iterations,
+            active_rows=improvement.active_rows,
+            phases=self._choice.phases,
+        )
+
+    def _following(
+        self, stamp: int, rung: Rung, reason: str, plan: Plan, verdict: Verdict, **rest: Any
+    ) -> Decision:
         return Decision(
             stamp=stamp,
             step=self._step,
@@ -253,19 +282,18 @@ class GuidanceLaw:
             reason=reason,
             wheel_speeds=plan.controls[0],
             twist=self._settings.robot.twist(plan.controls[0]),
-            time_left=(self._final - int(horizon.edges[0])) / NANOSECONDS,
+            time_left=self._time_left(int(plan.horizon.edges[0])),
             plan=plan,
             miss=self._miss(plan),
+            heading_miss=self._heading_miss(plan),
             margin=verdict.margin,
             worst_margin=verdict.worst_margin,
-            slack=improvement.slack if improvement.elastic else 0.0,
-            iterations=improvement.iterations,
-            qp_iterations=improvement.qp_iterations,
-            active_rows=improvement.active_rows,
             failures=self._failures,
             run=self._run,
             revision=self._revision,
-            phases=self._choice.phases,
+            goal=self._itinerary.goal,
+            told=self._itinerary.heard,
+            **rest,
         )
 
     def _shifted(self, start: Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
@@ -280,9 +308,15 @@ class GuidanceLaw:
         return Plan(horizon, controls, poses, self._delay), verdict
 
     def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
-        miss = math.dist(pose[:2], self._settings.goal)
-        missed = miss > self._settings.goal_tolerance
-        where = f', {miss:.3g} m from the goal' if missed else ''
+        settings, missed, where = self._itinerary.settings, False, ''
+        self._plan = None
+        if self._itinerary.goal is not None:
+            miss, off = settings.miss(pose), settings.heading_miss(pose) or 0.0
+            missed = miss > settings.goal_tolerance or off > settings.heading_tolerance
+            if miss > settings.goal_tolerance:
+                where = f', {miss:.3g} m from the goal'
+            elif missed:
+                where = f", {off:.3g} rad off the goal's heading"
         reason = f'The final time has passed{where}.'
         stop = self._halt(stamp, pose, reason, finished=True, moving=moving)
         return replace(stop, missed=missed)
@@ -312,9 +346,10 @@ class GuidanceLaw:
             reason=reason,
             wheel_speeds=np.zeros(2),
             twist=np.zeros(2),
-            time_left=max(0, self._final - elapsed) / NANOSECONDS,
+            time_left=self._time_left(elapsed),
             plan=None,
-            miss=math.dist(pose[:2], self._settings.goal),
+            miss=self._itinerary.settings.miss(pose),
+            heading_miss=self._itinerary.settings.heading_miss(pose),
             margin=margin,
             worst_margin=margin,
             iterations=0 if improvement is None else improvement.iterations,
@@ -323,10 +358,19 @@ class GuidanceLaw:
             halted=halted,
             run=self._run,
             revision=self._revision,
+            goal=self._itinerary.goal,
+            told=self._itinerary.heard,
         )
 
     def _miss(self, plan: Plan) -> float:
-        return math.dist(plan.poses[-1, :2], self._settings.goal)
+        return self._itinerary.settings.miss(plan.poses[-1])
+
+    def _heading_miss(self, plan: Plan) -> float | None:
+        return self._itinerary.settings.heading_miss(plan.poses[-1])
+
+    def _time_left(self, now: int) -> float:
+        end = self._itinerary.end
+        return max(0, end - now) / NANOSECONDS if end < NEVER else math.inf
 
 
 def warm_up(settings: GuidanceSettings) -> None:

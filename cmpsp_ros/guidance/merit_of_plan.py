@@ -96,6 +96,10 @@ class Judge:
         self._road = Audit(replace(settings, obstacles=()))
         self._obstacles = Audit(replace(settings, road=boundless))
 
+    def aim(self, settings: GuidanceSettings) -> None:
+        """Take another goal; nothing else of the settings may differ."""
+        self._settings = settings
+
     def merit(
         self, candidate: Candidate, held: Array, moving: MovingDiscs = NOTHING_MOVES
     ) -> Merit:

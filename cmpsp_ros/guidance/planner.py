@@ -33,13 +33,13 @@ from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import GuidanceData
-from cmpsp_ros.robot.guidance_problem import guidance_data
+from cmpsp_ros.robot.guidance_functions import POSE, GuidanceData
+from cmpsp_ros.robot.guidance_problem import guidance_data, target_of
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
-_NO_SLACK: Final = np.zeros(2)
+_NO_SLACK: Final = np.zeros(POSE)
 # What the general iteration has more means for.
 _WANTING: Final = (NO_CURVATURE, ITERATION_LIMIT)
 _STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
@@ -59,18 +59,29 @@ class Planner:
         self._back_end = BackEndPlanner(self._task)
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
-        self._rules, self._first_rules = (
-            self._make_rules(solver.iterations(at_rest=at_rest)) for at_rest in (False, True)
-        )
+        self._make_rules()
         self._rate = settings.weights.control_rate
         self._space: ClearSpace | None = None
+        self._given: GuidanceData
         self._horizon: Horizon | None = None
         longest = _longest(settings)
-        self._packed, self._room = self._make_room(len(longest.durations))
+        # Room is made for one number of outputs, and kept for when it is asked for again.
+        self._rooms: dict[int, tuple[Packed, Workspace]] = {}
+        self._enter_room(len(longest.durations))
         if self._compiled:
             nothing = np.zeros((len(longest.edges), 2))
             data = self._data(np.zeros(3), nothing[0], nothing, longest)
             self._improve = entry_for(improve, data, self._packed, 1, 0, self._rules)
+
+    def aim(self, settings: GuidanceSettings) -> None:
+        """Take another goal; nothing else of the settings may differ."""
+        task, outputs = self._task, self._task.outputs
+        task.aim(settings)
+        self._make_rules()
+        if self._space is not None:
+            self._given = self._given._replace(goal=task.goal, heading=task.heading)
+        if task.outputs != outputs:
+            self._enter_room(len(_longest(settings).durations))
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
@@ -103,8 +114,7 @@ class Planner:
             )
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
-            self._packed, self._room = self._make_room(steps)
-            self.forget()
+            self._enter_room(steps)
         room, begun = self._room, self._horizon
         over = len(room.lower) if begun is None else steps_over(begun, horizon)
         self._horizon = horizon
@@ -132,18 +142,26 @@ class Planner:
             robot, hessian = task.settings.model, task.settings.solver.hessian
             self._space = space
             self._given = guidance_data(
-                robot, space, task.cost, pose, task.goal, durations, hessian
+                robot, space, task.cost, pose, task.goal, durations, hessian, task.heading
             )
         data, rate = self._given._replace(pose=pose, durations=durations), self._rate
         if rate > 0.0:
             return ControlRateData(data, rate, np.ascontiguousarray(held, dtype=np.float64))
         return data
 
+    def _enter_room(self, steps: int) -> None:
+        """Use room for so many steps at least; nothing is known of a last plan there."""
+        outputs = self._task.outputs
+        if outputs not in self._rooms or steps >= len(self._rooms[outputs][1].lower):
+            self._rooms[outputs] = self._make_room(steps)
+        self._packed, self._room = self._rooms[outputs]
+        self.forget()
+
     def _make_room(self, steps: int) -> tuple[Packed, Workspace]:
         task = self._task
         settings = task.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
-        size = Dimensions(steps, states, 2, 2, len(task.penalty_path))
+        size = Dimensions(steps, states, 2, task.outputs, len(task.penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = task.heading_trust_region
         room = workspace(size, task.penalty_terminal, task.penalty_path, trust_radius)
@@ -151,13 +169,20 @@ class Planner:
         room.lower[:] = -room.upper
         return pack(room)
 
-    def _make_rules(self, iterations: int) -> Rules:
+    def _make_rules(self) -> None:
+        solver = self._task.settings.solver
+        self._rules, self._first_rules = (
+            self._rules_for(solver.iterations(at_rest=at_rest)) for at_rest in (False, True)
+        )
+
+    def _rules_for(self, iterations: int) -> Rules:
         task = self._task
+        target = target_of(task.goal, task.heading, task.outputs)
         default = Options(task.penalty_terminal, task.penalty_path)
         return Rules(
             iterations=iterations,
             line_search=default.line_search,
-            output_tolerance=default.output_tolerance * (float(np.linalg.norm(task.goal)) or 1.0),
+            output_tolerance=default.output_tolerance * (float(np.linalg.norm(target)) or 1.0),
             control_tolerance=default.control_tolerance,
             violation_tolerance=default.violation_tolerance,
             slack_tolerance=SLACK_TOLERANCE,
@@ -177,14 +202,15 @@ def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:
     counts = room.counts.tolist()
     status = _STATUS.get(counts[OUTCOME], QPStatus.FAILED)
     slack = room.slack if counts[RELAXED] and status is QPStatus.SOLVED else _NO_SLACK
+    path = len(slack) - len(room.at.output_error)
     largest, tolerance = float(slack.max()), rules.slack_tolerance
     return Improvement(
         plan,
         status is QPStatus.SOLVED,
         largest > tolerance,
         largest,
-        tuple(np.flatnonzero(slack[:-2] > tolerance).tolist()) if largest > tolerance else (),
-        bool(slack[-2:].max() > tolerance),
+        tuple(np.flatnonzero(slack[:path] > tolerance).tolist()) if largest > tolerance else (),
+        bool(slack[path:].max() > tolerance),
         counts[DONE],
         counts[QP_ITERATIONS],
         counts[ACTIVE_ROWS],

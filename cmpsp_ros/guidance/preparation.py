@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
+from cmpsp_ros.guidance.goals import way_along
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, way_left
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
@@ -46,6 +47,7 @@ def prepare(settings: GuidanceSettings) -> None:
     _meet_trouble(settings)
     _meet_difficulties(settings)
     _look_for_ways(settings)
+    way_along(settings.road, settings.road.middle(), settings.goal)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
@@ -55,7 +57,7 @@ def prepare(settings: GuidanceSettings) -> None:
 def _with_short_horizon(settings: GuidanceSettings) -> GuidanceSettings:
     """Compiled code is the same for any horizon, and a rehearsal of a thousand steps is long."""
     longest = _STEPS * settings.control_period
-    return replace(settings, final_time=min(settings.final_time, longest))
+    return replace(settings, final_time=min(settings.final_time, longest), waypoints=())
 
 
 def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:

@@ -34,6 +34,10 @@ class Progress:
         self._road = settings.road.space(0.0)
         self.forget()
 
+    def aim(self, settings: GuidanceSettings) -> None:
+        """Take another goal; nothing else of the settings may differ."""
+        self._settings = settings
+
     def forget(self) -> None:
         """Begin again."""
         self._without = 0

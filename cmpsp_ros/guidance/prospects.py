@@ -29,7 +29,14 @@ def shortest_time(settings: GuidanceSettings, start: Point) -> float:
 
 def doubts(settings: GuidanceSettings, start: Point) -> list[str]:
     """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
-    return [*_too_far(settings, start), *_too_narrow(settings, start)]
+    said: list[str] = []
+    begin = 0.0
+    for goal in settings.goals:
+        leg, to = settings.towards(goal, begin), f'On the way to {goal.name}: '
+        found = (*_too_far(leg, start), *_too_narrow(leg, start))
+        said += [to + each if settings.waypoints else each for each in found]
+        start, begin = goal.position, goal.time
+    return said
 
 
 def _way(settings: GuidanceSettings, start: Point) -> float:

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Final, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.obstacles import Shape
 from cmpsp_ros.robot.road import Annulus, Road
+
+Array = NDArray[np.float64]
+
+GOAL: Final = 'goal'
+"""Name of the last of several goals."""
+
+_PART_OF_TOP, _WITHOUT_TOP = 0.8, 1.0
 
 
 @dataclass(frozen=True)
@@ -106,7 +118,15 @@ class GuidanceSettings:
         road: The road to stay inside.
         goal: Point to pass at the final time (x, y) [m].
         goal_tolerance: Miss up to which the goal counts as reached [m].
-        final_time: Time at which to pass the goal, from the first odometry [s].
+        goal_heading: Heading to pass it with [rad]; None for any.
+        heading_tolerance: Difference from that up to which the heading counts as met [rad].
+        final_time: Time at which to pass the goal, from the first odometry [s]. Where a road is
+            followed it is when to stop, infinite for never.
+        waypoints: What to pass before it, by increasing times.
+        hold: Whether the robot is kept at the goal after the final time.
+        nominal_speed: Speed along the road to a goal that is told without a time; 0 for eight
+            tenths of the top speed, or 1 m/s without a wheel limit [m/s].
+        follow: How to follow the road, where that is the task; there is no goal then.
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
@@ -124,7 +144,13 @@ class GuidanceSettings:
     road: Road
     goal: tuple[float, float]
     goal_tolerance: float = 0.01
+    goal_heading: float | None = None
+    heading_tolerance: float = 0.01
     final_time: float = 10.0
+    waypoints: tuple[Goal, ...] = ()
+    hold: bool = False
+    nominal_speed: float = 0.0
+    follow: Follow | None = None
     control_period: float = 0.2
     command_delay: float = 0.0
     obstacles: tuple[Shape, ...] = ()
@@ -146,6 +172,51 @@ class GuidanceSettings:
         if self.slip == 0.0:
             return self.robot
         return replace(self.robot, wheel_radius=(1.0 - self.slip) * self.robot.wheel_radius)
+
+    @property
+    def goals(self) -> tuple[Goal, ...]:
+        """All goals, in the order in which they are passed; none where a road is followed."""
+        if self.follow is not None:
+            return ()
+        name = GOAL if self.waypoints else ''
+        return (*self.waypoints, Goal(self.goal, self.final_time, self.goal_heading, name))
+
+    @property
+    def pace(self) -> float:
+        """Speed along the road where no time says it [m/s]."""
+        top = self.robot.max_speed
+        return self.nominal_speed or (_PART_OF_TOP * top if math.isfinite(top) else _WITHOUT_TOP)
+
+    def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
+        """The same with one goal alone.
+
+        Args:
+            goal: The goal.
+            begin: When the way to it begins [s].
+        """
+        return replace(
+            self,
+            goal=goal.position,
+            goal_heading=goal.heading,
+            final_time=goal.time - begin,
+            waypoints=(),
+        )
+
+    def miss(self, pose: Array) -> float:
+        """How far a pose (x, y, ...) [m] is from the goal [m].
+
+        Where a road is followed the goal is a line across it.
+        """
+        if self.follow is None or self.goal_heading is None:
+            return math.dist(pose[:2], self.goal)
+        dx, dy = (pose[:2] - self.goal).tolist()
+        return float(abs(math.cos(self.goal_heading) * dx + math.sin(self.goal_heading) * dy))
+
+    def heading_miss(self, pose: Array) -> float | None:
+        """How far a pose's heading is from the goal's [rad]; None where any will do."""
+        if self.goal_heading is None or self.follow is not None:
+            return None
+        return abs(math.remainder(float(pose[2]) - self.goal_heading, math.tau))
 
     @property
     def annulus(self) -> Annulus:

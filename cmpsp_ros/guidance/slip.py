@@ -82,6 +82,7 @@ class SlipEstimate:
         if self._began is None:
             return False
         began, before, wheel_speeds, durations = self._began
+        self._began = None
         rest = (stamp - began) / NANOSECONDS - float(durations.sum())
         fastest = float(np.abs(wheel_speeds).max())
         if rest <= 0.0 or float(np.ptp(wheel_speeds, axis=0).max()) > _STEADY * fastest:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.robot.guidance_functions import EDGES, LINE, POINT, POSE
 from cmpsp_ros.robot.guidance_problem import Cost
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
@@ -34,7 +34,10 @@ class Task:
         settings: All settings of the guidance law.
         cost: Weights of the cost.
         goal: Point to pass at the end, shape ``(2,)`` [m].
-        penalty_terminal: Weight of each coordinate of the miss, shape ``(2,)`` [1/m].
+        heading: Heading to pass it with, or direction of the road there; not a number for none
+            [rad].
+        outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
+        penalty_terminal: Weight of each of them, shape ``(outputs,)`` [1/m].
         penalty_path: Weight of each path constraint, shape ``(2 + M + S,)`` [1/m]: edges first,
             then obstacles that stand still, then room for as many that move as are listened to.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
@@ -43,16 +46,23 @@ class Task:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles and weights from the settings."""
         weights = settings.weights
-        self.settings = settings
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
-        self.goal = np.array(settings.goal, dtype=float)
-        self.penalty_terminal = np.full(2, _GOAL_PENALTY)
+        self.aim(settings)
         self._capacity = settings.moving_obstacles.capacity
         obstacles = len(settings.obstacles) + self._capacity
         self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self._spaces: dict[float, ClearSpace] = {}
         self._padded: tuple[ClearSpace, ClearSpace] | None = None
+
+    def aim(self, settings: GuidanceSettings) -> None:
+        """Take another goal; nothing else of the settings may differ."""
+        heading = settings.goal_heading
+        self.settings = settings
+        self.goal = np.array(settings.goal, dtype=float)
+        self.heading = math.nan if heading is None else heading
+        self.outputs = POINT if heading is None else LINE if settings.follow else POSE
+        self.penalty_terminal = np.full(self.outputs, _GOAL_PENALTY)
 
     def standing(self, guess: Array, durations: Array) -> ClearSpace:
         """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""

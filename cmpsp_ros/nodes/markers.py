@@ -58,7 +58,10 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
             add('obstacles', _line(outline(obstacle, obstacle.radius), 0.05, _OBSTACLE))
         add('obstacle_names', _text(center, obstacle.name))
         add('margins', _line(outline(obstacle, radius), 0.02, _MARGIN))
-    add('goal', _disc(settings.goal, max(settings.goal_tolerance, 0.1), _GOAL))
+    for goal in settings.goals:
+        add('goal', _disc(goal.position, max(settings.goal_tolerance, 0.1), _GOAL))
+        if goal.name:
+            add('goal_names', _text(goal.position, goal.name))
     return MarkerArray(markers=markers)
 
 

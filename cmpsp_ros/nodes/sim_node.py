@@ -247,7 +247,7 @@ class _Lockstep:
     def __init__(self, sim: SimNode) -> None:
         self._sim = sim
         self._control_ns = round(sim.values['control_period'] * _NS)
-        self._final_ns = round(sim.values['final_time'] * _NS)
+        self._final_ns = round(sim.values['final_time'] * _NS) or math.inf
         self._awaited: Odometry | None = None
         self._begun_ns = sim.plant.stamp_ns
         self._asked_at = 0.0

@@ -60,13 +60,42 @@ def _parameters() -> Iterator[Parameter]:
         'slip is estimated from odometry and reckoned with; 0: it is not.',
         range=Range(0.0, 0.5), **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
-        'Time at which to pass the goal, counted from the first odometry; 10 s in the paper.',
-        range=_POSITIVE, **_FIXED)
+        'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
+        '`follow.speed` it is the time at which to stop, 0 for never.',
+        range=_NOT_NEGATIVE, **_FIXED)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
-        'Distance from the goal up to which it counts as reached.',
+        'Distance from a goal up to which it counts as reached.',
         range=_POSITIVE, **guidance_only)
+    yield task('goal.heading', _DOUBLES, [], 'rad',
+        'Heading to pass the goal with: one number, or none for any.', **guidance_only)
+    yield task('goal.heading_tolerance', _DOUBLE, 0.01, 'rad',
+        'Difference from the heading asked for up to which it counts as met.',
+        range=_POSITIVE, **guidance_only)
+    yield task('goal.hold', _BOOL, False, '',
+        'Whether the robot, once it has come to the goal, is led back to it when something moves '
+        'it away; else it is only stopped.', **guidance_only)
+    yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
+        'Speed along the road to a goal that comes by `goal_pose`, which says no time; 0 means '
+        'eight tenths of the top speed, or 1 m/s without a wheel limit.',
+        range=_NOT_NEGATIVE, **guidance_only)
+    yield task('waypoints.names', _STRINGS, [], '',
+        'Names of points to pass before the goal, each with a block of its own, in the order of '
+        'their times; leave it out when there are none.', **_FIXED, **guidance_only)
+    yield task('waypoints.<name>.position', _DOUBLES, REQUIRED, 'm',
+        'This point (x, y).', **_POINT, **guidance_only)
+    yield task('waypoints.<name>.time', _DOUBLE, REQUIRED, 's',
+        'Time at which to pass it, counted from the first odometry.',
+        range=_POSITIVE, **_FIXED, **guidance_only)
+    yield task('waypoints.<name>.heading', _DOUBLES, [], 'rad',
+        'Heading to pass it with: one number, or none for any.', **guidance_only)
+    yield task('follow.speed', _DOUBLE, 0.0, 'm/s',
+        'Mean speed at which to follow a closed road without end, instead of driving to a goal; '
+        'negative against its direction, 0 for not at all.', **_FIXED, **guidance_only)
+    yield task('follow.horizon', _DOUBLE, 5.0, 's',
+        'Time that plans look ahead on a road without end.',
+        range=_POSITIVE, **_FIXED, **guidance_only)
 
     robot = _Group('Robot', 'guidance', 'sim')
     yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',

@@ -20,8 +20,16 @@ from cmpsp_ros.guidance.settings import (
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.obstacles import in_obstacle_problems, obstacle_problems, obstacles_of
-from cmpsp_ros.parameters.roads import off_road_problems, road_of, road_problems
+from cmpsp_ros.parameters.goals import (
+    follow_of,
+    follow_problems,
+    goal_problems,
+    heading_of,
+    waypoints_of,
+)
+from cmpsp_ros.parameters.obstacles import obstacle_problems, obstacles_of
+from cmpsp_ros.parameters.places import place_problems
+from cmpsp_ros.parameters.roads import road_of, road_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.measurement import OdometryErrors
@@ -48,25 +56,26 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
     Raises:
         ParameterError: If a number is out of all proportion; else if the road cannot be made or
-            leaves no room, an obstacle cannot be made, the goal is off the road or in an obstacle,
-            the final time comes before the first control step or before its command has held for
-            one, or the QP back end is not installed; with all of these.
+            leaves no room, an obstacle cannot be made, a goal is off the road or in an obstacle,
+            times are not in order or leave no time for a control step and its command, a road
+            without end has one, or the QP back end is not installed; with all of these.
     """
     _raise_if_any(list(_size_problems(values)))
-    groups = (
-        _time_problems,
-        road_problems,
-        obstacle_problems,
-        _goal_problems,
-        _solver_problems,
-    )
+    goals = follow_problems if values['follow.speed'] else goal_problems
+    groups = (_time_problems, road_problems, obstacle_problems, goals, _solver_problems)
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
         road=road_of(values),
         goal=tuple(values['goal.position']),
         goal_tolerance=values['goal.tolerance'],
-        final_time=values['final_time'],
+        goal_heading=heading_of(values, 'goal.heading'),
+        heading_tolerance=values['goal.heading_tolerance'],
+        final_time=values['final_time'] or math.inf,
+        waypoints=waypoints_of(values),
+        hold=values['goal.hold'],
+        nominal_speed=values['goal.nominal_speed'],
+        follow=follow_of(values),
         control_period=values['control_period'],
         command_delay=values['command_delay'],
         max_slip=values['max_wheel_slip'],
@@ -134,7 +143,7 @@ def check_start(values: Values) -> None:
     """
     _raise_if_any(list(obstacle_problems(values)))
     x, y, _ = values['initial_pose']
-    _raise_if_any(list(_place_problems(values, 'initial_pose', (x, y))))
+    _raise_if_any(list(place_problems(values, 'initial_pose', (x, y))))
 
 
 def check_pace(values: Values) -> None:
@@ -159,6 +168,11 @@ def check_pace(values: Values) -> None:
         # Its odometry comes in bursts of one control period.
         wanted = f'more than control_period = {values["control_period"]} s, for lockstep'
         problems.append(Problem('odom_timeout', f'{values["odom_timeout"]} s', wanted))
+    for name in values['waypoints.names'] if values['lockstep'] else []:
+        time = values[f'waypoints.{name}.time']
+        if _whole(time) % _whole(values['control_period']):
+            wanted = f'a multiple of control_period = {values["control_period"]} s, for lockstep'
+            problems.append(Problem(f'waypoints.{name}.time', f'{time} s', wanted))
     longest = max((end - begin for begin, end in _dropout_windows(values)), default=0.0)
     bridged = values['odom_timeout'] - values['control_period']
     if values['lockstep'] and longest > bridged:
@@ -236,6 +250,8 @@ def _as_list(value: Any) -> list[Any]:
 
 def _time_problems(values: Values) -> Iterator[Problem]:
     final_time, period = values['final_time'], values['control_period']
+    if values['follow.speed'] and final_time == 0.0:
+        return
     if final_time < period:
         yield Problem('final_time', f'{final_time} s', f'at least control_period = {period} s')
     elif final_time < period + values['command_delay']:
@@ -246,23 +262,12 @@ def _time_problems(values: Values) -> Iterator[Problem]:
         yield Problem('final_time', f'{final_time} s', wanted)
 
 
-def _goal_problems(values: Values) -> Iterator[Problem]:
-    x, y = values['goal.position']
-    yield from _place_problems(values, 'goal.position', (x, y))
-
-
 def _solver_problems(values: Values) -> Iterator[Problem]:
     name = values['solver.qp']
     try:
         backend(name)
     except ProblemError:
         yield Problem('solver.qp', repr(name), f'one of {", ".join(available())}')
-
-
-def _place_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
-    """What forbids the robot, without its margin, to stand at a point [m]."""
-    yield from off_road_problems(values, key, point)
-    yield from in_obstacle_problems(values, key, point)
 
 
 def _raise_if_any(problems: list[Problem]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,12 @@ EDGES = 2
 GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
 """Which Hessian of the cost."""
 
+LINE, POINT, POSE = 1, 2, 3
+"""What the end of the horizon is to meet, told by the number of outputs."""
+
+LEVER: Final = 0.02
+"""What a radian of heading counts beside a metre of way in the miss of a pose [m]."""
+
 
 class GuidanceData(NamedTuple):
     """One robot's problem from where it is.
@@ -34,6 +40,8 @@ class GuidanceData(NamedTuple):
     Attributes:
         pose: Present pose, shape ``(3,)`` [m, m, rad].
         goal: Point to pass at the end, shape ``(2,)`` [m].
+        heading: Heading to pass it with, where there are three outputs. Where there is one it is
+            the line through the goal across this direction that is to be passed [rad].
         durations: Length of every step, shape ``(N,)`` [s].
         road: Where on the road the robot's centre may be, as `road_functions` has it.
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
@@ -50,6 +58,7 @@ class GuidanceData(NamedTuple):
 
     pose: Array
     goal: Array
+    heading: float
     durations: Array
     road: Any
     corners: Array
@@ -82,8 +91,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
         progress, off_center = _constrain(data, X, k, progress, g)
         cost += data.road_center * off_center * off_center
         cost += data.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
-    for i in range(2):
-        output_error[i] = X[N, i] - data.goal[i]
+    _miss(data, X, output_error)
     return 0.5 * cost
 
 
@@ -132,9 +140,28 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
             _, x, y = away_from(data.corners, data.first, at, j, X[k, 0], X[k, 1])
             qp.g_X[k, EDGES + j, 0] = -x
             qp.g_X[k, EDGES + j, 1] = -y
-    for i in range(2):
-        qp.output_error[i] = X[N, i] - data.goal[i]
-        qp.h_X[i, i] = 1.0
+    _miss(data, X, qp.output_error)
+    outputs = qp.output_error.shape[0]
+    if outputs == LINE:
+        qp.h_X[0, 0], qp.h_X[0, 1] = math.cos(data.heading), math.sin(data.heading)
+    else:
+        qp.h_X[0, 0] = qp.h_X[1, 1] = 1.0
+    if outputs == POSE:
+        qp.h_X[2, 2] = LEVER
+
+
+@allocation_free
+def _miss(data: GuidanceData, X: Array, output_error: Array) -> None:
+    """What the last pose is off the goal; a heading by the shorter way round."""
+    N, outputs = data.durations.shape[0], output_error.shape[0]
+    dx, dy = X[N, 0] - data.goal[0], X[N, 1] - data.goal[1]
+    if outputs == LINE:
+        output_error[0] = math.cos(data.heading) * dx + math.sin(data.heading) * dy
+    else:
+        output_error[0], output_error[1] = dx, dy
+    if outputs == POSE:
+        turn = X[N, 2] - data.heading
+        output_error[2] = LEVER * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
 
 
 @allocation_free

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,10 @@ from cmpsp_ros.robot.guidance_functions import (
     EDGES,
     EXACT,
     GAUSS_NEWTON,
+    LEVER,
+    LINE,
+    POINT,
+    POSE,
     PROJECTED,
     GuidanceData,
 )
@@ -72,6 +77,8 @@ class GuidanceProblem(OptimalControlProblem):
         pose: Array,
         goal: Array,
         durations: Array,
+        heading: float = math.nan,
+        outputs: int = POINT,
     ) -> None:
         """Set the problem up from where the robot is.
 
@@ -82,15 +89,17 @@ class GuidanceProblem(OptimalControlProblem):
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             goal: Point to pass at the end, shape ``(2,)`` [m].
             durations: Length of every step, shape ``(N,)`` [s].
+            heading: As in `GuidanceData`; not used for a `POINT` [rad].
+            outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
         """
         steps = len(durations)
         self.size = Dimensions(
-            horizon=steps, state=3, control=2, output=2, path=EDGES + len(space.first) - 1
+            horizon=steps, state=3, control=2, output=outputs, path=EDGES + len(space.first) - 1
         )
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
-        self.target = goal
-        self.data = guidance_data(robot, space, cost, pose, goal, durations)
+        self.target = target_of(goal, heading, outputs)
+        self.data = guidance_data(robot, space, cost, pose, goal, durations, heading=heading)
 
     def predict(self, U: Array) -> Array:
         """Exact arcs under zero-order hold; shape ``(N + 1, 3)``."""
@@ -100,7 +109,8 @@ class GuidanceProblem(OptimalControlProblem):
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of (95) without its proximal term, miss and constraint violations."""
-        output_error, g = np.empty(2), np.empty((self.size.horizon + 1, self.size.path))
+        size = self.size
+        output_error, g = np.empty(size.output), np.empty((size.horizon + 1, size.path))
         X = np.ascontiguousarray(X)
         cost = guidance_functions.evaluate(self.data, X, U, output_error, g)
         return Evaluation(cost, output_error, g)
@@ -136,11 +146,13 @@ def guidance_data(
     goal: Array,
     durations: Array,
     hessian: Hessian = 'gauss_newton',
+    heading: float = math.nan,
 ) -> GuidanceData:
     """The problem for compiled code; arguments as of `GuidanceProblem`."""
     return GuidanceData(
         pose=pose,
         goal=goal,
+        heading=float(heading),
         durations=durations,
         road=space.road,
         corners=np.ascontiguousarray(space.corners),
@@ -153,3 +165,10 @@ def guidance_data(
         control_effort=float(cost.control_effort),
         hessian=_HESSIANS[hessian],
     )
+
+
+def target_of(goal: Array, heading: float, outputs: int) -> Array:
+    """What is wanted at the end, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
+    if outputs == LINE:
+        return np.array([math.cos(heading) * goal[0] + math.sin(heading) * goal[1]])
+    return np.append(goal, LEVER * heading) if outputs == POSE else goal

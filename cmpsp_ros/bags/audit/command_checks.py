@@ -12,7 +12,7 @@ from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.bags.decisions import wheel_speeds
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -144,8 +144,8 @@ def rate(record: Record) -> Verdict:
     worst, at = 0.0, record.start
     for leg in record.legs:
         for run in leg.runs:
-            final = record.history.at(run.start).final_time * NANOSECONDS
-            end = min(run.end, run.start + round(final))
+            final = to_nanoseconds(record.history.at(run.start).final_time)
+            end = min(run.end, run.start + final)
             inside = (leg.commands.stamps >= run.start) & (leg.commands.stamps < end)
             stamps, moving = leg.commands.stamps[inside], leg.commands.moving[inside]
             times = np.concatenate([[run.start], stamps, [end]])
@@ -234,7 +234,7 @@ def stop_at_end(record: Record) -> Verdict:
     figures = {'worst': math.hypot(speed, turn), 'limit': 0.0, 'at': record.seconds(last)}
     if not leg.commands.moving[-1]:
         return passed_if(True, 'The last command is a stop.', **figures)
-    final = run.start + round(settings.final_time * NANOSECONDS)
+    final = run.start + to_nanoseconds(settings.final_time)
     if heard < final and heard - last <= _LATE * settings.control_period * NANOSECONDS:
         return skipped('The recording ends while the robot is on its way.')
     sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'

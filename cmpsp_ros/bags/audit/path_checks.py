@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.clearance import EDGES, space_of
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
+from cmpsp_ros.bags.audit.goals import goals_of
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.bags.passing import Passing
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robot.arcs import arc_ends
 from cmpsp_ros.robot.road import OpenFloor
 
@@ -156,33 +158,36 @@ def jumps(record: Record) -> Verdict:
 
 
 def goal(record: Record) -> Verdict:
-    """Miss at the final time of each run that was not begun again before."""
-    misses = []
+    """Miss at each goal at its time, in each run that was not begun again before."""
+    if record.history.epochs[0].settings.follow is not None:
+        return skipped('There is no goal: a road is followed (follow.speed).')
+    passings = []
     remaining = math.inf
     for leg in record.legs:
         for run in leg.runs:
-            settings = record.history.at(run.start)
-            final = run.start + round(settings.final_time * NANOSECONDS)
-            goal_then = record.history.at(final)
-            remaining = min(remaining, (final - run.end) / NANOSECONDS)
-            if final <= run.end:
-                miss = math.dist(leg.path.at(final)[:2], goal_then.goal)
-                misses.append((miss / goal_then.goal_tolerance, miss, goal_then, final))
-    if not misses:
+            for place in goals_of(record, run):
+                stamp = run.start + to_nanoseconds(place.time)
+                remaining = min(remaining, (stamp - run.end) / NANOSECONDS)
+                if stamp <= run.end:
+                    settings, pose = record.history.at(stamp), leg.path.at(stamp)
+                    passings.append((Passing.of(settings, place, stamp, pose), settings))
+    if not passings:
         return skipped(f'The recording ends {remaining:.3g} s before the final time.')
-    ratio, miss, settings, stamp = max(misses, key=lambda each: each[0])
-    passed = ratio <= 1.0
+    worst, settings = max(passings, key=lambda each: each[0].ratio)
+    name = worst.goal.name
+    when = f'At {worst.goal.time:g} s' if name not in ('', GOAL) else 'At the final time'
+    count = f' It is the worst of {len(passings)} goals.' if len(passings) > 1 else ''
+    passed = worst.ratio <= 1.0
     sentence = (
-        f'At the final time the robot is {miss:.3g} m from the goal'
-        f'{"." if passed else ", which is beyond its tolerance."}'
+        f'{when} the robot is {worst}{"." if passed else ", which is beyond its tolerance."}{count}'
     )
     return passed_if(
         passed,
         sentence,
-        worst=miss,
+        worst=worst.miss,
         limit=settings.goal_tolerance,
         unit='m',
-        at=record.seconds(stamp),
+        at=record.seconds(worst.stamp),
     )
 
 

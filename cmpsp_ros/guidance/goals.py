@@ -1,0 +1,104 @@
+"""Where to be and when; and following a road that has no end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.robot import road_functions
+from cmpsp_ros.robot.road import Road
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A point to pass at a time.
+
+    Attributes:
+        position: The point (x, y) [m].
+        time: When to pass it, from the first odometry [s].
+        heading: Heading to pass it with [rad]; None for any.
+        name: By which decisions tell it from others; empty where there is but one.
+    """
+
+    position: Point
+    time: float
+    heading: float | None = None
+    name: str = ''
+
+
+@dataclass(frozen=True)
+class Follow:
+    """Following the road at a speed, without an end.
+
+    Attributes:
+        speed: Mean speed along the centre line, negative against its direction [m/s].
+        horizon: Time that plans look ahead [s].
+    """
+
+    speed: float
+    horizon: float
+
+    @property
+    def way(self) -> float:
+        """Way along the centre line within the horizon, negative against its direction [m]."""
+        return self.speed * self.horizon
+
+
+def way_along(road: Road, pose: Array, goal: Point, heading: float | None = None) -> float:
+    """Way along the centre line from a pose to a goal, negative against its direction [m].
+
+    Args:
+        road: The road.
+        pose: Where it begins, shape ``(3,)`` [m, m, rad].
+        goal: Where it leads (x, y) [m].
+        heading: At the goal: says which way is meant where the road crosses itself [rad].
+    """
+    there = math.nan if heading is None else heading
+    return _way(road.space(0.0), pose[0], pose[1], pose[2], *goal, there)
+
+
+def line_ahead(road: Road, pose: Array, way: float) -> tuple[Point, float]:
+    """Place of the centre line that is some way ahead of a pose.
+
+    Args:
+        road: A road with a centre line.
+        pose: Shape ``(3,)`` [m, m, rad].
+        way: Along the centre line, negative against its direction [m].
+
+    Returns:
+        The place (x, y) [m], and the direction in which the road is driven there [rad].
+    """
+    x, y, direction = _ahead(road.space(0.0), pose[0], pose[1], pose[2], way)
+    return (x, y), direction
+
+
+@allocation_free
+def _way(
+    road: Any, x: float, y: float, heading: float, goal_x: float, goal_y: float, there: float
+) -> float:
+    here = road_functions.find(road, x, y, heading)
+    at_goal = road_functions.find(road, goal_x, goal_y, there)
+    way: float = road_functions.way_to(road, x, y, here, goal_x, goal_y, at_goal)
+    return way
+
+
+@allocation_free
+def _ahead(road: Any, x: float, y: float, heading: float, way: float) -> Any:
+    here = road_functions.find(road, x, y, heading)
+    at_x, at_y = road_functions.ahead(road, x, y, here, way, (x, y))
+    near_x, near_y = road_functions.ahead(road, x, y, here, 0.999 * way, (x, y))
+    there = road_functions.find(road, at_x, at_y, math.atan2(at_y - near_y, at_x - near_x))
+    across_x, across_y, _, _, _, _, _ = road_functions.slopes(road, at_x, at_y, there)
+    # Along the road, in the sense in which it is driven.
+    along_x, along_y = across_y, -across_x
+    if along_x * (at_x - near_x) + along_y * (at_y - near_y) < 0.0:
+        along_x, along_y = -along_x, -along_y
+    return at_x, at_y, math.atan2(along_y, along_x)

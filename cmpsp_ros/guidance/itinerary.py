@@ -1,0 +1,155 @@
+"""Which goal the law drives to: one after another, one that it is told, or the road without end."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.goals import Goal, line_ahead, way_along
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.way_back import is_away, time_back
+from cmpsp_ros.robot.road import OpenFloor
+
+Array = NDArray[np.float64]
+
+TOLD: Final = 'goal_pose'
+"""Name of a goal that the law was told while it drove or stood."""
+
+# Control periods for the shortest way: there must be something to steer with.
+_FEWEST: Final = 5
+
+
+class Itinerary:
+    """The goal of the moment.
+
+    Attributes:
+        goal: That goal; None where a road is followed.
+        settings: Settings with that goal alone. Its time counts from when the way to it begins.
+        final: When to pass it, or how far plans look ahead along a road [ns].
+        end: When the last goal is to be passed, or the road to be left [ns].
+        is_return: Whether it leads back to a goal that was reached before.
+        heard: How many goals were told since the run began.
+    """
+
+    goal: Goal | None
+    settings: GuidanceSettings
+    final: int
+    end: int
+    is_return: bool
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Take the goals from the settings."""
+        self._given = settings
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin again, without what was told."""
+        self.heard = 0
+        self._waiting: tuple[int, Goal] | None = None
+        self._told: Goal | None = None
+        self._told_at = self._index = 0
+        self._aim()
+
+    def reconfigure(self, settings: GuidanceSettings) -> None:
+        """Take new settings, and stay on the way to where it leads."""
+        self._given = settings
+        self._aim()
+
+    @property
+    def is_last(self) -> bool:
+        """Whether nothing follows after this goal."""
+        return self.goal is not None and self.final == self.end
+
+    def tell(self, stamp: int, goal: Goal) -> None:
+        """Take another goal instead of all others, from the first control step that is not older.
+
+        Args:
+            stamp: Its time stamp [ns]; 0 for at once.
+            goal: The goal; when to pass it is found out then.
+        """
+        self._waiting = stamp, goal
+
+    def go_on(self, stamp: int, now: int, pose: Array) -> bool:
+        """Find the goal of the moment.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            now: The same since time 0 [ns].
+            pose: Where a command that is given now begins to have an effect, shape ``(3,)``.
+
+        Returns:
+            Whether it is another one than before.
+        """
+        effect = now + to_nanoseconds(self._given.command_delay)
+        if self._waiting is not None and self._waiting[0] <= stamp:
+            goal, self._waiting = self._waiting[1], None
+            way = abs(way_along(self._given.road, pose, goal.position, goal.heading))
+            self._set_out(goal, effect, way / self._given.pace)
+            return True
+        if self._given.follow is not None:
+            self._look_ahead(now, pose)
+            return False
+        before = self._index
+        while self.final <= effect and not self.is_last:
+            self._index += 1
+            self._aim()
+        if not self._is_known:
+            self._pass_along(pose)
+        if self._index > before:
+            return True
+        if now >= self.end and self._given.hold and is_away(self.settings, pose):
+            assert self.goal is not None  # noqa: S101 (only a road has none)
+            self._set_out(self.goal, effect, time_back(self.settings, pose))
+            self.is_return = True
+            return True
+        return False
+
+    def _set_out(self, goal: Goal, begin: int, seconds: float) -> None:
+        """Drive to a goal from now on, to be passed at a control instant."""
+        period = to_nanoseconds(self._given.control_period)
+        end = -(-(begin + to_nanoseconds(seconds)) // period)
+        end = max(end, begin // period + _FEWEST) * period
+        self._told = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
+        self._told_at = begin
+        self._aim()
+
+    def _aim(self) -> None:
+        given, self.is_return = self._given, False
+        self._is_known = True
+        if given.follow is not None:
+            self.goal, self.final = None, to_nanoseconds(given.follow.horizon)
+            self.end = to_nanoseconds(given.final_time)
+            self._look_ahead(0, given.road.middle())
+            return
+        goals, begin = given.goals, 0.0
+        if self._told is not None:
+            goals, begin, self._index = (self._told,), self._told_at / NANOSECONDS, 0
+        elif self._index:
+            begin = goals[self._index - 1].time
+        goal = self.goal = goals[self._index]
+        self.settings = given.towards(goal, begin) if goal.name else given
+        self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
+        no_road = isinstance(given.road, OpenFloor)
+        self._is_known = self.is_last or goal.heading is not None or no_road
+
+    def _pass_along(self, pose: Array) -> None:
+        """Have the goal passed along the road: from there the next one can be driven to."""
+        goal, road = self.goal, self._given.road
+        assert goal is not None  # noqa: S101 (only a road without end has none)
+        _, direction = line_ahead(road, pose, way_along(road, pose, goal.position))
+        self.goal = replace(goal, heading=direction)
+        self.settings = replace(self.settings, goal_heading=direction)
+        self._is_known = True
+
+    def _look_ahead(self, now: int, pose: Array) -> None:
+        """Aim at the line across the road that is to be reached at the end of the horizon."""
+        follow = self._given.follow
+        assert follow is not None  # noqa: S101 (the caller has looked)
+        period = to_nanoseconds(self._given.control_period)
+        self.final = now // period * period + to_nanoseconds(follow.horizon)
+        place, direction = line_ahead(self._given.road, pose, follow.way)
+        self.settings = self._given.towards(Goal(place, follow.horizon, direction))

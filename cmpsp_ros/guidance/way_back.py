@@ -1,0 +1,79 @@
+"""The way back to a goal that was left: turn towards it, drive to it, turn to its heading.
+
+A robot that stands beside its goal gets nowhere by driving along the road, and a linearisation says
+nothing of sideways motion at rest. A robot with two driven wheels turns where it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+_TURN_RATE: Final = 1.0
+_PART_OF_LIMIT: Final = 0.5
+# Part of the tolerance at which the robot sets out: it is back before it is out of tolerance.
+_AWAY: Final = 0.5
+
+
+def is_away(settings: GuidanceSettings, pose: Array) -> bool:
+    """Whether a robot that should stand at its goal has been moved away from it."""
+    if settings.miss(pose) > _AWAY * settings.goal_tolerance:
+        return True
+    off = settings.heading_miss(pose)
+    return off is not None and off > _AWAY * settings.heading_tolerance
+
+
+def time_back(settings: GuidanceSettings, pose: Array) -> float:
+    """How long the way back takes, at a walk [s]."""
+    period = settings.control_period
+    return sum(steps for steps, _, _ in _parts(settings, pose)) * period
+
+
+def way_back(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
+    """Wheel speeds of the way back, which has come to its end at the end of the horizon.
+
+    Args:
+        settings: Settings with the goal.
+        pose: Where it begins, shape ``(3,)`` [m, m, rad].
+        durations: Length of every step, shape ``(N,)`` [s]; what is left over is stood still.
+
+    Returns:
+        Shape ``(N + 1, 2)`` [rad/s].
+    """
+    robot, controls, k = settings.robot, np.zeros((len(durations) + 1, 2)), 0
+    for steps, length, turn in _parts(settings, pose):
+        inside = slice(k, min(k + steps, len(durations)))
+        time = float(durations[inside].sum())
+        if time > 0.0:
+            rim = turn * robot.half_track
+            controls[inside] = np.array([length + rim, length - rim]) / time / robot.wheel_radius
+        k += steps
+    return controls
+
+
+def _parts(settings: GuidanceSettings, pose: Array) -> list[tuple[int, float, float]]:
+    """Control steps, length [m] and turn [rad] of each part: forward or backward, as is shorter."""
+    x, y = settings.goal
+    length = math.dist(pose[:2], settings.goal)
+    turn, last = 0.0, 0.0
+    if length > 0.0:
+        turn = math.remainder(math.atan2(y - pose[1], x - pose[0]) - pose[2], math.tau)
+    if abs(turn) > math.pi / 2.0:
+        turn, length = math.remainder(turn - math.pi, math.tau), -length
+    if settings.goal_heading is not None:
+        last = math.remainder(settings.goal_heading - pose[2] - turn, math.tau)
+    robot, period = settings.robot, settings.control_period
+    speed = min(settings.pace, _PART_OF_LIMIT * robot.max_speed)
+    turn_rate = min(_TURN_RATE, _PART_OF_LIMIT * robot.max_speed / robot.half_track)
+    return [
+        (math.ceil(abs(turn) / turn_rate / period), 0.0, turn),
+        (math.ceil(abs(length) / speed / period), length, 0.0),
+        (math.ceil(abs(last) / turn_rate / period), 0.0, last),
+    ]

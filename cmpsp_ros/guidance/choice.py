@@ -175,7 +175,7 @@ class Choice:
 
     def _is_wanted(self, warm: Candidate) -> bool:
         """Whether to look for new plans; seldom, where that has not helped for a while."""
-        if not self._judge.is_flawed(warm):
+        if not self._judge.is_wanting(warm):
             self._pause = self._waited = self._troubled = 0
             return self._review
         self._waited += 1

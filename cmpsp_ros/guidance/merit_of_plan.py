@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.candidate import Candidate
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.robot.road import Annulus
@@ -22,6 +24,11 @@ _CLEARLY_LESS = 0.5
 _CLEARLY_CHEAPER = 0.8
 # So much dearer a plan has no prospect of being followed, while the other one is sound.
 _HOPELESSLY_DEAR = 2.0
+
+# Part of the wheels' limit that a plan should leave over, and what is clearly more or less of it.
+_ENOUGH = 0.1
+_SCARCE = 0.04
+_MORE, _LESS = 0.015, 0.01
 
 # As far as an active constraint of a linearisation may be off.
 _TOUCH = 1e-3
@@ -40,6 +47,8 @@ class Merit:
         miss: How far from the goal it ends [m]; 0 within the tolerance.
         elastic: Whether its last iteration needed slack.
         turns: How often it winds around itself.
+        reserve: Part of the time left that it could do without, were its wheels always at their
+            limit; what is more than enough does not count.
         cost: The cost (95) of its path and its controls, without the proximal term.
     """
 
@@ -49,6 +58,7 @@ class Merit:
     miss: float
     elastic: bool
     turns: int
+    reserve: float
     cost: float
 
     @property
@@ -75,6 +85,8 @@ class Merit:
             return other.elastic
         if self.turns != other.turns:
             return self.turns < other.turns
+        if abs(self.reserve - other.reserve) > (_MORE if self.reserve > other.reserve else _LESS):
+            return self.reserve > other.reserve
         return self.cost < _CLEARLY_CHEAPER * other.cost
 
     def is_worse_than(self, other: Merit) -> bool:
@@ -122,15 +134,18 @@ class Judge:
             0.0 if miss <= settings.goal_tolerance else miss,
             candidate.improvement.elastic,
             self._turns(plan.poses),
+            min(self._reserve(plan), _ENOUGH),
             self._cost(plan.poses, plan.controls, held),
         )
 
-    def is_flawed(self, candidate: Candidate) -> bool:
-        """`Merit.flawed` of a candidate, without the rest of its merit."""
+    def is_wanting(self, candidate: Candidate) -> bool:
+        """Whether a candidate has a flaw, or hardly anything to spare; without all its merit."""
         miss = math.dist(candidate.plan.poses[-1, :2], self._settings.goal)
         touches = candidate.verdict.worst_margin < -_TOUCH
         winds = self._turns(candidate.plan.poses) > 0
-        return not candidate.flawless or touches or winds or miss > self._settings.goal_tolerance
+        if not candidate.flawless or touches or winds or miss > self._settings.goal_tolerance:
+            return True
+        return self._reserve(candidate.plan) < _SCARCE
 
     def _turns(self, poses: Array) -> int:
         """Full turns of the heading beside those of the road; turning round at first is none."""
@@ -138,6 +153,16 @@ class Judge:
         first, last = (math.atan2(at[1] - y, at[0] - x) for at in (poses[0], poses[-1]))
         beside = poses[-1, 2] - poses[0, 2] - math.remainder(last - first, math.tau)
         return int(abs(beside) / math.tau + 0.25) if math.isfinite(beside) else 0
+
+    def _reserve(self, plan: Plan) -> float:
+        """Part of the time left that a plan could do without at full speed; 1 without a limit.
+
+        What is disturbed costs time, and nothing in the cost keeps any.
+        """
+        horizon, speeds = plan.horizon, np.abs(plan.controls[:-1])
+        needed = float(np.maximum(speeds[:, 0], speeds[:, 1]) @ horizon.durations)
+        left = float(horizon.edges[-1] - horizon.edges[0]) / NANOSECONDS
+        return 1.0 - needed / self._settings.robot.max_wheel_speed / left
 
     def _cost(self, poses: Array, controls: Array, held: Array) -> float:
         road, weights = self._settings.annulus, self._settings.weights

@@ -56,8 +56,8 @@ class SolverSettings:
     """
 
     iterations_per_step: int = 2
-    initial_iterations: int = 2
-    candidates: int = 1
+    initial_iterations: int = 6
+    candidates: int = 4
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6

@@ -18,6 +18,7 @@ from scenarios import (
     closed_loop,
     drive,
     settings,
+    with_plans,
 )
 
 from cmpsp_ros.guidance.decision import Rung
@@ -105,7 +106,7 @@ def test_two_runs_give_the_same_bits():
 
 def test_a_timer_measures_and_decides_nothing():
     ticks = iter(range(0, 10**9, 1_500_000))
-    given = CASES['case 3']
+    given = with_plans(CASES['case 3'], 1, 2)
     timed, plain = GuidanceLaw(given, lambda: next(ticks)), GuidanceLaw(given)
     pose = np.array(START)
     one, other = timed.update(5, pose), plain.update(5, pose)

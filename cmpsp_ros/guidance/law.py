@@ -153,6 +153,7 @@ class GuidanceLaw:
     def _turn(self, start: Start, horizon: Horizon) -> Plan | None:
         """Look for a way to another goal; a plan to begin with, where no road says it."""
         self._choice.forget()
+        self._progress.forget()
         if not self._itinerary.is_return:
             return None
         settings, durations = self._itinerary.settings, horizon.durations

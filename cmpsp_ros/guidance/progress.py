@@ -12,15 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.candidate import Candidate
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.initial_guess import way_left
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
-# What a plan must gain to be worth driving [m], and as a part of what the wheels could drive in the
-# time that is left.
+# What a plan must gain to be worth driving [m], as a part of what the wheels could drive, and by
+# when [ns]. What it gains later may be what it only loses first.
 _WORTH_WHILE = 0.05
 _PART = 0.1
+_SOON = NANOSECONDS
 # Control steps for which a plan that gains less is driven all the same: it may yet be improved.
 _PATIENCE = 3
 
@@ -54,24 +56,28 @@ class Progress:
         """
         improvement = candidate.improvement
         if not (improvement.elastic and improvement.slack_terminal):
-            self._without = 0
+            self.forget()
             return ''
         plan, settings = candidate.plan, self._settings
-        left = float(plan.horizon.durations.sum())
-        worth_while = min(_WORTH_WHILE, _PART * settings.model.max_speed * left)
-        self._without = self._without + 1 if self._gain(plan.poses) < worth_while else 0
+        edges = plan.horizon.edges
+        soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
+        reach = settings.model.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
+        if self._gain(plan.poses[: soon + 1]) >= min(_WORTH_WHILE, _PART * reach):
+            # Patience comes back with the goal only: else it would be spent on driving to and fro.
+            return ''
+        self._without += 1
         if self._without <= _PATIENCE:
             return ''
         miss = math.dist(plan.poses[-1, :2], settings.goal)
-        return f'The robot waits: no plan gets it nearer to the goal than {miss:.3g} m.'
+        return (
+            f'The robot waits: no plan soon gets it nearer to the goal, {miss:.3g} m off at best.'
+        )
 
     def _gain(self, poses: Array) -> float:
-        """By how much the end of a path is nearer than its beginning, along the road or not [m]."""
-        goal = self._settings.goal
+        """By how much a path gets nearer to the goal, along the road or straight [m]."""
+        along, straight = np.array([self._left(*pose) for pose in poses]).T
+        return float(max(along[0] - along.min(), straight[0] - straight.min()))
 
-        def left(x: float, y: float, heading: float) -> tuple[float, float]:
-            along = way_left(self._road, x, y, heading, *goal)
-            return abs(along), math.dist((x, y), goal)
-
-        now, then = left(*poses[0]), left(*poses[-1])
-        return max(now[0] - then[0], now[1] - then[1])
+    def _left(self, x: float, y: float, heading: float) -> tuple[float, float]:
+        along = way_left(self._road, x, y, heading, *self._settings.goal)
+        return abs(along), math.dist((x, y), self._settings.goal)

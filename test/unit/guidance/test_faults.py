@@ -120,16 +120,15 @@ def test_started_with_an_obstacle_at_the_nose(fault, gap):
     run = closed_loop(given, MIDDLE)
     assert_is(fault, run.decisions[0])
     assert_safe(run, given)
-    assert run.miss() < 0.5, 'it has lost time, but not much'
+    assert run.miss() < 1e-6
 
 
 WALL = Obstacle('wall', (7.07, -7.07), 1.3)
 
 
-@pytest.mark.parametrize('final_time', [10.0, 20.0])
-def test_road_blocked(fault, final_time):
-    given = replace(EMPTY, obstacles=(WALL,), final_time=final_time)
-    run = closed_loop(given, steps=round(5 * final_time))
+def test_road_blocked(fault):
+    given = replace(EMPTY, obstacles=(WALL,))
+    run = closed_loop(given)
     assert_safe(run, given)
     first = next(k for k, decision in enumerate(run.moves) if decision.rung is Rung.STOP)
     assert_is(fault, run.moves[first])
@@ -139,12 +138,24 @@ def test_road_blocked(fault, final_time):
     assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE, 'as far as it goes'
 
 
+def test_road_blocked_with_time_to_spare(fault):
+    """It may still creep on towards the goal, but does not spend the time on the move."""
+    given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
+    run = closed_loop(given, steps=100)
+    assert_safe(run, given)
+    first = next(k for k, decision in enumerate(run.moves) if decision.rung is Rung.STOP)
+    assert_is(fault, run.moves[first])
+    after = run.path[40 * first :, :2]
+    assert np.linalg.norm(np.diff(after, axis=0), axis=1).sum() < 2.0
+    assert math.dist(after[-1], given.goal) <= math.dist(after[0], given.goal)
+    assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE
+
+
 def test_road_clear_again(fault):
     given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
     law = GuidanceLaw(given)
     blocked = drive(law, given, ON_TIME)
     assert_safe(blocked, given)
-    assert blocked.decisions[-1].rung is Rung.STOP
     free = replace(given, obstacles=())
     law.reconfigure(free)
     stamps = [k * PERIOD for k in range(51, 101)]

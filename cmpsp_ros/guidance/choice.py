@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.gaps import Signature
 from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
-from cmpsp_ros.guidance.meeting import NOT_MET, Met, meet
+from cmpsp_ros.guidance.meeting import Met, meet
 from cmpsp_ros.guidance.merit_of_plan import Judge, Merit
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -63,16 +64,23 @@ class _Contender:
 
 @dataclass(frozen=True)
 class _Moment:
-    """What all plans of one control step have in common; at rest there was none before.
-
-    What moves is passed on a side as well, where it will be met.
-    """
+    """What all plans of one control step have in common."""
 
     start: Start
     held: Array
     horizon: Horizon
-    at_rest: bool
-    met: Met
+    plan: Plan | None
+    settings: GuidanceSettings
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no plan is under way."""
+        return self.plan is None
+
+    @cached_property
+    def met(self) -> Met:
+        """What moves, where it is met on the way."""
+        return meet(self.settings, self.start, self.plan, self.horizon)
 
 
 class Choice:
@@ -136,8 +144,7 @@ class Choice:
             horizon: Horizon of the plans wanted.
         """
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
-        met = meet(self._settings, start, plan, horizon) if len(start.moving) else NOT_MET
-        moment = _Moment(start, held, horizon, at_rest=plan is None, met=met)
+        moment = _Moment(start, held, horizon, plan, self._settings)
         if plan is None:
             self._planner.forget()
             guess, *others = self._first_guesses(moment)

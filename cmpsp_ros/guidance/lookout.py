@@ -32,8 +32,8 @@ class Lookout:
 
     def forget(self) -> None:
         """Begin again."""
-        self._slots.clear()
-        self._numbers = frozenset()
+        if self._numbers:
+            self._slots, self._numbers = {}, frozenset()
 
     def at(
         self, stamp: int, pose: Array, tracks: Sequence[Track], settings: MovingObstacles
@@ -47,11 +47,12 @@ class Lookout:
             tracks: What is known, none of it later than that.
             settings: How many, and how fast what is known grows old.
         """
+        if not tracks:
+            self.surprised = False
+            self.forget()
+            return NOTHING_MOVES
         numbers = frozenset(each.id for each in tracks)
         self.surprised, self._numbers = not numbers <= self._numbers, numbers
-        if not tracks:
-            self._slots.clear()
-            return NOTHING_MOVES
         ages = np.array([(stamp - each.stamp) / NANOSECONDS for each in tracks])
         states = np.array([(each.x, each.y, each.vx, each.vy, each.radius) for each in tracks])
         states[:, :2] += ages[:, None] * states[:, 2:4]

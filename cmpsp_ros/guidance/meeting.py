@@ -40,8 +40,7 @@ class Met:
         return replace(taken, radii=taken.radii[0])
 
 
-NOT_MET = Met((), np.empty((0, 2)), np.empty(0))
-"""Nothing that moves."""
+_NOT_MET = Met((), np.empty((0, 2)), np.empty(0))
 
 
 def meet(settings: GuidanceSettings, start: Start, plan: Plan | None, horizon: Horizon) -> Met:
@@ -53,6 +52,8 @@ def meet(settings: GuidanceSettings, start: Start, plan: Plan | None, horizon: H
         plan: What it follows; None where it goes along the road.
         horizon: From now on.
     """
+    if not len(start.moving):
+        return _NOT_MET
     durations = horizon.durations
     controls = (
         along_road(settings, start.pose, durations)

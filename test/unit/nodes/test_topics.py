@@ -63,7 +63,8 @@ def in_table(node, direction, *, stamped=False, clock=True):
 
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
-    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}')
+    more = 'moving_obstacles.capacity:=2'
+    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', more)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, stamped=stamped)
 
@@ -77,7 +78,13 @@ def test_an_active_node_that_is_destroyed_gives_the_collector_back(make):
 
 @pytest.mark.parametrize('clock', [False, True])
 def test_simulator_opens_what_the_table_says(make, clock):
-    node = make(SimNode, f'publish_clock:={str(clock).lower()}')
+    moves = (
+        'moving_obstacles.names:=[cart]',
+        'moving_obstacles.cart.center:=[1.0, 2.0]',
+        'moving_obstacles.cart.velocity:=[0.5, 0.0]',
+        'moving_obstacles.cart.radius:=0.3',
+    )
+    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *moves)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, clock=clock)
 

@@ -64,6 +64,11 @@ class Itinerary:
         """Whether nothing follows after this goal."""
         return self.goal is not None and self.final == self.end
 
+    @property
+    def task(self) -> GuidanceSettings:
+        """The settings, with the goal that was told instead of theirs where there is one."""
+        return self._given if self._told is None else self._given.towards(self._told)
+
     def tell(self, stamp: int, goal: Goal) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -90,6 +90,14 @@ GUIDANCE_ODOM = Topic(
     'pose in the frame `frame_id`; best effort, so that it hears every publisher',
     depth=50,
     best_effort=True,
+)
+GOAL_POSE = Topic(
+    'guidance',
+    'in',
+    'goal_pose',
+    PoseStamped,
+    'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
+    ' `frame_id`',
 )
 COMMAND = Topic(
     'guidance',

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.goals import Goal, line_ahead, way_along
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.way_back import is_away, time_back
+from cmpsp_ros.guidance.way_back import is_away, time_back, turn_rate
 from cmpsp_ros.robot.road import OpenFloor
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ TOLD: Final = 'goal_pose'
 
 # Control periods for the shortest way: there must be something to steer with.
 _FEWEST: Final = 5
+# Beside the robot, for the direction of the road there [m].
+_NEAR: Final = 0.01
 
 
 class Itinerary:
@@ -92,8 +95,7 @@ class Itinerary:
         effect = now + to_nanoseconds(self._given.command_delay)
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
-            way = abs(way_along(self._given.road, pose, goal.position, goal.heading))
-            self._set_out(goal, effect, way / self._given.pace)
+            self._set_out(goal, effect, self._time_to(goal, pose))
             return True
         if self._given.follow is not None:
             self._look_ahead(now, pose)
@@ -112,6 +114,20 @@ class Itinerary:
             self.is_return = True
             return True
         return False
+
+    def _time_to(self, goal: Goal, pose: Array) -> float:
+        """How long the way to a goal takes, with turns at its beginning and its end [s]."""
+        given, (x, y) = self._given, goal.position
+        way = way_along(given.road, pose, goal.position, goal.heading)
+        if isinstance(given.road, OpenFloor):
+            begin = end = math.atan2(y - pose[1], x - pose[0])
+        else:
+            _, begin = line_ahead(given.road, pose, math.copysign(_NEAR, way))
+            _, end = line_ahead(given.road, pose, way)
+        turn = abs(math.remainder(begin - pose[2], math.tau))
+        if goal.heading is not None:
+            turn += abs(math.remainder(goal.heading - end, math.tau))
+        return abs(way) / given.pace + turn / turn_rate(given)
 
     def _set_out(self, goal: Goal, begin: int, seconds: float) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""

@@ -43,6 +43,7 @@ class Itinerary:
     final: int
     end: int
     is_return: bool
+    _without_heading: GuidanceSettings | None
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take the goals from the settings."""
@@ -80,6 +81,18 @@ class Itinerary:
             goal: The goal; when to pass it is found out then.
         """
         self._waiting = stamp, goal
+
+    def aim(self, steps: int) -> GuidanceSettings:
+        """Settings to plan with: one step alone meets no heading beside a point.
+
+        Args:
+            steps: How many are left.
+        """
+        if steps > 1 or self.goal is None or self.goal.heading is None:
+            return self.settings
+        if self._without_heading is None:
+            self._without_heading = replace(self.settings, goal_heading=None)
+        return self._without_heading
 
     def go_on(self, stamp: int, now: int, pose: Array) -> bool:
         """Find the goal of the moment.
@@ -140,6 +153,7 @@ class Itinerary:
 
     def _aim(self) -> None:
         given, self.is_return = self._given, False
+        self._without_heading = None
         self._is_known = True
         if given.follow is not None:
             self.goal, self.final = None, to_nanoseconds(given.follow.horizon)

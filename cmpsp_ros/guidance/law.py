@@ -97,7 +97,6 @@ class GuidanceLaw:
         self._latest = now
         start, itinerary = self._foresee(stamp, pose), self._itinerary
         turned = itinerary.go_on(stamp, now, start.pose)
-        self._choice.aim(itinerary.settings)
         if now >= itinerary.end:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose))
@@ -109,6 +108,7 @@ class GuidanceLaw:
             decision = self._go_on(stamp, pose, start, last)
         else:
             horizon = remaining(now, self._period, last) if self._delay else horizon
+            self._choice.aim(itinerary.aim(len(horizon.durations)))
             known = self._turn(start, horizon) if turned else self._plan
             decision = self._decide(stamp, pose, start, horizon, known)
         if itinerary.is_last:

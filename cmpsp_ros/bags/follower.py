@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
-from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Reset
+from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Reset, Told
 from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.goal_pose import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.table import Values
@@ -37,6 +39,10 @@ class Follower:
                 self.law.reconfigure(self._settings_of(values))
             case Reset():
                 self.law.reset()
+            case Told(stamp, goal):
+                # A refusal is counted, as it was then.
+                with suppress(GoalError):
+                    self.law.tell(stamp, goal)
             case Halted(decision):
                 return self.law.halt(decision.stamp, decision.reason)
             case Heard(odometry, tracks=tracks):

@@ -1,19 +1,21 @@
 """What a guidance law was told, in the order that its recorded decisions imply.
 
-Odometry is in the bag. What odometry does not show - stops by the node's clock, resets, live
-changes of parameters, which messages on obstacles that move had come by then - every decision says
-of itself: `halted`, `run`, `revision`, `moving_obstacles`.
+Odometry is in the bag, and so are goals that were told and messages on obstacles that move. What
+they do not show - stops by the node's clock, resets, live changes of parameters, how many goals and
+which obstacles had come by then - every decision says of itself: `halted`, `run`, `revision`,
+`told`, `moving_obstacles`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.time_jump import TimeJump
 from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.parameters.table import Values
@@ -39,6 +41,14 @@ class Reset:
 
 
 @dataclass(frozen=True)
+class Told:
+    """A goal came, with this time stamp [ns]."""
+
+    stamp: int
+    goal: Goal
+
+
+@dataclass(frozen=True)
 class Heard:
     """Odometry came; the decision on it, if there was one, and what was known that moves."""
 
@@ -61,7 +71,7 @@ class Lost:
     decision: Recorded
 
 
-Input = Began | Changed | Reset | Heard | Halted | Lost
+Input = Began | Changed | Reset | Told | Heard | Halted | Lost
 
 
 class Inputs:
@@ -115,12 +125,14 @@ class Inputs:
                 yield from self._began(decision, again=before is not None)
             else:
                 yield from self._beforehand(before, decision)
+            told = self._told(None if begins else before, decision)
             if decision.halted:
+                yield from told
                 yield Halted(decision)
             elif odometry is None:
                 yield self._lost(decision)
             else:
-                yield from self._heard(odometry, decision)
+                yield from self._heard(odometry, decision, told)
             before, heard = decision, not decision.halted
         if before is None:
             raise BagError(
@@ -139,9 +151,12 @@ class Inputs:
             if heard:
                 yield from self._heard(each, None)
 
-    def _heard(self, odometry: Odometry, decision: Recorded | None) -> Iterator[Input]:
+    def _heard(
+        self, odometry: Odometry, decision: Recorded | None, told: Iterable[Told] = ()
+    ) -> Iterator[Input]:
         if self._time.back(odometry.stamp) > self.values['odom_timeout']:
             yield Reset()
+        yield from told
         tracks = () if decision is None else self._recording.tracks(decision)
         yield Heard(odometry, decision, tracks=tracks)
 
@@ -169,6 +184,23 @@ class Inputs:
                 yield Changed(self.values)
         if decision.run != before.run or decision.step < before.step:
             yield Reset()
+
+    def _told(self, before: Recorded | None, decision: Recorded) -> list[Told]:
+        """The goals that the law was told since the decision before, or since a run began."""
+        waiting, count = self._recording.goals, decision.told
+        if before is not None and decision.run == before.run and decision.step >= before.step:
+            count -= before.told
+        else:
+            # What came before the run began was not heeded.
+            come = sum(received <= decision.received for received, _, _ in waiting)
+            for _ in range(come - count):
+                waiting.popleft()
+        if count > len(waiting):
+            raise BagError(
+                f'{self._bag.path}: found a decision (stamp {decision.stamp}) after'
+                f' {decision.told} goals, wanted all of them on goal_pose'
+            )
+        return [Told(stamp, goal) for _, stamp, goal in (waiting.popleft() for _ in range(count))]
 
     def _has_change(self, until: int | None = None) -> bool:
         waiting = self._recording.changes

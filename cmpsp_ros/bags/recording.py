@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -14,6 +15,8 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.node_parameters import EVENTS, changes_in
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.facts import MOVING
+from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
 from cmpsp_ros.guidance.tracks import Track, TrackError, read_keys, tracks_of
 
@@ -52,6 +55,11 @@ class Names:
     def decision(self) -> str:
         """Topic of the decisions."""
         return f'{self.node}/decision'
+
+    @property
+    def goal_pose(self) -> str:
+        """Topic of goals that are told under way."""
+        return f'{self.node.rpartition("/")[0]}/goal_pose'
 
     @property
     def path(self) -> str:
@@ -193,6 +201,7 @@ class Recording:
         unusable: Why the first unusable odometry is so; empty when there was none.
         changes: When a live change of parameters was received [ns], and what it says; not yet
             used, in order.
+        goals: When a goal was received [ns], with its time stamp [ns]; not yet used, in order.
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str) -> None:
@@ -206,13 +215,14 @@ class Recording:
         Raises:
             BagError: A topic is missing.
         """
-        optional = (EVENTS, names.cmd_vel, names.path, names.moving)
+        optional = (EVENTS, names.cmd_vel, names.path, names.moving, names.goal_pose)
         self._bag, self._names, self._frame_id = bag, names, frame_id
         there = (topic for topic in optional if topic in bag.topics)
         self._topics = [names.odom, names.decision, *there]
         self.odometry: deque[Odometry] = deque(maxlen=_MOST)
         self.unusable = ''
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
+        self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
         self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
         self._tracks: dict[tuple[int, int], Track] = {}
@@ -270,6 +280,10 @@ class Recording:
             self._commands.append((received, (twist.linear.x, twist.angular.z)))
         elif topic == self._names.moving:
             self._take_tracks(message)
+        elif topic == self._names.goal_pose:
+            # What the node refuses at sight the law is not told.
+            with suppress(GoalError):
+                self.goals.append((received, *goal_of(message, self._frame_id)))
         elif topic == self._names.path:
             poses = (each.pose for each in message.poses)
             self._paths[stamp_of(message)] = tuple(

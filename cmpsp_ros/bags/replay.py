@@ -11,7 +11,7 @@ from cmpsp_ros.bags.comparison import Comparison, Difference
 from cmpsp_ros.bags.custom_data import own_version, software_versions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.follower import Follower
-from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Inputs, Lost, Reset
+from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Inputs, Lost, Reset, Told
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Recorded
 from cmpsp_ros.guidance.decision import Decision
@@ -112,7 +112,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
         outcome = Outcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
         follower, comparison = Follower(settings_of), Comparison(tolerance)
         for told in inputs:
-            if isinstance(told, Began | Changed | Reset):
+            if isinstance(told, Began | Changed | Reset | Told):
                 _prepare(told, follower, path)
                 continue
             for recorded, differences in _compare(told, follower, comparison, outcome.decisions):

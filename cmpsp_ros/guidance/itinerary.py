@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Final
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.goals import Goal, line_ahead, way_along
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.way_back import is_away, time_back
+from cmpsp_ros.guidance.way_back import is_away, time_back, turn_rate
 from cmpsp_ros.robot.road import OpenFloor
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ TOLD: Final = 'goal_pose'
 
 # Control periods for the shortest way: there must be something to steer with.
 _FEWEST: Final = 5
+# Beside the robot, for the direction of the road there [m].
+_NEAR: Final = 0.01
 
 
 class Itinerary:
@@ -40,6 +43,7 @@ class Itinerary:
     final: int
     end: int
     is_return: bool
+    _without_heading: GuidanceSettings | None
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take the goals from the settings."""
@@ -64,6 +68,11 @@ class Itinerary:
         """Whether nothing follows after this goal."""
         return self.goal is not None and self.final == self.end
 
+    @property
+    def task(self) -> GuidanceSettings:
+        """The settings, with the goal that was told instead of theirs where there is one."""
+        return self._given if self._told is None else self._given.towards(self._told)
+
     def tell(self, stamp: int, goal: Goal) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
@@ -72,6 +81,18 @@ class Itinerary:
             goal: The goal; when to pass it is found out then.
         """
         self._waiting = stamp, goal
+
+    def aim(self, steps: int) -> GuidanceSettings:
+        """Settings to plan with: one step alone meets no heading beside a point.
+
+        Args:
+            steps: How many are left.
+        """
+        if steps > 1 or self.goal is None or self.goal.heading is None:
+            return self.settings
+        if self._without_heading is None:
+            self._without_heading = replace(self.settings, goal_heading=None)
+        return self._without_heading
 
     def go_on(self, stamp: int, now: int, pose: Array) -> bool:
         """Find the goal of the moment.
@@ -87,8 +108,7 @@ class Itinerary:
         effect = now + to_nanoseconds(self._given.command_delay)
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
-            way = abs(way_along(self._given.road, pose, goal.position, goal.heading))
-            self._set_out(goal, effect, way / self._given.pace)
+            self._set_out(goal, effect, self._time_to(goal, pose))
             return True
         if self._given.follow is not None:
             self._look_ahead(now, pose)
@@ -108,6 +128,20 @@ class Itinerary:
             return True
         return False
 
+    def _time_to(self, goal: Goal, pose: Array) -> float:
+        """How long the way to a goal takes, with turns at its beginning and its end [s]."""
+        given, (x, y) = self._given, goal.position
+        way = way_along(given.road, pose, goal.position, goal.heading)
+        if isinstance(given.road, OpenFloor):
+            begin = end = math.atan2(y - pose[1], x - pose[0])
+        else:
+            _, begin = line_ahead(given.road, pose, math.copysign(_NEAR, way))
+            _, end = line_ahead(given.road, pose, way)
+        turn = abs(math.remainder(begin - pose[2], math.tau))
+        if goal.heading is not None:
+            turn += abs(math.remainder(goal.heading - end, math.tau))
+        return abs(way) / given.pace + turn / turn_rate(given)
+
     def _set_out(self, goal: Goal, begin: int, seconds: float) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""
         period = to_nanoseconds(self._given.control_period)
@@ -119,6 +153,7 @@ class Itinerary:
 
     def _aim(self) -> None:
         given, self.is_return = self._given, False
+        self._without_heading = None
         self._is_known = True
         if given.follow is not None:
             self.goal, self.final = None, to_nanoseconds(given.follow.horizon)

@@ -14,6 +14,8 @@ from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Start, inside
 from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.goal_pose import GoalError, check_goal
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.itinerary import Itinerary
@@ -118,8 +120,6 @@ class GuidanceLaw:
         self._end_period(stamp, pose)
         start, itinerary = self._foresee(stamp, pose, moving), self._itinerary
         turned = itinerary.go_on(stamp, now, start.pose)
-        self._choice.aim(itinerary.settings)
-        self._progress.aim(itinerary.settings)
         if now >= itinerary.end:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose, moving), tracks)
@@ -131,6 +131,8 @@ class GuidanceLaw:
             decision = self._go_on(stamp, pose, start, last)
         else:
             horizon = remaining(now, self._period, last) if self._delay else horizon
+            self._choice.aim(itinerary.aim(len(horizon.durations)))
+            self._progress.aim(itinerary.settings)
             known = self._turn(start, horizon) if turned else self._plan or self._waiting
             decision = self._decide(stamp, pose, start, horizon, known)
         if itinerary.is_last:
@@ -160,6 +162,31 @@ class GuidanceLaw:
         controls = way_back(settings, start.pose, durations)
         poses = settings.model.roll_out(start.pose, controls, durations)
         return Plan(horizon, controls, poses, self._delay)
+
+    @property
+    def task(self) -> GuidanceSettings:
+        """The settings, with the goal that was told instead of theirs where there is one."""
+        return self._itinerary.task
+
+    def tell(self, stamp: int, goal: Goal) -> None:
+        """Take another goal instead of all others, at the first control step that is not older.
+
+        Args:
+            stamp: Its time stamp [ns]; 0 for at once.
+            goal: The goal; when to pass it follows from the way to it and from the nominal speed.
+
+        Raises:
+            GoalError: It is refused, and nothing changes.
+        """
+        self._itinerary.heard += 1
+        check_goal(self._settings, self._audit, goal)
+        latest = self._latest + (self._start or 0)
+        if self._start is not None and stamp - latest > to_nanoseconds(self._settings.odom_timeout):
+            ahead = (stamp - latest) / NANOSECONDS
+            raise GoalError(
+                f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
+            )
+        self._itinerary.tell(stamp, goal)
 
     def halt(self, stamp: int, reason: str) -> Decision:
         """Stop for a reason that odometry does not show.

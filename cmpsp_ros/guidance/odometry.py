@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 Array = NDArray[np.float64]
 
 
-_FARTHEST = 1e8
+FARTHEST: Final = 1e8
 """Coordinates beyond which squares and differences mean nothing [m]."""
 
 
@@ -43,16 +43,20 @@ def pose_of(message: Any, frame_id: str) -> Array:
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if abs(length - 1.0) > 0.01:
         raise OdometryError(f'Odometry has an orientation of length {length:.3g}, wanted 1.')
-    # Exact for a quaternion of any length.
-    heading = math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    pose = (position.x, position.y, heading)
+    pose = (position.x, position.y, heading_of(q))
     if not all(map(math.isfinite, pose)):
         raise OdometryError(f'Odometry has a pose that is not finite: {list(pose)}.')
-    if not max(abs(position.x), abs(position.y)) <= _FARTHEST:
+    if not max(abs(position.x), abs(position.y)) <= FARTHEST:
         raise OdometryError(
             f'Odometry has a position of {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
         )
     return np.array(pose)
+
+
+def heading_of(orientation: Any) -> float:
+    """Heading of a quaternion of any length but 0 [rad]."""
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
 def check_age(stamp: int, now: int, timeout: float) -> None:

@@ -22,6 +22,12 @@ _PART_OF_LIMIT: Final = 0.5
 _AWAY: Final = 0.5
 
 
+def turn_rate(settings: GuidanceSettings) -> float:
+    """Rate at which the robot is turned where nothing hurries it [rad/s]."""
+    robot = settings.robot
+    return min(_TURN_RATE, _PART_OF_LIMIT * robot.max_speed / robot.half_track)
+
+
 def is_away(settings: GuidanceSettings, pose: Array) -> bool:
     """Whether a robot that should stand at its goal has been moved away from it."""
     if settings.miss(pose) > _AWAY * settings.goal_tolerance:
@@ -69,11 +75,10 @@ def _parts(settings: GuidanceSettings, pose: Array) -> list[tuple[int, float, fl
         turn, length = math.remainder(turn - math.pi, math.tau), -length
     if settings.goal_heading is not None:
         last = math.remainder(settings.goal_heading - pose[2] - turn, math.tau)
-    robot, period = settings.robot, settings.control_period
-    speed = min(settings.pace, _PART_OF_LIMIT * robot.max_speed)
-    turn_rate = min(_TURN_RATE, _PART_OF_LIMIT * robot.max_speed / robot.half_track)
+    period, rate = settings.control_period, turn_rate(settings)
+    speed = min(settings.pace, _PART_OF_LIMIT * settings.robot.max_speed)
     return [
-        (math.ceil(abs(turn) / turn_rate / period), 0.0, turn),
+        (math.ceil(abs(turn) / rate / period), 0.0, turn),
         (math.ceil(abs(length) / speed / period), length, 0.0),
-        (math.ceil(abs(last) / turn_rate / period), 0.0, last),
+        (math.ceil(abs(last) / rate / period), 0.0, last),
     ]

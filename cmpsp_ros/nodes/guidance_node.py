@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.time_jump import TimeJump
@@ -30,13 +31,14 @@ from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.rivals import TRUST, Rivals
 from cmpsp_ros.nodes.runtime import run
-from cmpsp_ros.nodes.topics import GUIDANCE_ODOM, RESET
+from cmpsp_ros.nodes.topics import GOAL_POSE, GUIDANCE_ODOM, RESET
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
 
 if TYPE_CHECKING:
+    from geometry_msgs.msg import PoseStamped
     from nav_msgs.msg import Odometry
     from rclpy.lifecycle import LifecycleState
     from rclpy.parameter import Parameter
@@ -125,10 +127,11 @@ class GuidanceNode(LifecycleNode):
         self._obstacles = ObstacleInput(self, self._settings)
         self._inputs = (
             odometry := GUIDANCE_ODOM.listen_on(self, self._on_odometry),
+            GOAL_POSE.listen_on(self, self._on_goal),
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
-        self._prompt = Prompt(odometry, self.context)
+        self._prompt = Prompt(odometry, self.context, after=self._obstacles.subscription)
         self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)
@@ -157,8 +160,9 @@ class GuidanceNode(LifecycleNode):
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the topics."""
-        subscription, service, timer = self._inputs
-        self.destroy_subscription(subscription)
+        odometry, goals, service, timer = self._inputs
+        self.destroy_subscription(odometry)
+        self.destroy_subscription(goals)
         self.destroy_service(service)
         self.destroy_timer(timer)
         self._obstacles.close()
@@ -233,8 +237,19 @@ class GuidanceNode(LifecycleNode):
         self._outputs.command(decision)
         period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
         self._times.add(step_ms, period)
+        if self._decision is None or decision.told != self._decision.told:
+            self._scenery_changed = True
         self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        if self._state != ACTIVE:
+            self.get_logger().warning(f'goal_pose is not heard: the node is {self._state}')
+            return
+        try:
+            self._law.tell(*goal_of(message, self._settings.frame_id))
+        except GoalError as error:
+            self.get_logger().warning(f'goal_pose is refused: {error}')
 
     def _use_slack(self, slack: float = math.inf) -> None:
         """Do what can wait until the command is out, and the next is not yet due."""
@@ -243,7 +258,7 @@ class GuidanceNode(LifecycleNode):
         self._garbage.collect(slack)
 
     def _show(self) -> None:
-        self._outputs.show(self._settings)
+        self._outputs.show(self._law.task)
         self._scenery_changed = False
 
     def _notice_time(self, stamp: int) -> None:

@@ -10,6 +10,7 @@ from cmpsp_ros.nodes.topics import GUIDANCE_MOVING
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
+    from rclpy.subscription import Subscription
     from sensor_msgs.msg import PointCloud2
 
     from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -25,19 +26,20 @@ class ObstacleInput:
 
     Attributes:
         settings: All settings of the guidance law, as they are now.
+        subscription: Where it listens; None where plans have no room.
     """
 
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
         """Open the topic, unless `moving_obstacles.capacity` is 0."""
         self.settings = settings
         self._node, self._tracks, self._refusal = node, Tracks(), ''
-        self._subscription = None
+        self.subscription: Subscription | None = None
         if settings.moving_obstacles.capacity:
-            self._subscription = GUIDANCE_MOVING.listen_on(node, self._hear)
+            self.subscription = GUIDANCE_MOVING.listen_on(node, self._hear)
 
     def at(self, stamp: int) -> tuple[Track, ...]:
         """What is known at a time [ns]."""
-        if self._subscription is None:
+        if self.subscription is None:
             return ()
         return self._tracks.at(stamp, self.settings.moving_obstacles.timeout)
 
@@ -51,8 +53,8 @@ class ObstacleInput:
 
     def close(self) -> None:
         """Close the topic."""
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+        if self.subscription is not None:
+            self._node.destroy_subscription(self.subscription)
 
     def _hear(self, message: PointCloud2) -> None:
         now = self._node.get_clock().now().nanoseconds

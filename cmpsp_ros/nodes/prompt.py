@@ -21,9 +21,17 @@ class Prompt:
     may go on to serve the same subscription; a message goes to whoever takes it first.
     """
 
-    def __init__(self, subscription: Subscription, context: Context) -> None:
-        """Take the subscription of a node in this context."""
-        self._subscription = subscription
+    def __init__(
+        self, subscription: Subscription, context: Context, *, after: Subscription | None = None
+    ) -> None:
+        """Take the subscription of a node.
+
+        Args:
+            subscription: The one to wait for.
+            context: Of the node.
+            after: One whose messages go before, if they have come by then.
+        """
+        self._subscription, self._after = subscription, after
         self._wait_set = _rclpy.WaitSet(1, 0, 0, 0, 0, 0, context.handle)
 
     def hear(self, timeout: float) -> None:
@@ -34,5 +42,15 @@ class Prompt:
             self._wait_set.add_subscription(handle)
             self._wait_set.wait(max(0, round(timeout * _NS)))
             taken = handle.take_message(self._subscription.msg_type, self._subscription.raw)
-        if taken is not None:
-            self._subscription.callback(taken[0])
+        if taken is None:
+            return
+        if self._after is not None:
+            _take_all(self._after)
+        self._subscription.callback(taken[0])
+
+
+def _take_all(subscription: Subscription) -> None:
+    handle = subscription.handle
+    with handle:
+        while (taken := handle.take_message(subscription.msg_type, subscription.raw)) is not None:
+            subscription.callback(taken[0])

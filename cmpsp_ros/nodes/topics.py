@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Twist, TwistStamped
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -100,6 +100,14 @@ GUIDANCE_MOVING = Topic(
     ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
     depth=50,
     best_effort=True,
+)
+GOAL_POSE = Topic(
+    'guidance',
+    'in',
+    'goal_pose',
+    PoseStamped,
+    'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
+    ' `frame_id`',
 )
 COMMAND = Topic(
     'guidance',

@@ -1,0 +1,71 @@
+"""Parameters changed many times a second while the robot drives."""
+
+from __future__ import annotations
+
+import itertools
+import os
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.guidance.decision import Rung
+
+pytestmark = pytest.mark.integration
+
+SECONDS = float(os.environ.get('LIVE_CHANGES_SECONDS', '15'))
+"""How long they are changed; `LIVE_CHANGES_SECONDS=60 pytest ...` makes a minute of it."""
+
+PERIOD = 0.05
+CONTROL_PERIOD = 0.2
+CHANGES = (
+    ('weights.road_center', (10.0, 15.0, 30.0)),
+    ('obstacles.a.radius', (0.6, 0.65, 0.7)),
+    ('robot.max_wheel_speed', (40.0, 45.0, 51.0)),
+    ('goal.position', ([9.9, 0.1], [10.0, 0.0], [10.1, -0.1])),
+    ('obstacles.b.center', ([10.0, -2.0], [10.05, -2.0], [10.0, -1.9])),
+)
+WRONG = (
+    ('weights.road_center', -1.0, 'weights.road_center'),
+    ('goal.position', [3.0, 0.0], 'goal.position'),
+    ('obstacles.a.radius', -0.5, 'obstacles.a.radius'),
+)
+
+
+def test_changes_twenty_times_a_second_take_effect_without_a_dip(start_node, client):
+    final_time = SECONDS + 12.0
+    start_node('guidance_node', {'autostart': False, 'final_time': final_time})
+    assert client.change_state('configure')
+    client.connect()
+    assert client.change_state('activate')
+    client.drive()
+    client.until_driving()
+    client.until(lambda: len(client.decisions) > 10)
+    first, accepted, refused = len(client.decisions), 0, 0
+    begun, right = client.now(), itertools.cycle(CHANGES)
+    wrong = itertools.cycle(WRONG)
+    for count in itertools.count():
+        due = begun + round(count * PERIOD * 1e9)
+        if due - begun > SECONDS * 1e9:
+            break
+        client.until(lambda due=due: client.now() >= due)
+        if count % 4 == 3:
+            key, value, named = next(wrong)
+            outcome = client.set_parameter(key, value)
+            assert not outcome.successful
+            assert named in outcome.reason
+            refused += 1
+        else:
+            key, values = next(right)
+            outcome = client.set_parameter(key, values[count % len(values)])
+            assert outcome.successful, outcome.reason
+            accepted += 1
+    assert accepted > 3 * refused - 5
+    last = len(client.decisions)
+    client.until(lambda: len(client.decisions) > last + 2)
+    assert int(client.decisions[-1]['revision']) == accepted
+    driven, commands = client.decisions[first:last], np.array(client.commands[first:last])
+    stamps = np.array([int(each['stamp']) for each in driven]) * 1e-9
+    assert np.diff(stamps).max() < 1.5 * CONTROL_PERIOD
+    assert {each['rung'] for each in driven} == {Rung.NOMINAL.name.lower()}
+    # From one control step to the next the speed changes by little, and never drops out.
+    assert commands[:, 0].min() > 0.5 * np.median(commands[:, 0])

@@ -86,6 +86,9 @@ class Planner:
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
         self._horizon = None
+        # All of it: a plan may not depend on which planner another one was made by.
+        for hint in (self._room.solver.hint_hard, self._room.solver.hint_relaxed):
+            hint.length[0] = 0
 
     def improve(
         self,

@@ -135,7 +135,8 @@ def drive_case(preset='case3', rest=0.4, **changes):
     values = TABLE.resolve(given)
     settings = guidance_settings(values)
     # Where it goes must not depend on what the law makes of its choices.
-    law = GuidanceLaw(replace(settings, solver=replace(settings.solver, candidates=1)))
+    solver = replace(settings.solver, candidates=1, initial_iterations=2)
+    law = GuidanceLaw(replace(settings, solver=solver))
     drive = Drive(values)
     pose, held = np.array(values['initial_pose']), np.zeros(2)
     under_way, delay = deque(), round(values['actuation_delay'] * SECOND)

@@ -143,8 +143,9 @@ class Drive:
     def measured(self):
         """The pose as it reads back from a message."""
         x, y, heading = self.pose
-        turn = math.sin(heading / 2.0), math.cos(heading / 2.0)
-        return np.array([x, y, math.atan2(2.0 * turn[0] * turn[1], turn[1] ** 2 - turn[0] ** 2)])
+        z, w = math.sin(heading / 2.0), math.cos(heading / 2.0)
+        # As it is read, to the last bit: a power need not be rounded as a product is.
+        return np.array([x, y, math.atan2(2.0 * (w * z), w * w - z * z)])
 
     def tick(self):
         held, seconds = self.held[None], np.array([TICK / SECOND])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +51,7 @@ def encounters(
         timeout: Age at which an obstacle that is not told of again is forgotten [s].
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
-    for each, after in zip(tracks, [*tracks[1:], None], strict=True):
+    for each, after in pairwise((*tracks, None)):
         until = each.stamp + round(timeout * NANOSECONDS)
         if after is not None and after.id == each.id:
             until = min(until, after.stamp)

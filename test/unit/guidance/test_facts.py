@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.facts import facts, severity, waypoints, written
 from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.tracks import Track
 
 
 def decision(**changes):
@@ -33,7 +34,7 @@ def decision(**changes):
 
 
 def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
-    sent = {'reason', 'plan', 'twist', 'wheel_speeds', 'phases'}
+    sent = {'reason', 'plan', 'twist', 'wheel_speeds', 'phases', 'tracks'}
     told = set(facts(decision(phases={'solve': 1.0})))
     wheels = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms'}
     assert told == set(Decision.__dataclass_fields__) - sent | wheels
@@ -74,3 +75,9 @@ def test_waypoints_are_the_plan_s_poses():
     for (x, y, z, w), pose in zip(waypoints(plan), poses, strict=True):
         assert [x, y] == pose[:2].tolist()
         assert math.cos(2.0 * math.atan2(z, w) - pose[2]) == pytest.approx(1.0)
+
+
+def test_what_moves_is_told_where_there_is_any():
+    assert 'moving_obstacles' not in facts(decision())
+    seen = [Track(number, 5, 0.1, 0.0, 0.0, 0.0, 0.0) for number in (2, 9)]
+    assert facts(decision(tracks=tuple(seen)))['moving_obstacles'] == '2@5 9@5'

@@ -50,10 +50,10 @@ def encounters(
         timeout: Age at which an obstacle that is not told of again is forgotten [s].
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
-    for each, after in zip(tracks, [*tracks[1:], None], strict=True):
+    for index, each in enumerate(tracks):
         until = each.stamp + round(timeout * NANOSECONDS)
-        if after is not None and after.id == each.id:
-            until = min(until, after.stamp)
+        if index + 1 < len(tracks) and tracks[index + 1].id == each.id:
+            until = min(until, tracks[index + 1].stamp)
         first, last = max(each.stamp, begin), min(until, end)
         if first >= last:
             continue

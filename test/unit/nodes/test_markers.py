@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from rclpy.time import Time
@@ -13,6 +14,7 @@ from cmpsp_ros.nodes.markers import marker_array
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robot.obstacles import Capsule, convex
 
 STAMP = Time(nanoseconds=3_000_000_005).to_msg()
 
@@ -109,3 +111,18 @@ def test_the_goal_has_its_tolerance_and_can_be_seen():
 def test_no_obstacles_no_limit():
     made = marker_array(settings('case1'), STAMP).markers
     assert {each.ns for each in made[1:]} == {'road', 'centre_line', 'goal'}
+
+
+def test_walls_and_polygons_are_drawn_by_their_edges():
+    wall = Capsule('wall', (4.0, -9.5), (5.0, -9.5), 0.1)
+    crate = convex('crate', [(9.5, -3.0), (10.5, -3.0), (10.5, -2.0), (9.5, -2.0)])
+    found = marker_array(replace(settings(), obstacles=(wall, crate)), STAMP).markers
+    edges, rings = of(found, 'obstacles'), of(found, 'margins')
+    assert [each.type for each in (*edges, *rings)] == [Marker.LINE_STRIP] * 4
+    assert [(each.x, each.y) for each in edges[1].points] == [*crate.vertices, crate.vertices[0]]
+    assert max(each.y for each in edges[0].points) == pytest.approx(-9.4)
+    assert max(each.y for each in rings[0].points) > -9.4
+    names = of(found, 'obstacle_names')
+    assert [(each.pose.position.x, each.pose.position.y) for each in names] == [
+        (4.5, -9.5), (10.0, -2.5),
+    ]  # fmt: skip

@@ -10,6 +10,7 @@ from visualization_msgs.msg import Marker
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.nodes.plan_markers import PlanMarkers
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -79,3 +80,19 @@ def test_without_a_plan_the_line_goes_and_the_sentence_stays(law, decision):
     assert plan.points == []
     assert rung.text == 'stop: No odometry.'
     assert (rung.pose.position.x, rung.pose.position.y) == (0.0, -9.25)
+
+
+def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(fill, decision):
+    seen = Track(7, decision.stamp - 500_000_000, 0.3, 5.0, -9.0, -0.5, 0.25)
+    markers = fill(replace(decision, tracks=(seen,)))
+    disc, arrow = markers[2:]
+    assert (disc.ns, disc.id, arrow.ns, arrow.id) == (
+        'moving_obstacles', 7, 'moving_velocities', 7,
+    )  # fmt: skip
+    assert (disc.pose.position.x, disc.pose.position.y) == (4.75, -8.875)
+    assert (disc.scale.x, disc.scale.y) == (0.6, 0.6)
+    assert [(each.x, each.y) for each in arrow.points] == [(4.75, -8.875), (4.25, -8.625)]
+    for each in markers:
+        assert each.header.frame_id == 'map'
+        assert each.lifetime.sec + each.lifetime.nanosec > 0
+    assert len(fill(decision)) == 2

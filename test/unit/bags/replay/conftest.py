@@ -90,14 +90,13 @@ class Drive:
         self.settings = guidance_settings(self.values)
         self.law, self.held, self.decisions = GuidanceLaw(self.settings), np.zeros(2), []
         # By how much odometry is behind the recorder's clock, and what the node knows of its time.
-        self.behind, self.time = 0, TimeJump()
+        self.behind, self.time, self.are_told = 0, TimeJump(), False
         self.activate()
         self.bag = BagWriter(folder)
         for name, kind in (
             ('/parameter_events', EVENT),
             (f'{prefix}/odom', ODOMETRY),
             (f'{prefix}/cmd_vel', TWIST),
-            (f'{prefix}/goal_pose', GOAL),
             (f'{prefix}/guidance/decision', STATUS),
             (f'{prefix}/guidance/predicted_path', PATH),
         ):
@@ -173,7 +172,11 @@ class Drive:
             ),
         )
         raw = bytes(jazzy().serialize_cdr(message, GOAL))
-        self.bag.write(f'{self.prefix}/goal_pose', self.now + 500, raw)
+        topic = f'{self.prefix}/goal_pose'
+        if not self.are_told:
+            self.bag.topic(topic, GOAL)
+        self.are_told = True
+        self.bag.write(topic, self.now + 500, raw)
         if heard:
             with suppress(GoalError):
                 self.law.tell(*goal_of(message, self.settings.frame_id))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import zip_longest
 
 from cmpsp_ros.bags.audit.record import Record, Run
 from cmpsp_ros.guidance.goals import Goal
@@ -23,7 +24,7 @@ def goals_of(record: Record, run: Run) -> list[Goal]:
         then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
         if goal.time <= until:
             goals.append(replace(then[index], time=goal.time))
-    for each, after in zip(told, [*told[1:], None], strict=True):
+    for each, after in zip_longest(told, told[1:]):
         assert each.goal is not None  # noqa: S101 (looked at above)
         if after is None or after.goal != each.goal:
             end = float('inf') if after is None else (after.stamp - run.start) / NANOSECONDS

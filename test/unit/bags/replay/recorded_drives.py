@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 
 import numpy as np
 
@@ -17,12 +18,14 @@ from cmpsp_ros.bags.messages import (
 )
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.time_jump import TimeJump
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
+GOAL = 'geometry_msgs/msg/PoseStamped'
 ODOMETRY, EVENT = 'nav_msgs/msg/Odometry', 'rcl_interfaces/msg/ParameterEvent'
 SECOND = 1_000_000_000
 TICK = SECOND // 50
@@ -87,7 +90,7 @@ class Drive:
         self.settings = guidance_settings(self.values)
         self.law, self.held, self.decisions = GuidanceLaw(self.settings), np.zeros(2), []
         # By how much odometry is behind the recorder's clock, and what the node knows of its time.
-        self.behind, self.time = 0, TimeJump()
+        self.behind, self.time, self.are_told = 0, TimeJump(), False
         self.activate()
         self.bag = BagWriter(folder)
         for name, kind in (
@@ -155,6 +158,29 @@ class Drive:
     def halt(self, reason='No usable odometry.'):
         self.publish(self.law.halt(self.now, reason))
         self.now += TICK // 4
+
+    def tell(self, x, y, heading, *, frame_id='odom', stamp=0, heard=True):
+        """Publish a goal, which the node hears and heeds, or was not active to."""
+        time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
+        turn = math.sin(heading / 2.0), math.cos(heading / 2.0)
+        message = make(
+            GOAL,
+            make('std_msgs/msg/Header', time, frame_id),
+            make(
+                'geometry_msgs/msg/Pose',
+                make('geometry_msgs/msg/Point', x, y, 0.0),
+                make('geometry_msgs/msg/Quaternion', 0.0, 0.0, *turn),
+            ),
+        )
+        raw = bytes(jazzy().serialize_cdr(message, GOAL))
+        topic = f'{self.prefix}/goal_pose'
+        if not self.are_told:
+            self.bag.topic(topic, GOAL)
+        self.are_told = True
+        self.bag.write(topic, self.now + 500, raw)
+        if heard:
+            with suppress(GoalError):
+                self.law.tell(*goal_of(message, self.settings.frame_id))
 
     def change(self, **changes):
         """A live change of parameters, `__` standing for a dot."""

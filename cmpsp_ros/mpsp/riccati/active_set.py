@@ -77,12 +77,16 @@ def find_active_set(
         more rows would be active than there is room for.
     """
     _begin(qp, penalty, white, at, hint)
-    outcome, given = DONE, 0
+    outcome, given, looked_at = DONE, 0, -1
     while outcome == DONE:
         row, given = _next_given(qp, at, hint, given)
         if row < 0:
             row = _furthest(at)
         if row < 0:
+            # What has been looked for and brought no iteration is violated by rounding alone.
+            if at.counts[ITERATIONS] == looked_at:
+                break
+            looked_at = at.counts[ITERATIONS]
             unwhiten(qp, white, at.v, dU, dX)
             if not _find_violated(qp, white, at, dU, dX):
                 break

@@ -95,3 +95,14 @@ def test_no_code_is_missing_after_it():
         [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
+
+
+def test_a_solver_that_rounding_leads_round_comes_to_an_end():
+    """Off the road, with the exact Hessian and no wheel limit, hundreds of rows are active."""
+    given = guidance_settings(TABLE.resolve(load_parameter_file('case1')))
+    solver = replace(given.solver, hessian='exact')
+    robot = replace(given.robot, max_wheel_speed=math.inf)
+    law = GuidanceLaw(replace(given, solver=solver, robot=robot))
+    poses = (given.road.middle(), given.road.middle(), given.road.beside(), given.road.beside())
+    decisions = [law.update(step * PERIOD, pose) for step, pose in enumerate(poses)]
+    assert all(each.reason for each in decisions)

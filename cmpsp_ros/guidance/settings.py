@@ -179,6 +179,8 @@ class GuidanceSettings:
 
         Where a road is followed the goal is a line across it.
         """
+        x: float
+        y: float
         x, y = pose.tolist()[:2]
         if self.follow is None or self.goal_heading is None:
             return math.dist((x, y), self.goal)

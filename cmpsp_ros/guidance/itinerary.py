@@ -105,7 +105,9 @@ class Itinerary:
         Returns:
             Whether it is another one than before.
         """
-        effect = now + to_nanoseconds(self._given.command_delay)
+        effect = now + self._delay
+        if effect < self.final and self._is_known and self._waiting is None and self.goal:
+            return False
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
             self._set_out(goal, effect, self._time_to(goal, pose))
@@ -153,6 +155,7 @@ class Itinerary:
 
     def _aim(self) -> None:
         given, self.is_return = self._given, False
+        self._delay = to_nanoseconds(given.command_delay)
         self._without_heading = None
         self._is_known = True
         if given.follow is not None:

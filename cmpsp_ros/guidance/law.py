@@ -394,7 +394,8 @@ class GuidanceLaw:
         return self._itinerary.settings.miss(plan.poses[-1])
 
     def _heading_miss(self, plan: Plan) -> float | None:
-        return self._itinerary.settings.heading_miss(plan.poses[-1])
+        settings = self._itinerary.settings
+        return None if settings.goal_heading is None else settings.heading_miss(plan.poses[-1])
 
     def _time_left(self, now: int) -> float:
         end = self._itinerary.end

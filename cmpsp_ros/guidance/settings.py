@@ -207,10 +207,13 @@ class GuidanceSettings:
 
         Where a road is followed the goal is a line across it.
         """
+        x: float
+        y: float
+        x, y = pose.tolist()[:2]
         if self.follow is None or self.goal_heading is None:
-            return math.dist(pose[:2], self.goal)
-        dx, dy = (pose[:2] - self.goal).tolist()
-        return float(abs(math.cos(self.goal_heading) * dx + math.sin(self.goal_heading) * dy))
+            return math.dist((x, y), self.goal)
+        dx, dy = x - self.goal[0], y - self.goal[1]
+        return abs(math.cos(self.goal_heading) * dx + math.sin(self.goal_heading) * dy)
 
     def heading_miss(self, pose: Array) -> float | None:
         """How far a pose's heading is from the goal's [rad]; None where any will do."""

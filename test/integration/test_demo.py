@@ -213,6 +213,29 @@ def test_obstacles_that_move_in_lockstep(start_demo, spawn, tmp_path):
         assert ('identical: ' if command == 'replay' else 'clear of what moves') in said
 
 
+def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('goals', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert [each['name'] for each in summary['goals']] == ['a', 'b', 'c', 'd', 'e', 'goal']
+    assert all(each['miss_m'] < 1e-6 for each in summary['goals'])
+    assert summary['goals'][1]['heading_miss_rad'] < 1e-6
+    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary['clearance_m'] >= 0.0
+
+
+def test_a_road_without_end_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('endless', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['speed_m_s'] == pytest.approx(1.2, rel=0.01)
+    assert summary['miss_m'] is None
+    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary['clearance_m'] >= 0.0
+
+
 def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):
     folder, runs = tmp_path / 'deep' / 'run', []
     for flags in ([], ['--force']):

@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
+from dataclasses import replace
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+PERIOD = 200_000_000
 
 # In a process of its own: nothing that other tests have run may be there already.
 PROGRAM = """

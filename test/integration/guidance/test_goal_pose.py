@@ -1,0 +1,79 @@
+"""Goals that are told to the guidance node as RViz tells them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import PoseStamped
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from visualization_msgs.msg import MarkerArray
+
+from cmpsp_ros.guidance.goal_pose import goal_of
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.odometry import pose_of
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+pytestmark = pytest.mark.integration
+
+PERIOD_NS = 200_000_000
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+# Odometry is stamped ahead of time here, and the test may be slow between two messages.
+PATIENT = {'odom_timeout': 60.0}
+
+
+def goal_pose(x, y, heading, frame_id='odom'):
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    message.pose.position.x, message.pose.position.y = x, y
+    message.pose.orientation.z = math.sin(heading / 2.0)
+    message.pose.orientation.w = math.cos(heading / 2.0)
+    return message
+
+
+def test_a_goal_is_driven_to_and_one_in_another_frame_refused(start_node, client, make_odometry):
+    values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
+    law, shown = GuidanceLaw(guidance_settings(values)), []
+    running = start_node('guidance_node', PATIENT)
+    client.node.create_subscription(MarkerArray, '/guidance/markers', shown.append, LATCHED)
+    goals = client.node.create_publisher(PoseStamped, 'goal_pose', 10)
+    client.until(goals.get_subscription_count)
+    client.until_health(state='active')
+    client.connect()
+    pose, stamp = np.array([0.0, -9.25, 0.0]), client.now()
+
+    def step():
+        nonlocal pose, stamp
+        message = make_odometry(stamp, pose)
+        heard, _ = client.decide(message)
+        decision = law.update(stamp, pose_of(message, 'odom'))
+        pose, stamp = decision.plan.poses[1], stamp + PERIOD_NS
+        return heard, decision
+
+    heard, _ = step()
+    assert 'goal' not in heard
+    goals.publish(goal_pose(7.0, -7.0, 0.8, frame_id='map'))
+    client.until(lambda: "in frame 'map', wanted 'odom'" in running.stderr)
+    wanted = goal_pose(7.0, -7.0, 0.8)
+    goals.publish(wanted)
+    # What is published first may still be heard last: a step or two are taken meanwhile.
+    for _ in range(20):
+        before = law.task
+        heard, _ = step()
+        if 'told' in heard:
+            break
+    assert heard['told'] == '1'
+    assert heard['goal'] == 'goal_pose'
+    assert [float(heard[key]) for key in ('goal_x', 'goal_y')] == [7.0, -7.0]
+    assert float(heard['goal_heading']) == goal_of(wanted, 'odom')[1].heading
+    assert before.goal == (10.0, 0.0)
+
+    def is_shown():
+        discs = [each for each in shown[-1].markers if each.ns == 'goal'] if shown else []
+        return [(each.pose.position.x, each.pose.position.y) for each in discs] == [(7.0, -7.0)]
+
+    client.until(is_shown)

@@ -271,7 +271,9 @@ class GuidanceLaw:
         reason = described + self._choice.remark
         if candidate.usable:
             self._failures = 0
-            if why := self._progress.reason_to_wait(candidate):
+            # Before something that moves, standing still is no safe thing to wait by.
+            waits = not len(start.moving)
+            if waits and (why := self._progress.reason_to_wait(candidate)):
                 self._plan, self._waiting = None, plan
                 return self._halt(stamp, pose, f'{why} {reason}', improvement)
         else:

@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.account import Account
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Start, inside
 from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.goal_pose import GoalError, check_goal
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.itinerary import Itinerary
 from cmpsp_ros.guidance.lookout import Lookout
@@ -48,20 +48,18 @@ class GuidanceLaw:
         """
         self._timer = timer
         self._lookout = Lookout()
-        self._run = self._revision = -1
         self._slip = SlipEstimate()
         self._itinerary = Itinerary(settings)
+        self._account = Account(self._itinerary)
         self.reconfigure(settings)
         self.reset()
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
-        self._run += 1
+        self._account.begin()
         self._start: int | None = None
         self._due = 0
         self._latest = 0
-        self._step = 0
-        self._failures = 0
         self._held = np.zeros(2)
         self._under_way = CommandsUnderWay()
         self._lookout.forget()
@@ -80,7 +78,7 @@ class GuidanceLaw:
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
-        self._revision += 1
+        self._account.revision += 1
         self._settings = settings
         self._reckon()
         self._progress = Progress(settings)
@@ -137,7 +135,7 @@ class GuidanceLaw:
             decision = self._decide(stamp, pose, start, horizon, known)
         if itinerary.is_last:
             self._stop_in_time(start, decision.plan, last)
-        self._step += 1
+        self._account.step += 1
         self._begin_period(stamp, pose, decision.wheel_speeds)
         return self._sent(decision, tracks)
 
@@ -249,11 +247,15 @@ class GuidanceLaw:
             return self._halt(stamp, pose, reason, moving=start.moving)
         plan, verdict = shifted
         reason = 'The plan goes on: a new command comes too late to change its end.'
-        return replace(
-            self._following(stamp, Rung.NOMINAL, reason, plan, verdict),
-            time_left=self._time_left(self._latest),
-            miss=self._miss(self._plan),
-            heading_miss=self._heading_miss(self._plan),
+        return self._account.following(
+            stamp,
+            Rung.NOMINAL,
+            reason,
+            plan,
+            verdict,
+            self._settings.robot,
+            time_left=self._account.time_left(self._latest),
+            **self._account.misses(self._plan.poses[-1]),
         )
 
     def _decide(
@@ -270,14 +272,14 @@ class GuidanceLaw:
         described = candidate.describe(self._audit, self._itinerary.settings, start.moving)
         reason = described + self._choice.remark
         if candidate.usable:
-            self._failures = 0
+            self._account.failures = 0
             # Before something that moves, standing still is no safe thing to wait by.
             waits = not len(start.moving)
             if waits and (why := self._progress.reason_to_wait(candidate)):
                 self._plan, self._waiting = None, plan
                 return self._halt(stamp, pose, f'{why} {reason}', improvement)
         else:
-            self._failures += 1
+            self._account.failures += 1
             reason = verdict.reason if improvement.solved else improvement.reason
             shifted = self._shifted(start, horizon)
             if shifted is None:
@@ -289,41 +291,18 @@ class GuidanceLaw:
         self._plan = plan
         self._held = plan.controls[0]
         self._forget_after_failures()
-        return self._following(
+        return self._account.following(
             stamp,
             rung,
             reason,
             plan,
             verdict,
+            self._settings.robot,
             slack=improvement.slack if improvement.elastic else 0.0,
             iterations=improvement.iterations,
             qp_iterations=improvement.qp_iterations,
             active_rows=improvement.active_rows,
             phases=self._choice.phases,
-        )
-
-    def _following(
-        self, stamp: int, rung: Rung, reason: str, plan: Plan, verdict: Verdict, **rest: Any
-    ) -> Decision:
-        return Decision(
-            stamp=stamp,
-            step=self._step,
-            rung=rung,
-            reason=reason,
-            wheel_speeds=plan.controls[0],
-            twist=self._settings.robot.twist(plan.controls[0]),
-            time_left=self._time_left(int(plan.horizon.edges[0])),
-            plan=plan,
-            miss=self._miss(plan),
-            heading_miss=self._heading_miss(plan),
-            margin=verdict.margin,
-            worst_margin=verdict.worst_margin,
-            failures=self._failures,
-            run=self._run,
-            revision=self._revision,
-            goal=self._itinerary.goal,
-            told=self._itinerary.heard,
-            **rest,
         )
 
     def _shifted(self, start: Start, horizon: Horizon) -> tuple[Plan, Verdict] | None:
@@ -352,7 +331,7 @@ class GuidanceLaw:
         return replace(stop, missed=missed)
 
     def _forget_after_failures(self) -> None:
-        if self._failures >= self._settings.failure_tolerance:
+        if self._account.failures >= self._settings.failure_tolerance:
             self._forget()
 
     def _halt(
@@ -367,41 +346,16 @@ class GuidanceLaw:
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> Decision:
         self._held = np.zeros(2)
-        margin = float(self._audit.at(pose, moving).min())
-        elapsed = 0 if self._start is None else stamp - self._start
-        return Decision(
-            stamp=stamp,
-            step=self._step,
-            rung=Rung.STOP,
-            reason=reason,
-            wheel_speeds=np.zeros(2),
-            twist=np.zeros(2),
-            time_left=self._time_left(elapsed),
-            plan=None,
-            miss=self._itinerary.settings.miss(pose),
-            heading_miss=self._itinerary.settings.heading_miss(pose),
-            margin=margin,
-            worst_margin=margin,
+        return self._account.standing(
+            stamp,
+            0 if self._start is None else stamp - self._start,
+            pose,
+            reason,
+            float(self._audit.at(pose, moving).min()),
             iterations=0 if improvement is None else improvement.iterations,
-            failures=self._failures,
             finished=finished,
             halted=halted,
-            run=self._run,
-            revision=self._revision,
-            goal=self._itinerary.goal,
-            told=self._itinerary.heard,
         )
-
-    def _miss(self, plan: Plan) -> float:
-        return self._itinerary.settings.miss(plan.poses[-1])
-
-    def _heading_miss(self, plan: Plan) -> float | None:
-        settings = self._itinerary.settings
-        return None if settings.goal_heading is None else settings.heading_miss(plan.poses[-1])
-
-    def _time_left(self, now: int) -> float:
-        end = self._itinerary.end
-        return max(0, end - now) / NANOSECONDS if end < NEVER else math.inf
 
 
 def warm_up(settings: GuidanceSettings) -> None:

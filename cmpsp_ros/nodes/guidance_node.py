@@ -274,11 +274,17 @@ class GuidanceNode(LifecycleNode):
             return
         if self._garbage.overdue:
             self._use_slack()
+        if self._is_silent():
+            # A clock that jumps wakes this timer before the odometry that came with it.
+            self._prompt.hear(0.0)
+            if self._state == ACTIVE and self._is_silent():
+                timeout = self._settings.odom_timeout
+                self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+
+    def _is_silent(self) -> bool:
         if self._heard_at is None:
-            return
-        silence, timeout = (self._now() - self._heard_at) / 1e9, self._settings.odom_timeout
-        if silence > timeout:
-            self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+            return False
+        return self._now() - self._heard_at > self._settings.odom_timeout * 1e9
 
     def _halt_for(self, reason: str) -> None:
         """Stop now, and again every control period while the reason lasts."""

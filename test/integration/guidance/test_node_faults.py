@@ -50,7 +50,7 @@ def test_an_exception_in_the_law_stops_the_robot(
     _, command = decide(begin)
     assert command[0] > 0.5
     with monkeypatch.context() as patch:
-        patch.setattr(Planner, 'improve', lambda *_: 1 / 0)
+        patch.setattr(Planner, 'improve', lambda *_, **__: 1 / 0)
         decision, command = decide(begin + 200_000_000)
     assert command == (0.0, 0.0)
     fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])

@@ -6,6 +6,7 @@ import math
 
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.tracks import written_keys
+from cmpsp_ros.guidance.written import written
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""
@@ -78,10 +79,3 @@ def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
         (x, y, math.sin(heading / 2.0), math.cos(heading / 2.0))
         for x, y, heading in plan.poses.tolist()
     ]
-
-
-def written(value: object) -> str:
-    """A value as text: floats read back bit for bit, truth is `true` or `false`."""
-    if isinstance(value, bool):
-        return 'true' if value else 'false'
-    return repr(float(value)) if isinstance(value, float) else str(value)

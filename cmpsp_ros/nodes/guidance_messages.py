@@ -9,11 +9,9 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.facts import facts, severity, waypoints, written
+from cmpsp_ros.guidance.facts import facts, severity, waypoints
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from geometry_msgs.msg import Twist
     from sensor_msgs.msg import JointState
 
@@ -62,18 +60,6 @@ class DecisionMessage:
         found = self._values.get(key) or self._values.setdefault(key, KeyValue(key=key))
         found.value = value
         return found
-
-
-def status_message(
-    level: bytes, name: str, message: str, values: Mapping[str, object]
-) -> DiagnosticStatus:
-    """A diagnostic status; floats are written so that they read back bit for bit."""
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        values=[KeyValue(key=key, value=written(value)) for key, value in values.items()],
-    )
 
 
 class PathMessage:

@@ -10,7 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 
-from cmpsp_ros.nodes.guidance_messages import status_message
+from cmpsp_ros.nodes.status import status_message
 from cmpsp_ros.nodes.topics import HEALTH
 
 if TYPE_CHECKING:

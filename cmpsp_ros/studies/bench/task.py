@@ -61,7 +61,10 @@ class Task:
     def case3(cls) -> Task:
         """The preset `case3`."""
         preset = Preset.load('case3')
-        settings = preset.settings
+        # One plan, as every method has; how many iterations it begins with is the methods' own.
+        given = preset.settings.solver
+        solver = replace(given, candidates=1, initial_iterations=given.iterations_per_step)
+        settings = replace(preset.settings, solver=solver)
         weights = settings.weights
         cost = Cost(
             weights.road_center,

@@ -69,7 +69,8 @@ def test_distance_and_gradient(shape, point):
     assert math.hypot(x, y) == pytest.approx(1.0)
     clearance = space.at(np.array([[*point, 0.0]]))[0, EDGES]
     assert clearance == pytest.approx(wanted - shape.radius, abs=1e-12)
-    # Where the distance has a gradient at all.
+    # Where the distance has a gradient at all, and not right beside a place where it has none.
+    assume(abs(wanted) > 1e-2)
     step = 1e-6
     ahead = [signed(shape, np.array(point) + step * np.eye(2)), -np.eye(2) * step + point]
     slope = (ahead[0] - signed(shape, ahead[1])) / (2.0 * step)

@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING, Any, cast
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.callback_groups import CallbackGroup
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock as RclpyClock
+from rclpy.clock import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.serialization import deserialize_message
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
@@ -100,9 +104,11 @@ class Recorder(Node):
             msg = f'parameter output: {error}'
             raise StartupError(msg) from error
         self._broken = False
+        # As the last message of `/clock` told it; between two rounds much of it may pass.
+        self._simulated: Time | None = None
         self._parameter_watch = ParameterWatch(self, self._bag.set_parameters)
         # Simulated time may stand still; looking and taking must go on.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
         self._taking = self.create_timer(TAKE_PERIOD, self._take, clock=steady)
         self.create_timer(self._options.discovery_period, self._discover, clock=steady)
         self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
@@ -220,9 +226,13 @@ class Recorder(Node):
                     batch.append((received, info['source_timestamp'], name, raw))
         # Topics are gone through one after the other, and the bag is to hold them as they came.
         batch.sort(key=lambda each: each[0])
+        simulated = clock.ros_time_is_active
         try:
             for received, _, name, raw in batch:
-                self._bag.write(name, now if clock.ros_time_is_active else received, raw)
+                if simulated and name == '/clock':
+                    self._simulated = Time.from_msg(deserialize_message(raw, Clock).clock)
+                told = self._simulated or clock.now()
+                self._bag.write(name, told.nanoseconds if simulated else received, raw)
         except BagError:
             self._broken = True
             raise

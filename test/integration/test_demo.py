@@ -213,6 +213,8 @@ def test_obstacles_that_move_in_lockstep(start_demo, spawn, tmp_path):
         assert ('identical: ' if command == 'replay' else 'clear of what moves') in said
 
 
+# A recorder that a busy machine starves at the start does not hear the first decisions.
+@pytest.mark.flaky(reruns=2)
 def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):
     folder = tmp_path / 'run'
     running = start_demo('goals', '--lockstep', '--output', folder)
@@ -221,9 +223,7 @@ def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):
     assert [each['name'] for each in summary['goals']] == ['a', 'b', 'c', 'd', 'e', 'goal']
     assert all(each['miss_m'] < 1e-6 for each in summary['goals'])
     assert summary['goals'][1]['heading_miss_rad'] < 1e-6
-    # A recorder that is starved at the start may hear the first decisions too late.
-    assert summary['rungs'].pop('nominal') >= 290
-    assert summary['rungs'] == {'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
     assert summary['clearance_m'] >= 0.0
 
 

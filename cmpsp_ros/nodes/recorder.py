@@ -9,7 +9,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rclpy.callback_groups import CallbackGroup
 from rclpy.clock import Clock as RclpyClock
 from rclpy.clock import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
@@ -23,6 +22,7 @@ from rosgraph_msgs.msg import Clock
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.nodes.health import Health, Report
+from cmpsp_ros.nodes.inbox import Inbox, Received
 from cmpsp_ros.nodes.message_types import message_class
 from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
@@ -46,23 +46,6 @@ QUEUE_DEPTH = 10_000
 
 DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
 """The end: nothing published before the signal has come for the first [s], or the second [s]."""
-
-
-class _Polled(CallbackGroup):
-    """Keeps subscriptions out of the executor.
-
-    It would wake for every message, at many times the price of taking it; that price decides how
-    much of a core a recorder takes away from the nodes it watches.
-    """
-
-    def can_execute(self, _entity: Any) -> bool:
-        return False
-
-    def beginning_execution(self, _entity: Any) -> bool:
-        return False
-
-    def ending_execution(self, _entity: Any) -> None:
-        """Nothing begins, so nothing ends."""
 
 
 @dataclass
@@ -97,7 +80,7 @@ class Recorder(Node):
         self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
         self._left_out: set[str] = set()
-        self._polled = _Polled()
+        self._inbox = Inbox()
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
@@ -186,11 +169,12 @@ class Recorder(Node):
             name,
             lambda _: None,
             hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
-            callback_group=self._polled,
+            callback_group=self._inbox.group,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
         self._topics[name] = _Recorded(subscription, count)
+        self._inbox.add(name, subscription)
 
     def _check_publishers(self, name: str, subscription: Subscription) -> None:
         for each in self.get_publishers_info_by_topic(name):
@@ -212,35 +196,28 @@ class Recorder(Node):
 
         """
         clock = cast('ROSClock', self.get_clock())
-        now = clock.now().nanoseconds
-        if now == 0 and not ending:
+        if clock.now().nanoseconds == 0 and not ending:
             return None
-        batch = []
-        for name, recorded in self._topics.items():
-            handle, kind = recorded.subscription.handle, recorded.subscription.msg_type
-            with handle:
-                while (taken := handle.take_message(kind, True)) is not None:
-                    raw, info = taken
-                    # Not every middleware knows when it received a message.
-                    received = info['received_timestamp'] or now
-                    batch.append((received, info['source_timestamp'], name, raw))
-        # Topics are gone through one after the other, and the bag is to hold them as they came.
-        batch.sort(key=lambda each: each[0])
-        simulated = clock.ros_time_is_active
+        batch = self._inbox.take(all_=ending)
         try:
-            for received, _, name, raw in batch:
-                if simulated and name == '/clock':
-                    self._simulated = Time.from_msg(deserialize_message(raw, Clock).clock)
-                told = self._simulated or clock.now()
-                self._bag.write(name, told.nanoseconds if simulated else received, raw)
+            for each in batch:
+                self._bag.write(each.topic, self._time_of(each, clock), each.raw)
         except BagError:
             self._broken = True
             raise
-        for _, _, name, raw in batch:
-            if name == '/parameter_events':
-                self._parameter_watch.hear(raw)
+        for each in batch:
+            if each.topic == '/parameter_events':
+                self._parameter_watch.hear(each.raw)
         self._parameter_watch.caught_up()
-        return min((published for _, published, _, _ in batch), default=None)
+        return min((each.published for each in batch), default=None)
+
+    def _time_of(self, message: Received, clock: ROSClock) -> int:
+        """Reception by the node's clock [ns]: in simulated time as the last `/clock` told it."""
+        if not clock.ros_time_is_active:
+            return message.received
+        if message.topic == '/clock':
+            self._simulated = Time.from_msg(deserialize_message(message.raw, Clock).clock)
+        return (self._simulated or clock.now()).nanoseconds
 
     def _flush(self) -> None:
         try:

@@ -1,0 +1,91 @@
+"""What has come on many topics, in the order in which it came."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from rclpy.callback_groups import CallbackGroup
+
+if TYPE_CHECKING:
+    from rclpy.subscription import Subscription
+
+_CROSSING = 2_000_000
+"""Within this a message is in its queue after the middleware gave it its time [ns]."""
+
+
+class Received(NamedTuple):
+    """A message as it came.
+
+    Attributes:
+        received: When the middleware got it, by the clock of the system [ns].
+        published: When it was published, by the clock of the publisher's system [ns].
+        topic: Name of its topic.
+        raw: The message, serialised.
+    """
+
+    received: int
+    published: int
+    topic: str
+    raw: bytes
+
+
+class _Unattended(CallbackGroup):
+    """Keeps subscriptions out of the executor.
+
+    It would wake for every message, at many times the price of taking it; that price decides how
+    much of a core a recorder takes away from the nodes it watches.
+    """
+
+    def can_execute(self, _entity: Any) -> bool:
+        return False
+
+    def beginning_execution(self, _entity: Any) -> bool:
+        return False
+
+    def ending_execution(self, _entity: Any) -> None:
+        """Nothing begins, so nothing ends."""
+
+
+class Inbox:
+    """The queues of subscriptions that no executor serves.
+
+    They are gone through one after the other. A message that comes meanwhile may so be found
+    while an earlier one, on a topic that was looked at before, is not; it is kept for the next
+    round, when both are there.
+
+    Attributes:
+        group: That in which the subscriptions are to be made.
+    """
+
+    def __init__(self) -> None:
+        """Have no subscription yet."""
+        self.group: CallbackGroup = _Unattended()
+        self._subscriptions: dict[str, Subscription] = {}
+        self._kept: list[Received] = []
+
+    def add(self, name: str, subscription: Subscription) -> None:
+        """Serve a subscription, which takes messages serialised."""
+        self._subscriptions[name] = subscription
+
+    def take(self, *, all_: bool = False) -> list[Received]:
+        """Take what has come since the last round, in the order in which it came.
+
+        Args:
+            all_: There is no next round.
+        """
+        begun = time.time_ns()
+        found = self._kept
+        for name, subscription in self._subscriptions.items():
+            handle, kind = subscription.handle, subscription.msg_type
+            with handle:
+                while (taken := handle.take_message(kind, True)) is not None:
+                    raw, info = taken
+                    # Not every middleware knows when it received a message.
+                    received = info['received_timestamp'] or begun - _CROSSING
+                    found.append(Received(received, info['source_timestamp'], name, raw))
+        found.sort(key=lambda each: each.received)
+        # Where the clock was set back meanwhile, what seems to come later is not waited for.
+        late = range(begun - _CROSSING + 1, time.time_ns() + 1)
+        self._kept = [] if all_ else [each for each in found if each.received in late]
+        return found if all_ else [each for each in found if each.received not in late]

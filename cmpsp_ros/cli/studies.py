@@ -90,8 +90,15 @@ def paper(
     judge: Annotated[
         bool, typer.Option('--judge', help='Let CasADi and IPOPT find the optima as well.')
     ] = False,
+    starts: Annotated[
+        bool,
+        typer.Option('--starts', help='Instead, drive its starts with the law as it is here.'),
+    ] = False,
 ) -> None:
     """Draw every figure and check every claim of the paper; no ROS is needed."""
+    if starts:
+        _starts(judge=judge)
+        return
     from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run  # noqa: PLC0415 (plots, kernels)
 
     with exit_on(PaperError, ParameterError, code=1), Progress(console=errors) as bar:
@@ -183,6 +190,21 @@ def warmup() -> None:
         errors.print(outcome.hindrance, style='red', markup=False, soft_wrap=True)
     if outcome.folder is None:
         raise typer.Exit(1)
+
+
+def _starts(*, judge: bool) -> None:
+    """Drive from every guess and heading of the paper's tables, with the defaults."""
+    from cmpsp_ros.studies.paper import PaperError  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies.paper import starts as room  # noqa: PLC0415 (plots, kernels)
+
+    with exit_on(PaperError, code=1), Progress(console=errors) as bar:
+        task = bar.add_task('starts')
+
+        def progress(label: str, count: int) -> None:
+            bar.update(task, advance=1, total=count, description=label)
+
+        table = room.run(progress, compare=judge)
+    console.print(table)
 
 
 def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:

@@ -34,14 +34,14 @@ class BackEndPlanner:
         guess: Array,
         horizon: Horizon,
         *,
-        at_rest: bool = False,
+        iterations: int | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> Improvement:
         """As `cmpsp_ros.guidance.planner.Planner.improve`."""
         problem = self.problem(pose, held, guess, horizon, moving)
         iteration = CMPSP(problem, self.options(problem))
         iterate = iteration.init(guess)
-        most = self._task.settings.solver.iterations(at_rest=at_rest)
+        most = iterations or self._task.settings.solver.iterations_per_step
         while iterate.index < most:
             iterate = iteration.step(iterate)
             if iteration.terminate(iterate) is not None:

@@ -23,7 +23,7 @@ from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
 from cmpsp_ros.guidance.meeting import Met, meet
 from cmpsp_ros.guidance.merit_of_plan import Judge, Merit
 from cmpsp_ros.guidance.planner import Planner
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import in_words, signature_of, ways_through
 from cmpsp_ros.robot.clear_space import ClearSpace
@@ -156,7 +156,7 @@ class Choice:
         review = others is not None or self._is_wanted(warm)
         if not review and not self._beside:
             return warm
-        return self._chosen(warm, moment, others, review=review)
+        return self._polished(self._chosen(warm, moment, others, review=review), moment)
 
     def _first_guesses(self, moment: _Moment) -> list[Array]:
         """Where to begin without a plan: as the settings say, and by the ways that there are."""
@@ -314,14 +314,36 @@ class Choice:
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return _Contender(planner, candidate, merit, signature)
 
-    def _improved(self, planner: Planner, guess: Array, moment: _Moment) -> Candidate:
+    def _polished(self, chosen: Candidate, moment: _Moment) -> Candidate:
+        """The plan chosen, with the iterations that the others need not have."""
+        first = chosen.improvement.iterations
+        left = self._settings.solver.initial_iterations - first
+        if not moment.at_rest or not chosen.flawless or first < SCREENING or left <= 0:
+            return chosen
+        polished = self._improved(self._planner, chosen.plan.controls, moment, left)
+        if not polished.flawless:
+            return chosen
+        count = first + polished.improvement.iterations
+        return replace(polished, improvement=replace(polished.improvement, iterations=count))
+
+    def _iterations(self, moment: _Moment) -> int:
+        """How many every plan is given at first."""
+        solver = self._settings.solver
+        if not moment.at_rest:
+            return solver.iterations_per_step
+        initial = solver.initial_iterations
+        return initial if self._most == 1 else min(initial, SCREENING)
+
+    def _improved(
+        self, planner: Planner, guess: Array, moment: _Moment, iterations: int = 0
+    ) -> Candidate:
         began = self._timer()
         improvement = planner.improve(
             moment.start.pose,
             moment.held,
             guess,
             moment.horizon,
-            at_rest=moment.at_rest,
+            iterations=iterations or self._iterations(moment),
             moving=moment.start.moving,
         )
         solved = self._timer()

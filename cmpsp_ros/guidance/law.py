@@ -65,7 +65,7 @@ class GuidanceLaw:
         self._lookout.forget()
         self._itinerary.reset()
         self._slip.forget()
-        if self._reckoned.slip:
+        if True:
             self._reckon()
         self._progress.forget()
         self._forget()

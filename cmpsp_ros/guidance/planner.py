@@ -97,23 +97,23 @@ class Planner:
         guess: Array,
         horizon: Horizon,
         *,
-        at_rest: bool = False,
+        iterations: int | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> Improvement:
-        """Run the iterations of one control step.
+        """Run iterations.
 
         Args:
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             held: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
             guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
             horizon: Their horizon.
-            at_rest: Whether the robot stands, and there is time for more iterations.
+            iterations: How many, at most; without, as many as at a control step.
             moving: What moves, from the pose on.
         """
-        rules = self._first_rules if at_rest else self._rules
+        most = iterations or self._task.settings.solver.iterations_per_step
         if not self._compiled:
             return self._back_end.improve(
-                pose, held, guess, horizon, at_rest=at_rest, moving=moving
+                pose, held, guess, horizon, iterations=most, moving=moving
             )
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
@@ -123,10 +123,11 @@ class Planner:
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
         data = self._data(pose, held, guess, horizon, moving)
+        rules = self._rules._replace(iterations=most)
         self._improve(data, self._packed, steps, over, rules)
         if room.counts[OUTCOME] in _WANTING:
             return self._back_end.improve(
-                pose, held, guess, horizon, at_rest=at_rest, moving=moving
+                pose, held, guess, horizon, iterations=most, moving=moving
             )
         return _summary(room, horizon, rules)
 
@@ -173,17 +174,11 @@ class Planner:
         return pack(room)
 
     def _make_rules(self) -> None:
-        solver = self._task.settings.solver
-        self._rules, self._first_rules = (
-            self._rules_for(solver.iterations(at_rest=at_rest)) for at_rest in (False, True)
-        )
-
-    def _rules_for(self, iterations: int) -> Rules:
         task = self._task
         target = target_of(task.goal, task.heading, task.outputs)
         default = Options(task.penalty_terminal, task.penalty_path)
-        return Rules(
-            iterations=iterations,
+        self._rules = Rules(
+            iterations=1,
             line_search=default.line_search,
             output_tolerance=default.output_tolerance * (float(np.linalg.norm(target)) or 1.0),
             control_tolerance=default.control_tolerance,

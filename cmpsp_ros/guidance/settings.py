@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
 
+SCREENING: Final = 6
+"""Initial iterations after which plans are compared."""
+
 _PART_OF_TOP, _WITHOUT_TOP = 0.8, 1.0
 
 
@@ -48,6 +51,8 @@ class SolverSettings:
     Attributes:
         iterations_per_step: Iterations at each control step (the paper's "iteration unfolding").
         initial_iterations: Iterations where there is no plan to go on with, and the robot stands.
+            Where several plans are compared, each has the first `SCREENING` of them, and the one
+            that is followed has them all.
         candidates: How many plans are compared at a control step, at most.
         qp: Name of the QP back end.
         hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
@@ -56,15 +61,11 @@ class SolverSettings:
     """
 
     iterations_per_step: int = 2
-    initial_iterations: int = 6
+    initial_iterations: int = 36
     candidates: int = 4
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
-
-    def iterations(self, *, at_rest: bool) -> int:
-        """Iterations at a control step; at rest there is no plan to go on with."""
-        return self.initial_iterations if at_rest else self.iterations_per_step
 
 
 @dataclass(frozen=True)

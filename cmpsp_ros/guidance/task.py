@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.between_samples import at_ends
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_functions import EDGES, LINE, POINT, POSE
 from cmpsp_ros.robot.guidance_problem import Cost
@@ -66,14 +67,23 @@ class Task:
 
     def standing(self, guess: Array, durations: Array) -> ClearSpace:
         """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
-        settings, longest = self.settings, _rounded_up(float(durations.max()))
-        space = self._spaces.get(longest)
-        if space is None:
-            space = self._spaces[longest] = at_samples(settings, longest)
+        settings, period = self.settings, self.settings.control_period
         if settings.safety.between_samples and math.isinf(settings.robot.max_wheel_speed):
-            period = max(settings.control_period, longest)
-            return space.for_samples_of(_ROOM * settings.robot.twist(guess[:-1]), period)
+            twists = _ROOM * settings.robot.twist(guess[:-1])
+            longest = max(period, _rounded_up(float(durations.max())))
+            return self._standing(period).for_samples_of(twists, longest)
+        space = self._standing(period)
+        # Late odometry, or a command that takes effect late, makes the first or the last longer.
+        longer = durations > period
+        for duration in sorted(_rounded_up(each) for each in durations[longer].tolist()):
+            arcs = durations > max(period, duration - 0.01)
+            space = space.with_some(at_ends(np.logical_or, arcs), self._standing(duration))
         return space
+
+    def _standing(self, longest: float) -> ClearSpace:
+        if longest not in self._spaces:
+            self._spaces[longest] = at_samples(self.settings, longest)
+        return self._spaces[longest]
 
     def space(
         self,

@@ -192,9 +192,10 @@ def _parameters() -> Iterator[Parameter]:
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',
         'Iterations at each control step, warm-started from the step before.',
         range=Range(1, 100))
-    yield solver('solver.initial_iterations', _INTEGER, 6, '',
-        'Iterations where there is no plan to go on with: before the robot moves. The paper has '
-        'no more than at any other step.', range=Range(1, 100))
+    yield solver('solver.initial_iterations', _INTEGER, 36, '',
+        'Iterations where there is no plan to go on with: before the robot moves. Of several plans '
+        'each has the first six, and the one that is followed has them all. The paper has no more '
+        'than at any other step.', range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
         'Plans that are compared at a control step, at most, for different ways through the '
         'obstacles of an `annulus`; 1 follows one plan, as in the paper and on other roads.',

@@ -56,6 +56,14 @@ class AnnulusSpace(NamedTuple):
         outer = inside_known(float(self.outer[0]), twists, period)
         return self._replace(inner=at_ends(np.maximum, inner), outer=at_ends(np.minimum, outer))
 
+    def with_some(self, samples: NDArray[np.bool_], of: AnnulusSpace) -> AnnulusSpace:
+        """See `ClearSpace.with_some`."""
+        inner, outer = (
+            np.where(samples, of.inner, self.inner),
+            np.where(samples, of.outer, self.outer),
+        )
+        return self._replace(inner=inner, outer=outer)
+
 
 @implements(road_functions.find, AnnulusSpace)
 def find(road: AnnulusSpace, x: float, y: float, heading: float) -> float:

@@ -22,11 +22,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Scalar = TypeVar('Scalar', bound=np.generic)
 
 _GRID = 256
 _REFINEMENTS = 3
@@ -201,10 +203,11 @@ def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: 
     return _outside_moving(distance, speeds, v, w, period)
 
 
-def at_ends(worse: Callable[[Array, Array], Array], of_arcs: Array) -> Array:
+def at_ends(worse: Callable[[Any, Any], Any], of_arcs: NDArray[Scalar]) -> NDArray[Scalar]:
     """From one value an arc to one a sample: the worse of the two arcs that meet there."""
     before, after = np.concatenate([of_arcs[:1], of_arcs]), np.concatenate([of_arcs, of_arcs[-1:]])
-    return worse(before, after)
+    found: NDArray[Scalar] = worse(before, after)
+    return found
 
 
 @lru_cache(maxsize=16)

@@ -112,6 +112,23 @@ class ClearSpace:
             radii=at_ends(np.maximum, outside_known(self.radii, twists, period)),
         )
 
+    def with_some(self, samples: NDArray[np.bool_], of: ClearSpace) -> ClearSpace:
+        """This space, but at some samples what another one keeps from the same things.
+
+        Args:
+            samples: At which, shape ``(N + 1,)``.
+            of: The other space, on the same road.
+
+        Returns:
+            A space for each of the samples.
+        """
+        road: Any = of.road
+        return replace(
+            self,
+            road=self.road.with_some(samples, road),
+            radii=np.where(samples[:, None], of.radii, self.radii),
+        )
+
     def with_points(self, centers: Array, radii: Array) -> ClearSpace:
         """This space with discs taken out that are elsewhere at every sample.
 

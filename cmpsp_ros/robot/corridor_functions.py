@@ -85,6 +85,10 @@ class CorridorSpace(NamedTuple):
         grown = at_ends(np.maximum, sagitta_known(self.bend, twists, period))
         return self._replace(kept=self.kept + grown)
 
+    def with_some(self, samples: NDArray[np.bool_], of: CorridorSpace) -> CorridorSpace:
+        """See `ClearSpace.with_some`."""
+        return self._replace(kept=np.where(samples[:, None], of.kept, self.kept))
+
 
 @implements(road_functions.find, CorridorSpace)
 def find(road: CorridorSpace, x: float, y: float, heading: float) -> float:

@@ -33,6 +33,10 @@ class OpenSpace(NamedTuple):
         """See `ClearSpace.for_samples_of`."""
         return self
 
+    def with_some(self, samples: NDArray[np.bool_], of: OpenSpace) -> OpenSpace:  # noqa: ARG002
+        """See `ClearSpace.with_some`."""
+        return self
+
 
 @implements(road_functions.find, OpenSpace)
 def find(road: OpenSpace, x: float, y: float, heading: float) -> float:

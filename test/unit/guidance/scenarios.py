@@ -41,7 +41,7 @@ CASES = {
 }
 
 
-def with_plans(given, candidates, initial_iterations=6):
+def with_plans(given, candidates, initial_iterations=36):
     """The same settings with so many plans to choose from; 1 and 2 iterations are the paper's."""
     solver = replace(given.solver, candidates=candidates, initial_iterations=initial_iterations)
     return replace(given, solver=solver)

@@ -235,7 +235,7 @@ def test_a_plan_that_needs_nearly_all_of_the_wheels_is_wanting(limit, wanting):
     given, pose = settings(BOTH, limit, ROAD), np.array(START)
     horizon, judge = remaining(0, PERIOD, 50 * PERIOD), Judge(given)
     guess = along_road(given, pose, horizon.durations)
-    improvement = Planner(given).improve(pose, np.zeros(2), guess, horizon, at_rest=True)
+    improvement = Planner(given).improve(pose, np.zeros(2), guess, horizon, iterations=6)
     verdict = Audit(given).check(pose, improvement.plan.controls, horizon.durations)
     candidate = Candidate(improvement, verdict)
     merit, speeds = judge.merit(candidate, np.zeros(2)), improvement.plan.controls[:-1]
@@ -271,7 +271,7 @@ def test_a_path_that_winds_around_itself_is_wanting():
     given, pose = settings((), 51.0, ROAD), np.array(START)
     horizon, judge = remaining(0, PERIOD, 50 * PERIOD), Judge(given)
     straight = along_road(given, pose, horizon.durations)
-    improvement = Planner(given).improve(pose, np.zeros(2), straight, horizon, at_rest=True)
+    improvement = Planner(given).improve(pose, np.zeros(2), straight, horizon, iterations=6)
     verdict = Audit(given).check(pose, improvement.plan.controls, horizon.durations)
     wound = improvement.plan.poses.copy()
     wound[20:, 2] -= 2.0 * math.pi
@@ -307,7 +307,7 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     pose, held, plan = np.array(START), np.zeros(2), None
 
     def improved(planner, guess):
-        improvement = planner.improve(pose, held, guess, horizon, at_rest=plan is None)
+        improvement = planner.improve(pose, held, guess, horizon)
         verdict = audit.check(pose, improvement.plan.controls, horizon.durations)
         return Candidate(improvement, verdict)
 

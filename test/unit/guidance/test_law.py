@@ -56,7 +56,8 @@ def test_cases_of_the_paper(name):
         assert decision.margin == pytest.approx(clearance(path, given), abs=2e-5)
         assert decision.worst_margin <= decision.margin
         assert 0.0 < decision.time_left <= 10.0
-        most = given.solver.iterations(at_rest=decision.step == 0)
+        solver = given.solver
+        most = solver.initial_iterations if decision.step == 0 else solver.iterations_per_step
         assert 1 <= decision.iterations <= most
         assert decision.reason
         start = path[-1]

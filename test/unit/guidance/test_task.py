@@ -9,6 +9,10 @@ from scenarios import CASES, FIRST, SECOND, settings
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import Safety, SolverSettings
 from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.robot.annulus_functions import AnnulusSpace
+from cmpsp_ros.robot.corridor import Corridor
+from cmpsp_ros.robot.corridor_functions import CorridorSpace
+from cmpsp_ros.robot.road import Annulus, OpenFloor
 
 GUESS = np.tile([45.0, 44.0], (11, 1))
 
@@ -27,14 +31,38 @@ def test_no_trust_region_is_an_infinite_one(asked, found):
     assert Task(settings(solver=solver)).heading_trust_region == found
 
 
-def test_the_space_is_that_of_the_longest_step():
-    given = CASES['case 3']
-    task = Task(given)
-    for longest in (0.1, 0.2):
-        space = task.space(GUESS, np.array([0.05, longest, 0.05]))
+LINE = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
+
+
+@pytest.mark.parametrize('road', [Annulus(), LINE, OpenFloor()])
+def test_each_sample_keeps_what_the_longer_of_its_two_steps_asks_for(road):
+    given = replace(CASES['case 3'], road=road)
+    lengths = [0.27, 0.2, 0.05, 0.2, 0.2, 0.295]
+    asked = [0.27, 0.27, 0.2, 0.2, 0.2, 0.3, 0.3]
+    space = Task(given).space(GUESS, np.array(lengths))
+    assert space.radii.shape == (7, 2)
+    for k, longest in enumerate(asked):
         wanted = at_samples(given, longest)
-        np.testing.assert_array_equal(space.annulus.outer, wanted.annulus.outer)
-        np.testing.assert_array_equal(space.radii, wanted.radii)
+        np.testing.assert_array_equal(space.radii[k], wanted.radii)
+        for mine, its in zip(kept(space, k), kept(wanted, 0), strict=True):
+            assert mine == its
+
+
+def kept(space, k):
+    """What a sample keeps from the edges."""
+    match space.road:
+        case AnnulusSpace(inner=inner, outer=outer):
+            return inner[k], outer[k]
+        case CorridorSpace(kept=kept):
+            return tuple(kept[k])
+    return ()
+
+
+def test_steps_that_are_none_too_long_ask_for_one_space():
+    given = CASES['case 3']
+    space, wanted = Task(given).space(GUESS, np.array([0.05, 0.2, 0.1])), at_samples(given)
+    np.testing.assert_array_equal(space.annulus.outer, wanted.annulus.outer)
+    np.testing.assert_array_equal(space.radii, wanted.radii)
 
 
 def test_odometry_that_is_a_little_late_asks_for_no_other_space():

@@ -234,10 +234,11 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
     ],
 )
 def test_what_it_cannot_be_started_with_is_said_and_nothing_is_commanded(
-    start_node, client, parameters, said
+    fault, start_node, client, parameters, said
 ):
     running = start_node('guidance_node', parameters)
     health = client.until_health(level=DiagnosticStatus.ERROR)
+    fault.assert_said('—', health['level'][0], health['said'])
     for words in said:
         assert words in health['said']
         assert words in running.stderr

@@ -97,8 +97,9 @@ setup: check-ros $(PACKAGE)  ## make .venv, with ROS 2 Jazzy from wheels unless 
 bench: setup  ## time the control steps
 	$(BIN)/cmpsp bench
 
-docs: setup  ## write the tables of topics and parameters into README.md
+docs: setup  ## write the tables of topics and parameters into README.md, and config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.nodes.topics README.md
+	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write README.md
 
 lock:  ## pin today's newest versions in requirements/

@@ -120,7 +120,7 @@ class GuidanceNode(LifecycleNode):
             return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
         self._law = GuidanceLaw(self._settings, time.perf_counter_ns)
-        self._outputs = GuidanceOutputs(self, self._values)
+        self._outputs = GuidanceOutputs(self, self._values, self._settings)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         # Before odometry: of two messages that wait the executor takes this one first.
@@ -237,7 +237,7 @@ class GuidanceNode(LifecycleNode):
         self._outputs.command(decision)
         period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
         self._times.add(step_ms, period)
-        if self._decision is None or decision.told != self._decision.told:
+        if self._decision is None or decision.goal != self._decision.goal:
             self._scenery_changed = True
         self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
@@ -258,7 +258,8 @@ class GuidanceNode(LifecycleNode):
         self._garbage.collect(slack)
 
     def _show(self) -> None:
-        self._outputs.show(self._law.task)
+        ahead = None if self._decision is None else self._decision.goal
+        self._outputs.show(self._law.task, ahead)
         self._scenery_changed = False
 
     def _notice_time(self, stamp: int) -> None:

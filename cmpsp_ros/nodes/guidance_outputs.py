@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.goals import Goal
     from cmpsp_ros.guidance.settings import GuidanceSettings
     from cmpsp_ros.parameters.table import Values
 
@@ -39,7 +40,7 @@ class GuidanceOutputs:
     The command leaves before anything else is made or sent.
     """
 
-    def __init__(self, node: LifecycleNode, values: Values) -> None:
+    def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
         self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
@@ -51,9 +52,9 @@ class GuidanceOutputs:
         self._path = PLAN.publish_on(node)
         self._plan_markers = PLAN_MARKERS.publish_on(node)
         self._markers = MARKERS.publish_on(node)
-        self._make_messages(values)
+        self._make_messages(values, settings)
 
-    def _make_messages(self, values: Values) -> None:
+    def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
         """Make the messages that are filled at each control step."""
         self._command_message = self._topic.type()
         self._twist = self._command_message
@@ -63,7 +64,7 @@ class GuidanceOutputs:
         self._wheel_message = JointState(name=values['robot.joint_names'])
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
-        self._plan_message = PlanMarkers(values['frame_id'], values['control_period'])
+        self._plan_message = PlanMarkers(settings)
         self._decision_message = DecisionMessage(f'{name}: decision')
 
     @property
@@ -89,13 +90,18 @@ class GuidanceOutputs:
         if self._plan_markers.get_subscription_count():
             self._plan_markers.publish(self._plan_message.fill(decision))
 
-    def show(self, settings: GuidanceSettings) -> None:
-        """Send road, obstacles and goal to everybody, now and later.
+    def show(self, settings: GuidanceSettings, ahead: Goal | None) -> None:
+        """Send road, obstacles and goals to everybody, now and later.
 
         Whether anybody listens does not matter: who comes later is told by the middleware.
+
+        Args:
+            settings: The course.
+            ahead: The goal that is driven to, if any.
         """
         now = self._node.get_clock().now().to_msg()
-        self._markers.publish(marker_array(settings, now))
+        self._markers.publish(marker_array(settings, now, ahead))
+        self._plan_message.take(settings)
 
     def close(self) -> None:
         """Destroy all publishers."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from geometry_msgs.msg import Point
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     from builtin_interfaces.msg import Time
 
+    from cmpsp_ros.guidance.goals import Goal
     from cmpsp_ros.guidance.settings import GuidanceSettings
 
 _HEIGHT = 0.2
@@ -24,12 +26,20 @@ _ROAD = (0.45, 0.45, 0.45, 1.0)
 _OBSTACLE = (0.85, 0.25, 0.2, 0.9)
 _MARGIN = (0.95, 0.6, 0.1, 0.9)
 _GOAL = (0.1, 0.6, 0.25, 0.9)
+_PASSED = (0.1, 0.6, 0.25, 0.25)
+_ARROW = 0.5
 
 
-def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
+def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = None) -> MarkerArray:
     """Markers of everything that does not move, replacing all that were there.
 
     Obstacles have a ring around them at the distance that the robot's centre keeps at samples.
+
+    Args:
+        settings: The course.
+        stamp: Of all of them.
+        ahead: The goal that is driven to; those that come before it are paler, and their headings
+            are not shown.
     """
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = settings.frame_id
@@ -59,7 +69,11 @@ def marker_array(settings: GuidanceSettings, stamp: Time) -> MarkerArray:
         add('obstacle_names', _text(center, obstacle.name))
         add('margins', _line(outline(obstacle, radius), 0.02, _MARGIN))
     for goal in settings.goals:
-        add('goal', _disc(goal.position, max(settings.goal_tolerance, 0.1), _GOAL))
+        passed = ahead is not None and goal.time < ahead.time
+        radius = max(settings.goal_tolerance, 0.1)
+        add('goal', _disc(goal.position, radius, _PASSED if passed else _GOAL))
+        if goal.heading is not None and not passed:
+            add('goal_headings', _arrow(goal.position, goal.heading, _GOAL))
         if goal.name:
             add('goal_names', _text(goal.position, goal.name))
     return MarkerArray(markers=markers)
@@ -71,6 +85,14 @@ def _disc(center: tuple[float, float], radius: float, color: tuple[float, ...]) 
     marker.pose.position.z = _HEIGHT / 2.0
     marker.scale.x = marker.scale.y = 2.0 * float(radius)
     marker.scale.z = _HEIGHT
+    return marker
+
+
+def _arrow(tail: tuple[float, float], heading: float, color: tuple[float, ...]) -> Marker:
+    marker = Marker(type=Marker.ARROW, color=_color(color))
+    tip = (tail[0] + _ARROW * math.cos(heading), tail[1] + _ARROW * math.sin(heading))
+    marker.points = [Point(x=float(x), y=float(y), z=_HEIGHT) for x, y in (tail, tip)]
+    marker.scale.x, marker.scale.y = 0.04, 0.1
     return marker
 
 

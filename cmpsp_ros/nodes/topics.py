@@ -139,7 +139,7 @@ MARKERS = Topic(
     'out',
     '~/markers',
     MarkerArray,
-    'road, obstacles, what is kept clear, goal; latched',
+    'road, obstacles, what is kept clear, goals, paler once they are passed; latched',
     depth=1,
     latched=True,
 )
@@ -148,7 +148,8 @@ PLAN_MARKERS = Topic(
     'out',
     '~/plan_markers',
     MarkerArray,
-    'the plan in the colour of its rung, the sentence, and what moves; while somebody listens',
+    'the plan in the colours of its rung and of its clearance, the sentence, and what moves and'
+    ' is kept from it; while somebody listens',
     repeats=True,
 )
 HEALTH = Topic(

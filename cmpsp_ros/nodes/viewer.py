@@ -6,10 +6,10 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.parameter_client import AsyncParameterClient
 
 from cmpsp_ros.nodes import topics
 from cmpsp_ros.nodes.runtime import StartupError, run
@@ -72,7 +72,8 @@ class Viewer(Node):
         self._number: tuple[str, float | None] = '', None
         self._robot: Future | None = None
         self._listen()
-        self._client = AsyncParameterClient(self, 'guidance')
+        # Of a node's services for parameters the only one that changes nothing and is needed.
+        self._client = self.create_client(GetParameters, 'guidance/get_parameters')
         # Simulated time may stand still; the page is to know the robot all the same.
         self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._board.show('namespace', self.get_namespace())
@@ -130,8 +131,8 @@ class Viewer(Node):
 
     def _ask(self) -> None:
         """Ask the guidance node for what no topic says."""
-        if self._robot is None and self._client.services_are_ready():
-            self._robot = self._client.get_parameters(list(_ASKED))
+        if self._robot is None and self._client.service_is_ready():
+            self._robot = self._client.call_async(GetParameters.Request(names=list(_ASKED)))
             self._robot.add_done_callback(self._on_parameters)
 
     def _on_parameters(self, future: Future) -> None:

@@ -86,6 +86,17 @@ def test_links_point_at_files(page):
     assert not missing, f'{page.relative_to(ROOT)}: no file for {missing}'
 
 
+# A command writes this one, a paragraph a line.
+WRITTEN = {'performance.md'}
+
+
+@pytest.mark.parametrize('page', LINKING, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_prose_is_at_most_120_columns_wide(page):
+    prose = _FENCE.sub('', page.read_text(encoding='utf-8')).splitlines()
+    wide = [line for line in prose if len(line) > 120 and not line.startswith(('|', '!['))]
+    assert page.name in WRITTEN or not wide
+
+
 def test_every_page_is_in_the_index():
     index = ROOT / 'doc' / 'README.md'
     linked = links_of(index.read_text(encoding='utf-8'))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from rclpy.time import Time
 
 from cmpsp_ros.guidance.facts import facts
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.nodes.markers import marker_array
 from cmpsp_ros.nodes.plan_markers import PlanMarkers
 from cmpsp_ros.nodes.topics import TOPICS
@@ -75,22 +77,26 @@ def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):
             assert asked['Reliability Policy'] == 'Best Effort' or not topic.best_effort
 
 
-def halt(settings):
-    return GuidanceLaw(settings).halt(1, 'No odometry.')
-
-
 def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
+    goals = guidance_settings(TABLE.resolve(load_parameter_file('goals')))
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+    decision = GuidanceLaw(settings).halt(1, 'No odometry.')
+    decision = replace(decision, tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25),))
+    scenery = [
+        each
+        for course in (settings, goals)
+        for each in marker_array(course, Time(nanoseconds=1).to_msg()).markers
+    ]
     listed = {
         display['Topic']['Value']: set(display['Namespaces'])
         for display in rviz['Visualization Manager']['Displays']
         if display['Class'].endswith('MarkerArray')
     }
-    for topic, array in (
-        ('/guidance/markers', marker_array(settings, Time(nanoseconds=1).to_msg())),
-        ('/guidance/plan_markers', PlanMarkers('odom', 0.2).fill(halt(settings))),
+    for topic, markers in (
+        ('/guidance/markers', scenery),
+        ('/guidance/plan_markers', PlanMarkers(settings).fill(decision).markers),
     ):
-        assert listed[topic] == {each.ns for each in array.markers if each.ns}
+        assert listed[topic] == {each.ns for each in markers if each.ns}
     assert rviz['Visualization Manager']['Global Options']['Fixed Frame'] == settings.frame_id
 
 

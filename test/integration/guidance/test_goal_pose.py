@@ -35,7 +35,16 @@ def goal_pose(x, y, heading, frame_id='odom'):
     return message
 
 
-def test_a_goal_is_driven_to_and_one_in_another_frame_refused(start_node, client, make_odometry):
+def assert_logged(fault, running, before):
+    """A warning of the node, after these words, is as its row of doc/faults.md says."""
+    (line,) = (each for each in running.stderr.splitlines() if before in each)
+    assert '[WARN]' in line
+    fault.assert_said('—', 1, line.partition(before)[2])
+
+
+def test_a_goal_is_driven_to_and_one_in_another_frame_refused(
+    fault, start_node, client, make_odometry
+):
     values = TABLE.resolve({**load_parameter_file('case3'), **PATIENT})
     law, shown = GuidanceLaw(guidance_settings(values)), []
     running = start_node('guidance_node', PATIENT)
@@ -58,6 +67,7 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(start_node, client
     assert 'goal' not in heard
     goals.publish(goal_pose(7.0, -7.0, 0.8, frame_id='map'))
     client.until(lambda: "in frame 'map', wanted 'odom'" in running.stderr)
+    assert_logged(fault, running, 'goal_pose is refused: ')
     wanted = goal_pose(7.0, -7.0, 0.8)
     goals.publish(wanted)
     # What is published first may still be heard last: a step or two are taken meanwhile.
@@ -77,3 +87,7 @@ def test_a_goal_is_driven_to_and_one_in_another_frame_refused(start_node, client
         return [(each.pose.position.x, each.pose.position.y) for each in discs] == [(7.0, -7.0)]
 
     client.until(is_shown)
+    assert client.change_state('deactivate')
+    goals.publish(wanted)
+    client.until(lambda: 'goal_pose is not heard' in running.stderr)
+    assert_logged(fault, running, '[guidance]: ')

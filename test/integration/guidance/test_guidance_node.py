@@ -159,13 +159,13 @@ def test_the_plan_is_shown_in_the_colour_of_its_rung_and_taken_away_with_it(star
     client.until(lambda: client.node.count_publishers('/guidance/plan_markers'))
     client.drive()
     client.until(lambda: shown)
-    plan, rung = shown[0].markers
-    assert plan.action == rung.action == Marker.ADD
-    assert len(plan.points) > 1
+    plan, line, rung = shown[0].markers
+    assert plan.action == line.action == rung.action == Marker.ADD
+    assert len(plan.points) == len(line.points) == len(line.colors) > 1
     assert rung.text.startswith('nominal: ')
     client.park()
-    client.until(lambda: shown[-1].markers[1].text.startswith('stop: '))
-    assert shown[-1].markers[0].action == Marker.DELETE
+    client.until(lambda: shown[-1].markers[2].text.startswith('stop: '))
+    assert [each.action for each in shown[-1].markers[:2]] == [Marker.DELETE] * 2
 
 
 def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_again(
@@ -234,10 +234,11 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
     ],
 )
 def test_what_it_cannot_be_started_with_is_said_and_nothing_is_commanded(
-    start_node, client, parameters, said
+    fault, start_node, client, parameters, said
 ):
     running = start_node('guidance_node', parameters)
     health = client.until_health(level=DiagnosticStatus.ERROR)
+    fault.assert_said('—', health['level'][0], health['said'])
     for words in said:
         assert words in health['said']
         assert words in running.stderr

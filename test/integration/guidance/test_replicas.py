@@ -93,9 +93,10 @@ def test_two_pairs_on_one_domain_arrive_and_do_not_hear_each_other(start_node, m
     assert not node.count_publishers('/cmd_vel')
 
 
-def test_a_node_that_uses_simulated_time_lives_before_there_is_any(start_node, client):
+def test_a_node_that_uses_simulated_time_lives_before_there_is_any(fault, start_node, client):
     start_node('guidance_node', {'use_sim_time': True})
-    client.until_health(state='active', said='Waiting for odometry')
+    health = client.until_health(state='active', said='Waiting for odometry')
+    fault.assert_said('—', health['level'][0], health['said'])
     client.connect()
     clock = client.node.create_publisher(Clock, '/clock', 10)
     client.until(clock.get_subscription_count)

@@ -8,6 +8,7 @@ import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.obstacles import Obstacle
@@ -44,6 +45,10 @@ class Drive:
         twists = np.array([each.twist for each in self.motions[:-1]])
         durations = np.diff([each.stamp_ns for each in self.motions]) / 1e9
         return space.along(poses, twists, durations).min()
+
+
+def assert_is(fault, decision):
+    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
 
 
 def test_told_of_its_delay_the_robot_arrives_as_it_does_without():
@@ -92,18 +97,18 @@ def test_a_wheel_that_lags_is_mostly_a_delay():
     assert told.clearance > 0.03
 
 
-def test_where_a_command_would_come_too_late_the_plan_goes_on():
+def test_where_a_command_would_come_too_late_the_plan_goes_on(fault):
     run = Drive(replace(CASE_3, command_delay=0.25), beyond=1000 * MS, actuation_delay=0.25)
     before, last, end = [each for each in run.decisions if each.stamp >= 9600 * MS][:3]
     assert 'goes on' not in before.reason
     assert last.stamp == 9800 * MS
-    assert last.reason == 'The plan goes on: a new command comes too late to change its end.'
+    assert_is(fault, last)
     assert (last.wheel_speeds == before.wheel_speeds).all()
     assert last.miss == before.miss
     assert (end.stamp, end.finished) == (10_000 * MS, True)
 
 
-def test_without_a_plan_nothing_goes_on():
+def test_without_a_plan_nothing_goes_on(fault):
     given = replace(CASE_3, command_delay=0.25)
     law = GuidanceLaw(given)
     law.update(0, np.array(START))
@@ -111,7 +116,7 @@ def test_without_a_plan_nothing_goes_on():
     decision = law.update(9800 * MS, np.array(START))
     assert decision.rung == Rung.STOP
     assert not decision.finished
-    assert decision.reason == 'No plan can go on until a stop takes effect.'
+    assert_is(fault, decision)
 
 
 @pytest.mark.parametrize('delay', [0.06, 0.11, 0.2, 0.3])
@@ -130,7 +135,7 @@ def test_where_the_last_command_may_not_outlast_the_final_time_a_stop_is_given_i
     assert stops[0].stamp == min(at for at in run.poses if at >= given)
 
 
-def test_the_way_under_commands_given_is_swept_too():
+def test_the_way_under_commands_given_is_swept_too(fault):
     given = replace(CASE_3, command_delay=0.4)
     law, plant = GuidanceLaw(given), Plant(PlantSettings(given.robot, START, actuation_delay=0.4))
     for k in range(11):
@@ -147,6 +152,7 @@ def test_the_way_under_commands_given_is_swept_too():
     law.reconfigure(replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
     decision = law.update(stamp, plant.pose)
     assert decision.rung == Rung.STOP
+    assert_is(fault, decision)
     assert decision.reason.startswith('The commands given before come 0.')
     assert decision.reason.endswith('too close to obstacle box.')
 

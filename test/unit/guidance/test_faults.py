@@ -246,6 +246,15 @@ def test_first_heard_of_again_after_the_final_time(fault):
     assert not decision.wheel_speeds.any()
 
 
+def test_at_the_goal_with_another_heading_than_asked_for(fault):
+    law = GuidanceLaw(replace(COURSE, goal_heading=0.5))
+    law.update(0, np.array(START))
+    decision = law.update(50 * PERIOD, np.array([10.0, 0.0, 1.5]))
+    assert_is(fault, decision)
+    assert decision.missed
+    assert decision.heading_miss == pytest.approx(1.0)
+
+
 def test_after_the_final_time(fault):
     law = GuidanceLaw(COURSE)
     run = drive(law, COURSE, ON_TIME)

@@ -9,7 +9,7 @@ import pytest
 from scenarios import PERIOD, drive
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.facts import facts
+from cmpsp_ros.guidance.facts import facts, severity
 from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.law import GuidanceLaw
@@ -102,51 +102,63 @@ def test_what_a_message_says():
     assert goal_of(message(length=0.0), 'odom')[1].heading is None
 
 
-@pytest.mark.parametrize(
-    ('changes', 'why'),
-    [
-        ({'frame': 'map'}, "in frame 'map', wanted 'odom'"),
-        ({'x': math.nan}, 'not finite'),
-        ({'heading': math.inf}, 'not finite'),
-        ({'length': 0.5}, 'orientation of length 0.5'),
-        ({'y': 1e9}, 'wanted one on Earth'),
-    ],
-)
-def test_messages_that_are_refused(changes, why):
-    if changes.get('heading') == math.inf:
-        broken = message()
-        broken.pose.orientation.z = math.nan
-    else:
-        broken = message(**changes)
-    with pytest.raises(GoalError, match=why):
-        goal_of(broken, 'odom')
+def assert_refused(fault, call, why):
+    """It is refused for this, and that is its row of doc/faults.md."""
+    with pytest.raises(GoalError, match=why) as caught:
+        call()
+    fault.assert_said('—', 1, str(caught.value))
 
 
-@pytest.mark.parametrize(
-    ('position', 'why'),
-    [
+def without_heading():
+    broken = message()
+    broken.pose.orientation.z = math.nan
+    return broken
+
+
+def test_messages_that_are_refused(fault):
+    with pytest.raises(GoalError, match="in frame 'map', wanted 'odom'"):
+        goal_of(message(frame='map'), 'odom')
+    for broken, why in (
+        (message(x=math.nan), 'not finite'),
+        (without_heading(), 'not finite'),
+        (message(length=0.5), 'orientation of length 0.5'),
+        (message(y=1e9), 'wanted one on Earth'),
+    ):
+        assert_refused(fault, lambda broken=broken: goal_of(broken, 'odom'), why)
+
+
+def test_places_that_are_refused(fault):
+    given, start = preset('corridor')
+    for position, why in (
         ((0.0, 3.0), 'inside or beyond'),
         ((3.0, 3.3), 'inside or beyond obstacle a'),
         ((-4.743, -3.62), 'beyond the end of the road'),
-    ],
-)
-def test_places_that_are_refused(position, why):
-    given, start = preset('corridor')
-    law = GuidanceLaw(given)
-    before = law.update(0, np.array(start))
-    with pytest.raises(GoalError, match=why):
-        law.tell(0, Goal(position, 0.0))
-    after = law.update(PERIOD, before.plan.poses[1])
-    assert after.goal == before.goal
-    assert after.told == 1
+    ):
+        law, goal = GuidanceLaw(given), Goal(position, 0.0)
+        before = law.update(0, np.array(start))
+        assert_refused(fault, lambda law=law, goal=goal: law.tell(0, goal), why)
+        after = law.update(PERIOD, before.plan.poses[1])
+        assert after.goal == before.goal
+        assert after.told == 1
 
 
-def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits():
+def test_where_a_road_is_followed_no_goal_is_taken(fault):
+    given, start = preset('endless')
+    law, twin = GuidanceLaw(given), GuidanceLaw(given)
+    pose = np.array(start)
+    place, goal = law.update(0, pose).plan.poses[1], Goal((start[0], start[1]), 0.0)
+    twin.update(0, pose)
+    assert_refused(fault, lambda: law.tell(0, goal), 'takes no goal')
+    for each in (law.update(PERIOD, place), twin.update(PERIOD, place)):
+        assert each.goal is None
+        assert each.wheel_speeds.any()
+
+
+def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits(fault):
     given, start = preset('corridor')
     law, goal = GuidanceLaw(given), Goal((0.939, 1.082), 0.0, None, 'goal_pose')
     decision = law.update(0, np.array(start))
-    with pytest.raises(GoalError, match='ahead of the last odometry; is use_sim_time right'):
-        law.tell(10 * PERIOD, goal)
+    assert_refused(fault, lambda: law.tell(10 * PERIOD, goal), 'ahead of the last odometry')
     law.tell(2 * PERIOD, goal)
     names = []
     for k in range(1, 4):
@@ -178,7 +190,7 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
 
 
 @pytest.mark.parametrize('heading', [None, 2.2])
-def test_a_goal_is_held(heading):
+def test_a_goal_is_held(fault, heading):
     given, start = preset('corridor', hold=True, goal_heading=heading)
     pushed = np.array([0.05, 0.08, 0.3])
 
@@ -189,6 +201,8 @@ def test_a_goal_is_held(heading):
     run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(160)], start, before=push)
     assert run.decisions[105].finished
     assert not run.decisions[111].finished
+    back = run.decisions[115]
+    fault.assert_said(back.rung.name.lower(), severity(back), back.reason)
     assert run.decisions[-1].finished
     assert run.miss(given.goal) < 1e-6
     assert heading is None or off(run.pose[2], heading) < 1e-6

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.tracks import Track, Tracks
 from cmpsp_ros.robot.moving_discs import MovingDiscs
 from cmpsp_ros.robot.obstacles import Capsule, Obstacle, convex
 from cmpsp_ros.robot.road import OpenFloor
@@ -61,6 +61,10 @@ def drive(given_, movers, tell=told, start=START, steps=51):
     return decisions, min(least, default=math.inf)
 
 
+def assert_is(fault, decision):
+    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
+
+
 @pytest.mark.parametrize('given_', [OPEN, AMONG], ids=['open road', 'case 3'])
 @pytest.mark.parametrize('movers', [[ONCOMING], [CROSSING], [ONCOMING, CROSSING]])
 def test_the_goal_is_reached_past_what_moves(given_, movers):
@@ -76,11 +80,12 @@ def test_without_being_told_it_would_have_hit_them(mover):
     assert least < -0.1
 
 
-def test_what_comes_into_sight_on_the_way_is_missed_too():
+def test_what_comes_into_sight_on_the_way_is_missed_too(fault):
     def late(movers, stamp):
         return told(movers, stamp) if stamp >= 10 * PERIOD else ()
 
     decisions, least = drive(OPEN, [ONCOMING], tell=late)
+    assert_is(fault, decisions[10])
     assert {each.rung for each in decisions[:-1]} == {Rung.NOMINAL}
     assert decisions[-1].miss < OPEN.goal_tolerance
     assert least >= 0.0
@@ -106,16 +111,28 @@ def test_the_same_again_bit_for_bit():
         assert (one.reason, one.tracks) == (other.reason, other.tracks)
 
 
-def test_more_than_there_is_room_for_are_audited_all_the_same():
+def test_more_than_there_is_room_for_are_audited_all_the_same(fault):
     few = replace(OPEN, moving_obstacles=replace(ROOM, capacity=1))
     movers = [ONCOMING, (20.0, 0.0, 0.0, 0.0, 0.5), CROSSING]
     decisions, least = drive(few, movers)
     assert least >= 0.0
     assert all(len(each.tracks) == 3 for each in decisions)
+    assert_is(fault, decisions[0])
 
 
-def assert_is(fault, decision):
-    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
+def test_what_is_not_told_of_again_is_forgotten(fault):
+    """It is missed for as long as it is believed in, ever wider, and no longer."""
+    known = Tracks()
+    known.hear(told([CROSSING], 0))
+
+    def once(movers, stamp):
+        return known.at(stamp, ROOM.timeout)
+
+    decisions, _ = drive(AMONG, [], tell=once)
+    last = round(ROOM.timeout * 1e9) // PERIOD
+    assert [len(each.tracks) for each in decisions] == [1] * (last + 1) + [0] * (50 - last)
+    assert_is(fault, decisions[last + 1])
+    assert decisions[-1].miss < AMONG.goal_tolerance
 
 
 def test_what_drives_at_the_robot_is_evaded(fault):

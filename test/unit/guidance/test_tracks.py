@@ -112,6 +112,20 @@ def test_a_message_that_is_refused(message, reason):
         tracks_of(message, 'odom')
 
 
+def test_messages_of_other_things_are_refused_in_words(fault):
+    for message in (
+        with_row(1, 1e9),
+        with_row(2, 1e5),
+        with_row(5, 2),
+        cloud(fields=FIELDS | {'vx': 'i4'}),
+        cloud(width=3),
+        cloud(width=2**31, height=2**31),
+    ):
+        with pytest.raises(TrackError) as caught:
+            tracks_of(message, 'odom')
+        fault.assert_said('—', 1, str(caught.value))
+
+
 def test_age():
     check_age(NANOSECONDS, 2 * NANOSECONDS, 1.0)
     check_age(NANOSECONDS, 0, 0.1)

@@ -9,6 +9,7 @@ import pytest
 from rclpy.time import Time
 from visualization_msgs.msg import Marker
 
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.nodes.markers import marker_array
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -106,6 +107,29 @@ def test_the_goal_has_its_tolerance_and_can_be_seen():
     wide = settings(**{'goal.tolerance': 0.5})
     (goal,) = of(marker_array(wide, STAMP).markers, 'goal')
     assert goal.scale.x == 1.0
+
+
+def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
+    course = settings('goals')
+    made = marker_array(course, STAMP).markers
+    goals = of(made, 'goal')
+    assert len(goals) == len(course.goals) == 6
+    assert len({each.color.a for each in goals}) == 1
+    markers = marker_array(course, STAMP, replace(course.goals[2], heading=0.5)).markers
+    alphas = [each.color.a for each in of(markers, 'goal')]
+    assert alphas[0] == alphas[1] < alphas[2] == alphas[5] == goals[0].color.a
+    # Only the second has a heading.
+    (arrow,), goal = of(made, 'goal_headings'), course.goals[1]
+    tail, tip = arrow.points
+    assert (tail.x, tail.y) == goal.position
+    assert math.atan2(tip.y - tail.y, tip.x - tail.x) == pytest.approx(goal.heading)
+    assert of(markers, 'goal_headings') == []
+
+
+def test_a_goal_that_was_told_is_ahead():
+    told = Goal((7.0, -7.0), 12.0, 0.8)
+    (goal,) = of(marker_array(settings().towards(told), STAMP, told).markers, 'goal')
+    assert goal.color.a > 0.5
 
 
 def test_no_obstacles_no_limit():

@@ -1,0 +1,137 @@
+"""The policy of SROS2 gives the nodes what they need and no more; without keys none starts."""
+
+from __future__ import annotations
+
+import sys
+from fnmatch import fnmatchcase
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
+
+from cmpsp_ros.bags.writer import BagWriter
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 60.0
+CONFIG = Path(__file__).parents[2] / 'config'
+NODES = ('guidance', 'sim', 'recorder', 'viewer', 'player')
+ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
+
+# tf2 is not on the Python package index; where it is installed the simulator uses this.
+OPTIONAL = {('sim', 'publish', '/tf')}
+
+
+def granted():
+    """(node, right, name) of the policy."""
+    root = ET.parse(CONFIG / 'cmpsp.policy.xml').getroot()
+    for profile in root.iter('profile'):
+        for listed in profile:
+            (right,) = listed.attrib
+            for each in listed:
+                name = each.text if each.text[0] == '/' else f'/{each.text}'
+                yield profile.get('node'), right, name
+
+
+def used(node):
+    """(node, right, name) of everything in the graph."""
+    looks = {
+        'publish': node.get_publisher_names_and_types_by_node,
+        'subscribe': node.get_subscriber_names_and_types_by_node,
+        'reply': node.get_service_names_and_types_by_node,
+        'request': node.get_client_names_and_types_by_node,
+    }
+    present = set(node.get_node_names())
+    return {
+        (name, right, each)
+        for name in NODES
+        if name in present
+        for right, look in looks.items()
+        for each, _ in look(name, '/')
+    }
+
+
+def covers(grant, use):
+    return grant[:2] == use[:2] and fnmatchcase(use[2], grant[2])
+
+
+@pytest.fixture
+def start(spawn, tmp_path):
+    """Start all nodes, with everything that they can be told to listen to."""
+    bag = tmp_path / 'played'
+    with BagWriter(bag) as writer:
+        for name, message in (
+            ('/odom', Odometry()),
+            ('/moving_obstacles', PointCloud2()),
+            ('/goal_pose', PoseStamped()),
+        ):
+            kind = f'{type(message).__module__.partition(".")[0]}/msg/{type(message).__name__}'
+            writer.topic(name, kind)
+            writer.write(name, 1_000_000_000, serialize_message(message))
+
+    def node(name, *parameters, file=None):
+        given = [] if file is None else ['--params-file', CONFIG / file]
+        given += [part for each in parameters for part in ('-p', each)]
+        spawn([sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *given])
+
+    node('guidance_node', 'use_sim_time:=true', file='moving.yaml')
+    node('sim_node', 'publish_clock:=true', file='moving.yaml')
+    node('viewer', 'port:=0', 'use_sim_time:=true')
+    node('recorder', f'output:={tmp_path / "bag"}', 'own_topics:=true', 'use_sim_time:=true')
+    spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'play', bag, '--paused'])
+
+
+def test_the_nodes_use_all_that_they_are_granted_and_nothing_else(start, ros):
+    grants = set(granted()) - OPTIONAL
+
+    def settled():
+        found = used(ros.node)
+        return all(any(covers(grant, use) for use in found) for grant in grants) and found
+
+    def lacking():
+        found = used(ros.node)
+        return sorted(g for g in grants if not any(covers(g, use) for use in found))
+
+    try:
+        found = ros.spin_until(settled, LIMIT)
+    except AssertionError:
+        pytest.fail(f'granted and never used: {lacking()}')
+    assert found
+    unknown = {use for use in found if not any(covers(each, use) for each in granted())}
+    assert unknown == set()
+
+
+def started(spawn, **env):
+    return spawn(
+        [
+            *(sys.executable, '-m', 'cmpsp_ros.nodes.guidance_node', '--ros-args'),
+            *('--enclave', '/cmpsp/guidance', '--params-file', CONFIG / 'case3.yaml'),
+        ],
+        **ENFORCED,
+        **env,
+    )
+
+
+def test_without_keys_no_node_starts_in_the_clear(spawn, tmp_path):
+    running = started(spawn, ROS_SECURITY_KEYSTORE=str(tmp_path / 'keys'))
+    assert running.wait(LIMIT) == 1
+    assert 'SECURITY ERROR' in running.stderr
+    assert f'{tmp_path}/keys/enclaves/cmpsp/guidance' in running.stderr
+    assert 'Traceback' not in running.stderr
+
+
+def test_with_keys_that_are_none_no_node_starts_either(spawn, ros, tmp_path):
+    enclave = tmp_path / 'keys' / 'enclaves' / 'cmpsp' / 'guidance'
+    enclave.mkdir(parents=True)
+    for name in (
+        *('identity_ca.cert.pem', 'cert.pem', 'key.pem'),
+        *('permissions_ca.cert.pem', 'governance.p7s', 'permissions.p7s'),
+    ):
+        (enclave / name).write_text('')
+    running = started(spawn, ROS_SECURITY_KEYSTORE=str(tmp_path / 'keys'))
+    assert running.wait(LIMIT) == 1
+    assert 'guidance' not in ros.node.get_node_names()

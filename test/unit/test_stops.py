@@ -1,0 +1,87 @@
+"""doc/stops.md has every sentence that the guidance law and its node can say."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+from cmpsp_ros.mpsp.qp.solution import QPStatus
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / 'doc' / 'stops.md').read_text(encoding='utf-8')
+
+# What is told before a run is on another page; these are no answer to odometry.
+ELSEWHERE = {'prospects.py'}
+ANSWERS = {'Time 0 is the next odometry.', '… The node goes on without.', 'A rehearsal.'}
+
+SENTENCE = re.compile(r'[A-Z… ].* [a-z].*([.?]|: …)')
+
+
+def said(path):
+    """Sentences in a module, `…` for what varies; docstrings are none."""
+    tree = ast.parse(path.read_text(encoding='utf-8'))
+    apart = {id(each.value) for each in ast.walk(tree) if isinstance(each, ast.Expr)}
+    for each in ast.walk(tree):
+        if isinstance(each, ast.JoinedStr):
+            apart |= {id(part) for part in each.values}
+    for each in ast.walk(tree):
+        if id(each) in apart:
+            continue
+        text = ''
+        if isinstance(each, ast.JoinedStr):
+            parts = (part.value if isinstance(part, ast.Constant) else '…' for part in each.values)
+            text = ''.join(parts)
+        elif isinstance(each, ast.Constant) and isinstance(each.value, str):
+            text = each.value.replace('{}', '…')
+        if SENTENCE.fullmatch(text) and text not in ANSWERS:
+            yield re.sub(r': … ?…$', ': …', re.sub('…: …$', '…', text)).strip()
+
+
+SOURCES = [
+    *(each for each in (ROOT / 'cmpsp_ros/guidance').glob('*.py') if each.name not in ELSEWHERE),
+    *(
+        ROOT / 'cmpsp_ros/nodes' / f'{name}.py'
+        for name in ('clock_watch', 'guidance_node', 'health', 'obstacle_input', 'rivals')
+    ),
+]
+SENTENCES = sorted({text for path in SOURCES for text in said(path)})
+
+
+def on_page(sentence):
+    parts = (re.escape(part) for part in sentence.split('…'))
+    return re.search(r'[^|`\n]*'.join(parts), PAGE) is not None
+
+
+def test_there_are_sentences_of_every_kind():
+    assert len(SENTENCES) > 40
+    for known in ('Waiting for odometry.', 'The plan meets every constraint.'):
+        assert known in SENTENCES
+
+
+@pytest.mark.parametrize('sentence', SENTENCES)
+def test_the_page_has_it(sentence):
+    assert on_page(sentence)
+
+
+def test_the_page_has_what_the_solver_says():
+    assert QPStatus.FAILED.value in ' '.join(PAGE.split())
+
+
+def test_every_sentence_of_the_page_is_one_of_them():
+    listed = {
+        row.split('|')[1].strip()
+        for row in PAGE.splitlines()
+        if row.startswith('| ') and not row.startswith('| It says')
+    }
+    assert len(listed) > 40
+    known = [re.compile('.*'.join(map(re.escape, text.split('…')))) for text in SENTENCES]
+    unknown = {each for each in listed if not any(form.fullmatch(each) for form in known)}
+    # Put together from two parts.
+    assert unknown == {'The constraints contradict each other: … m of slack at ….'}
+
+
+def test_a_sentence_that_is_not_there_is_missed():
+    assert not on_page('The robot is tired … and rests.')

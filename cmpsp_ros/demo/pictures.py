@@ -17,7 +17,7 @@ from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.tracks import Tracks
+from cmpsp_ros.guidance.tracks import Track, Tracks
 from cmpsp_ros.robot.arcs import arc_ends
 from cmpsp_ros.robot.obstacles import outline
 
@@ -81,7 +81,7 @@ def _draw_moving(
     axes: Axes, run: Run, settings: GuidanceSettings, stamp: int, color: Array
 ) -> None:
     """What moved, where it was at an instant [ns]."""
-    seen = Tracks()
+    seen: Tracks[Track] = Tracks()
     seen.hear(run.tracks)
     for each in seen.at(stamp, settings.moving_obstacles.timeout):
         age = (stamp - each.stamp) / 1e9

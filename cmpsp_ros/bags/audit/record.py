@@ -110,8 +110,11 @@ class Record:
     def meetings(self) -> tuple[Encounter, ...]:
         """The same path, with the other robots where they were meanwhile."""
         settings = self.history.epochs[0].settings
+        known = settings.moving_obstacles
+        both = settings.robot_radius + known.others_radius
+        paths = (leg.guided for leg in self.legs)
         return tuple(
-            each for leg in self.legs for each in meetings(leg.guided, self.others, settings)
+            each for path in paths for each in meetings(path, self.others, both, known.timeout)
         )
 
     @property

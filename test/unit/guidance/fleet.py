@@ -66,7 +66,7 @@ def drive(robots, seconds, late=0):
         for each in robots:
             speeds = each.decisions[-1].wheel_speeds if each.decisions else np.zeros(2)
             parts = np.full(PARTS, GRID / 1e9 / PARTS)
-            way = each.given.robot.roll_out(each.pose, np.tile(speeds, (PARTS + 1, 1))[:PARTS], parts)
+            way = each.given.robot.roll_out(each.pose, np.tile(speeds, (PARTS, 1)), parts)
             each.pose = way[-1]
             ways.append(way[:, :2])
             paths[each.name].append(way[-1].copy())

@@ -22,17 +22,17 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, driven while something moved as it was told to.
+    """Part of a path, driven while something moved as it was told to, or another robot as it did.
 
     Attributes:
-        track: What moved.
+        name: What messages call it.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
         clearance: From it, the robot's own radius taken off, shape ``(K,)`` [m].
         stands: Whether the robot stood meanwhile, shape ``(K,)``: what then drives into it is no
             collision of the robot's.
     """
 
-    track: Track
+    name: str
     stamps: Stamps
     clearance: Array
     stands: NDArray[np.bool_]
@@ -63,4 +63,4 @@ def encounters(
         arcs = part.poses[:-1], part.twists[:-1], part.durations
         since = (part.stamps[:-1] - each.stamp) / NANOSECONDS
         stands = np.abs(part.twists[:-1]).max(axis=1) <= _STANDS
-        yield Encounter(each, part.stamps[:-1], disc.along(*arcs, since)[:, 0], stands)
+        yield Encounter(each.name, part.stamps[:-1], disc.along(*arcs, since)[:, 0], stands)

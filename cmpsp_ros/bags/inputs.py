@@ -1,9 +1,9 @@
 """What a guidance law was told, in the order that its recorded decisions imply.
 
-Odometry is in the bag, and so are goals that were told and messages on obstacles that move. What
-they do not show - stops by the node's clock, resets, live changes of parameters, how many goals and
-which obstacles had come by then - every decision says of itself: `halted`, `run`, `revision`,
-`told`, `moving_obstacles`.
+Odometry is in the bag, and so are goals that were told, messages on obstacles that move and plans
+of other robots. What they do not show - stops by the node's clock, resets, live changes of
+parameters, how many goals, which obstacles and which plans had come by then - every decision says
+of itself: `halted`, `run`, `revision`, `told`, `moving_obstacles`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
 from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.other_plans import Seen
 from cmpsp_ros.guidance.time_jump import TimeJump
-from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.parameters.table import Values
 
 
@@ -54,7 +54,7 @@ class Heard:
 
     odometry: Odometry
     decision: Recorded | None
-    tracks: tuple[Track, ...] = field(default=(), kw_only=True)
+    tracks: tuple[Seen, ...] = field(default=(), kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,8 @@ class Inputs:
         self._bag, self._node = bag, names.node
         self._parameters = NodeParameters(bag, names.node)
         self.skipped = 0
-        self._recording = Recording(bag, names, self.values['frame_id'])
+        values = self.values
+        self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
         self._time = TimeJump()
 
     @property

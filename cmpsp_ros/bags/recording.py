@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
@@ -18,7 +18,8 @@ from cmpsp_ros.guidance.facts import MOVING
 from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.tracks import Track, TrackError, read_keys, tracks_of
+from cmpsp_ros.guidance.other_plans import Seen, plan_of, plan_topic
+from cmpsp_ros.guidance.tracks import TrackError, read_keys, tracks_of
 
 Array = NDArray[np.float64]
 Waypoint = tuple[float, float, float, float]
@@ -70,6 +71,12 @@ class Names:
     def moving(self) -> str:
         """Topic of the obstacles that move."""
         return f'{self.node.rpartition("/")[0]}/moving_obstacles'
+
+    def others(self, namespaces: Iterable[str]) -> dict[str, str]:
+        """Namespaces of other robots by the topics of their plans; without this node's own."""
+        plans = {plan_topic(each): each for each in namespaces}
+        plans.pop(self.path, None)
+        return plans
 
 
 @dataclass(frozen=True)
@@ -156,8 +163,8 @@ class Recorded:
         return self._parsed('revision', int) if 'revision' in self.facts else None
 
     @property
-    def tracks(self) -> list[tuple[int, int]]:
-        """Numbers and stamps of the obstacles that move, as they were known."""
+    def tracks(self) -> list[tuple[int | str, int]]:
+        """Numbers and stamps of what moves, as it was known; other robots by their namespaces."""
         try:
             return read_keys(self.facts.get(MOVING, ''))
         except ValueError as error:
@@ -204,18 +211,27 @@ class Recording:
         goals: When a goal was received [ns], with its time stamp [ns]; not yet used, in order.
     """
 
-    def __init__(self, bag: Bag, names: Names, frame_id: str) -> None:
+    def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
         """Check that the bag has what a guidance node hears and says.
 
         Args:
             bag: An open bag.
             names: Names of node and topics.
             frame_id: Frame in which odometry is usable.
+            others: Namespaces of the robots whose plans it hears.
 
         Raises:
             BagError: A topic is missing.
         """
-        optional = (EVENTS, names.cmd_vel, names.path, names.moving, names.goal_pose)
+        self._others = names.others(others)
+        optional = (
+            EVENTS,
+            names.cmd_vel,
+            names.path,
+            names.moving,
+            names.goal_pose,
+            *self._others,
+        )
         self._bag, self._names, self._frame_id = bag, names, frame_id
         there = (topic for topic in optional if topic in bag.topics)
         self._topics = [names.odom, names.decision, *there]
@@ -225,7 +241,7 @@ class Recording:
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
         self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
-        self._tracks: dict[tuple[int, int], Track] = {}
+        self._tracks: dict[tuple[int | str, int], Seen] = {}
         self._first = True
 
     def decisions(self) -> Iterator[Recorded]:
@@ -253,17 +269,20 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
-    def tracks(self, decision: Recorded) -> tuple[Track, ...]:
-        """Obstacles that move, as they were known to a decision.
+    def tracks(self, decision: Recorded) -> tuple[Seen, ...]:
+        """Obstacles that move, and plans of other robots, as they were known to a decision.
 
         Raises:
             BagError: One of them is not in the bag.
         """
         for number, stamp in decision.tracks:
             if (number, stamp) not in self._tracks:
+                what, topic = f'obstacle {number} as it was seen', self._names.moving
+                if isinstance(number, str):
+                    what, topic = f'the plan that {number} made', plan_topic(number)
                 raise BagError(
-                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) on obstacle'
-                    f' {number} as it was seen at {stamp} ns, wanted that in {self._names.moving}'
+                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
+                    f' {stamp} ns, wanted that in {topic}'
                 )
         return tuple(self._tracks[key] for key in decision.tracks)
 
@@ -279,26 +298,28 @@ class Recording:
             twist = getattr(message, 'twist', message)
             self._commands.append((received, (twist.linear.x, twist.angular.z)))
         elif topic == self._names.moving:
-            self._take_tracks(message)
+            with suppress(TrackError):
+                self._note(tracks_of(message, self._frame_id))
+        elif topic in self._others:
+            with suppress(TrackError):
+                self._note([plan_of(message, self._others[topic], self._frame_id)])
         elif topic == self._names.goal_pose:
             # What the node refuses at sight the law is not told.
             with suppress(GoalError):
                 self.goals.append((received, *goal_of(message, self._frame_id)))
         elif topic == self._names.path:
-            poses = (each.pose for each in message.poses)
-            self._paths[stamp_of(message)] = tuple(
-                (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
-                for each in poses
-            )
+            poses = [each.pose for each in message.poses]
+            # A robot that stands says so with one pose, and that is no plan.
+            if len(poses) != 1:
+                self._paths[stamp_of(message)] = tuple(
+                    (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
+                    for each in poses
+                )
         elif (said := changes_in(message, self._names.node)) is not None:
             self.changes.append((received, said))
 
-    def _take_tracks(self, message: Any) -> None:
-        try:
-            tracks = tracks_of(message, self._frame_id)
-        except TrackError:
-            # The node refused it too.
-            return
+    def _note(self, tracks: Iterable[Seen]) -> None:
+        """Keep what was told; what cannot be used the node refused too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MOST_TRACKS:

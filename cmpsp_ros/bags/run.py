@@ -120,7 +120,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         tracks = read_tracks(bag, f'{namespace}/moving_obstacles', None)
-        return Run(decisions, plans, _driven(bag, namespace), tracks, stamps, speeds)
+        return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
 
 
 def read_driven(path: Path, namespace: str = '') -> Driven:
@@ -134,22 +134,11 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
         BagError: Not a bag, or there is no path in it.
     """
     with Bag(path) as bag:
-        return _driven(bag, namespace)
+        return driven_in(bag, namespace)
 
 
-def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
-    for _, message in bag.messages(topic):
-        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
-        yield Planned(_stamp(message), np.array(points))
-
-
-def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
-    rows = [(_stamp(message), message.velocity) for _, message in bag.messages(topic)]
-    stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
-
-
-def _driven(bag: Bag, namespace: str) -> Driven:
+def driven_in(bag: Bag, namespace: str) -> Driven:
+    """As `read_driven`, of an open bag."""
     truth = f'{namespace}/sim/truth'
     topic = truth if truth in bag.topics else f'{namespace}/odom'
     rows: dict[int, tuple[list[float], list[float]]] = {}
@@ -164,6 +153,20 @@ def _driven(bag: Bag, namespace: str) -> Driven:
         np.array([pose for _, (pose, _) in ordered]),
         np.array([twist for _, (_, twist) in ordered]),
     )
+
+
+def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
+    for _, message in bag.messages(topic):
+        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
+        # One pose is where the robot stands.
+        if len(points) > 1:
+            yield Planned(_stamp(message), np.array(points))
+
+
+def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
+    rows = [(_stamp(message), message.velocity) for _, message in bag.messages(topic)]
+    stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
 
 
 def _pose(message: Any) -> list[float]:

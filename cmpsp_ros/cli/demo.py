@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import signal
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -17,8 +18,12 @@ from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.folder import make_folder
 from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import robots_in
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from cmpsp_ros.demo.fleet import Robot
     from cmpsp_ros.demo.scenario import Scenario
     from cmpsp_ros.demo.summary import Summary
 
@@ -49,42 +54,96 @@ def demo(
 ) -> None:
     """Drive one run with real nodes, record it, and draw it.
 
-    Exit code 0 only if the goal was reached within its tolerance and the path driven is clear.
+    A file with a section for each of several robots drives them all at once. Exit code 0 only if
+    the goal was reached within its tolerance, by every robot, and the path driven is clear.
     """
-    from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
-
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
-            scenario = load_scenario(preset, assignments or [], lockstep=lockstep, robot=robot)
-            for remark in scenario.remarks:
-                errors.print(remark, markup=False, highlight=False, soft_wrap=True)
-            folder = make_folder(output, force=force)
-            summary = _run(scenario, folder, port if view else None)
+            if len(namespaces := robots_in(preset)) > 1:
+                fleet = _fleet(preset, namespaces, assignments or [], robot, lockstep=lockstep)
+                folder = make_folder(output, force=force)
+                failure = _drive_fleet(fleet, folder, port if view else None)
+            else:
+                scenario = _scenario(preset, assignments or [], robot, lockstep=lockstep)
+                folder = make_folder(output, force=force)
+                failure = _drive(scenario, folder, port if view else None)
     except KeyboardInterrupt:
         errors.print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
-    console.print(_table(summary, scenario))
-    say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
-    if summary.failure:
-        complain(summary.failure)
+    if failure:
+        complain(failure)
         raise typer.Exit(1)
 
 
-def _run(scenario: Scenario, folder: Path, view_port: int | None) -> Summary:
+def _scenario(
+    preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
+) -> Scenario:
+    from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
+
+    scenario = load_scenario(preset, assignments, lockstep=lockstep, robot=robot)
+    _say_remarks(scenario)
+    return scenario
+
+
+def _fleet(
+    preset: str,
+    namespaces: Sequence[str],
+    assignments: list[str],
+    robot: str | None,
+    *,
+    lockstep: bool,
+) -> tuple[Scenario, ...]:
+    from cmpsp_ros.demo.fleet import load_fleet  # noqa: PLC0415 (loads kernels)
+
+    fleet = load_fleet(preset, namespaces, assignments, lockstep=lockstep, robot=robot)
+    for each in fleet:
+        _say_remarks(each)
+    return fleet
+
+
+def _say_remarks(scenario: Scenario) -> None:
+    whose = f'{scenario.namespace}: ' if scenario.namespace else ''
+    for remark in scenario.remarks:
+        errors.print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
+
+
+def _drive(scenario: Scenario, folder: Path, view_port: int | None) -> str:
+    """Run one robot and show what came of it; why that is no success, if it is none."""
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
+    with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
+        summary = run(scenario, folder, progress, view_port)
+    console.print(_table(summary, scenario))
+    say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
+    return summary.failure
+
+
+def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
+    """As `_drive`, for several robots."""
+    from cmpsp_ros.demo.fleet import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
+
+    total = max(each.settings.final_time for each in fleet)
+    with _progress(fleet[0].name, total, view_port) as progress:
+        robots = run_fleet(fleet, folder, progress, view_port)
+    console.print(_fleet_table(robots))
+    say(f'{folder}: bag, summary.json, trajectory.png')
+    return '\n'.join(f'{each.namespace}: {each.failure}' for each in robots if each.failure)
+
+
+@contextmanager
+def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
+    """Show how far a run has come, of so many seconds."""
     signal.signal(signal.SIGTERM, _interrupt)
     if view_port is not None:
         errors.print(f'http://127.0.0.1:{view_port}/ shows the run', soft_wrap=True)
     columns = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.fields[time]}')
     with Progress(*columns, TimeElapsedColumn(), console=errors) as bar:
-        total = scenario.settings.final_time
-        task = bar.add_task(scenario.name, total=total, time='starting nodes')
+        task = bar.add_task(name, total=total, time='starting nodes')
 
         def progress(seconds: float) -> None:
             bar.update(task, completed=seconds, time=f'{seconds:.1f} of {total:.1f} s')
 
-        return run(scenario, folder, progress, view_port)
+        yield progress
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
@@ -113,4 +172,24 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
         ('rungs', ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count)),
     ):
         table.add_row(name, value)
+    return table
+
+
+def _fleet_table(robots: Sequence[Robot]) -> Table:
+    from cmpsp_ros.robot.road_functions import FAR  # noqa: PLC0415 (loads kernels)
+
+    headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'rungs')
+    table = Table(*headings, title=f'{robots[0].summary.preset}: {len(robots)} robots')
+    for each in robots:
+        summary = each.summary
+        times = summary.step_times['p50'], summary.step_times['max']
+        table.add_row(
+            each.namespace,
+            '-' if summary.miss is None else f'{summary.miss:.2g} m',
+            '-' if summary.clearance >= FAR else f'{summary.clearance:+.3f} m',
+            f'{each.apart:+.3f} m',
+            str(summary.deadline_misses),
+            ' / '.join('-' if time is None else f'{time:.1f}' for time in times) + ' ms',
+            ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count),
+        )
     return table

@@ -48,8 +48,15 @@ def bench(
     obstacles: Annotated[
         bool, typer.Option('--obstacles', help='Instead, time steps past 0 to 64 obstacles.')
     ] = False,
+    robots: Annotated[
+        int | None,
+        typer.Option(min=1, max=50, metavar='COUNT', help='Instead, so many robots at once.'),
+    ] = None,
 ) -> None:
     """Time control steps, alone and beside other solvers, over horizons and over DDS."""
+    if robots is not None:
+        _many_robots(robots)
+        return
     if obstacles:
         from cmpsp_ros.studies.bench import many_obstacles  # noqa: PLC0415 (compiles kernels)
 
@@ -205,6 +212,18 @@ def _starts(*, judge: bool) -> None:
 
         table = room.run(progress, compare=judge)
     console.print(table)
+
+
+def _many_robots(count: int) -> None:
+    """Drive so many robots at once; exit code 1 if one was ever late."""
+    from cmpsp_ros.studies.bench import BenchError, many_robots  # noqa: PLC0415 (needs ROS)
+
+    with exit_on(BenchError, ParameterError, code=1), Progress(console=errors) as bar:
+        task = bar.add_task(f'{count} robots', total=None)
+        crowd = many_robots.measure(count, lambda seconds: bar.update(task, completed=seconds))
+    console.print(many_robots.table(crowd).rich())
+    if crowd.skipped or crowd.late:
+        raise typer.Exit(1)
 
 
 def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:

@@ -52,7 +52,8 @@ def make_folder(output: Path | None, *, force: bool) -> Path:
 
 
 def _clear(folder: Path) -> None:
-    for name in _CONTENT:
+    robots = [each.parent.name for each in folder.glob('*/guidance_node.log')]
+    for name in (*_CONTENT, *robots):
         path = folder / name
         if path.is_dir():
             shutil.rmtree(path)

@@ -17,7 +17,7 @@ from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.tracks import Tracks
+from cmpsp_ros.guidance.tracks import Track, Tracks
 from cmpsp_ros.robot.arcs import arc_ends
 from cmpsp_ros.robot.obstacles import outline
 
@@ -27,10 +27,10 @@ _PLANS = 4
 _PER_ARC = 8
 _ROOM = 0.8
 
-_ROAD = '#e6e6e6'
-_EDGE = '#8c8c8c'
+ROAD, EDGE, OBSTACLE = '#e6e6e6', '#8c8c8c', '#c8402f'
+"""Colours of what every picture of a run has."""
+
 _DRIVEN = '#1a1a1a'
-_OBSTACLE = '#c8402f'
 _MARGIN = '#e69f00'
 _GOAL = '#0b7a3b'
 _WHEELS = ('#0072b2', '#d55e00')
@@ -39,14 +39,14 @@ _WHEELS = ('#0072b2', '#d55e00')
 def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     """Road, obstacles with the margin kept, the path driven and the plan at a few instants."""
     first, last = window(run, settings)
-    driven = _dense(run.driven.between(first, last))
+    driven = dense(run.driven.between(first, last))
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
-    draw_road(axes, settings.road, _ROAD, _EDGE)
+    draw_road(axes, settings.road, ROAD, EDGE)
     kept = at_samples(settings)
     for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
         edge, around = outline(obstacle, obstacle.radius), outline(obstacle, radius)
-        axes.add_patch(Polygon(edge, color=_OBSTACLE, alpha=0.85, lw=0, zorder=3))
+        axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))
         axes.add_patch(Polygon(around, fill=False, color=_MARGIN, ls='--', zorder=3))
         axes.annotate(obstacle.name, center, color='white', ha='center', va='center', zorder=6)
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
@@ -81,7 +81,7 @@ def _draw_moving(
     axes: Axes, run: Run, settings: GuidanceSettings, stamp: int, color: Array
 ) -> None:
     """What moved, where it was at an instant [ns]."""
-    seen = Tracks()
+    seen: Tracks[Track] = Tracks()
     seen.hear(run.tracks)
     for each in seen.at(stamp, settings.moving_obstacles.timeout):
         age = (stamp - each.stamp) / 1e9
@@ -106,17 +106,17 @@ def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
         axes.step(seconds, speeds, where='post', color=color, label=name)
     limit = settings.robot.max_wheel_speed
     if math.isfinite(limit):
-        axes.axhline(limit, color=_OBSTACLE, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
+        axes.axhline(limit, color=OBSTACLE, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
         if wheel_speeds.min() < 0.0:
-            axes.axhline(-limit, color=_OBSTACLE, ls='--', lw=1.0)
+            axes.axhline(-limit, color=OBSTACLE, ls='--', lw=1.0)
     axes.set(xlabel='time [s]', ylabel='wheel speed [rad/s]', xlim=(0.0, settings.final_time))
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)
 
 
-def _dense(driven: Driven) -> Array:
-    """Positions along the path, several on each arc so that it looks as bent as it is."""
+def dense(driven: Driven) -> Array:
+    """Positions along a path, several on each arc so that it looks as bent as it is, ``(K, 2)``."""
     parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
     poses = np.repeat(driven.poses[:-1], _PER_ARC, axis=0)
     twists = np.repeat(driven.twists[:-1], _PER_ARC, axis=0)
@@ -133,8 +133,8 @@ def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> None:
 
 
 def _keys(settings: GuidanceSettings) -> list[Patch]:
-    keys = [Patch(color=_ROAD, label='road')]
+    keys = [Patch(color=ROAD, label='road')]
     if settings.obstacles:
-        keys.append(Patch(color=_OBSTACLE, label='obstacle'))
+        keys.append(Patch(color=OBSTACLE, label='obstacle'))
         keys.append(Patch(fill=False, edgecolor=_MARGIN, ls='--', label='kept clear at samples'))
     return keys

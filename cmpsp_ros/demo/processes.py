@@ -8,9 +8,10 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 from cmpsp_ros.demo.errors import DemoError
@@ -54,7 +55,7 @@ class Child:
     """A node running as a process.
 
     Attributes:
-        name: Its module in `cmpsp_ros.nodes`.
+        name: Its module in `cmpsp_ros.nodes`, after the namespace where there is one.
         process: The process.
         log: File with everything it said.
     """
@@ -64,16 +65,22 @@ class Child:
     log: Path
 
     @classmethod
-    def start(cls, name: str, ros_arguments: Sequence[str], folder: Path) -> Child:
+    def start(
+        cls, name: str, ros_arguments: Sequence[str], folder: Path, namespace: str = ''
+    ) -> Child:
         """Start a node.
 
         Args:
             name: Its module in `cmpsp_ros.nodes`.
             ros_arguments: What follows `--ros-args`.
-            folder: Where to put its log.
+            folder: Where to put its log, in a folder of the robot's where it has a namespace.
+            namespace: Of the node, as in `/r1`.
         """
-        log = folder / f'{name}.log'
+        log = folder / namespace.strip('/') / f'{name}.log'
+        log.parent.mkdir(parents=True, exist_ok=True)
         command = [sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *ros_arguments]
+        if namespace:
+            command += ['-r', f'__ns:={namespace}']
         with log.open('wb') as output, _interruptions_held():
             process = subprocess.Popen(
                 command,
@@ -85,7 +92,7 @@ class Child:
                 # It makes one system call and takes no lock, so threads of ours do not matter.
                 preexec_fn=_die_with_parent,  # noqa: PLW1509
             )
-        return cls(name, process, log)
+        return cls(f'{namespace}/{name}' if namespace else name, process, log)
 
     def check(self) -> None:
         """Raise if the process has ended by itself.
@@ -97,10 +104,14 @@ class Child:
         if code is not None:
             raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
 
-    def stop(self) -> int:
-        """Ask the process to end, and insist after ten seconds; its exit code."""
+    def interrupt(self) -> None:
+        """Ask the process to end."""
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
+
+    def stop(self) -> int:
+        """Ask the process to end, and insist after ten seconds; its exit code."""
+        self.interrupt()
         try:
             return self.process.wait(_STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
@@ -110,6 +121,17 @@ class Child:
     def last_words(self) -> str:
         """The last lines of its log."""
         return '\n'.join(self.log.read_text(errors='replace').splitlines()[-5:])
+
+
+def stop_all(children: Iterable[Child]) -> None:
+    """Stop nodes one kind after another: all that were started last come first."""
+    started = reversed(list(children))
+    for _, alike in groupby(started, key=lambda each: each.name.rpartition('/')[2]):
+        kind = list(alike)
+        for each in kind:
+            each.interrupt()
+        for each in kind:
+            each.stop()
 
 
 @contextmanager

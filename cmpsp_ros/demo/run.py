@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 from cmpsp_ros.bags.run import read_run
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
-from cmpsp_ros.demo.processes import Child, use_free_domain
+from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, summarise
-from cmpsp_ros.nodes.observer import Observer
+from cmpsp_ros.nodes.observer import Observer, Seen
 from cmpsp_ros.parameters.presets import write_parameter_file
 
 _START_TIMEOUT = 30.0
@@ -54,7 +56,7 @@ def run(
         BagError: The recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
-    _drive(scenario, folder, progress, view_port)
+    drive([scenario], folder, progress, view_port)
     recorded = read_run(folder / 'bag')
     summary = summarise(recorded, scenario.settings, scenario.name)
     summary.write(folder / 'summary.json')
@@ -63,84 +65,156 @@ def run(
     return summary
 
 
-def _drive(
-    scenario: Scenario, folder: Path, progress: Callable[[float], None], view_port: int | None
+def drive(
+    robots: Sequence[Scenario],
+    folder: Path,
+    progress: Callable[[float], None],
+    view_port: int | None = None,
 ) -> None:
+    """Make a run of one robot or several at once.
+
+    Args:
+        robots: As of `started`.
+        folder: As of `started`.
+        progress: Told the time of the run so far [s], again and again.
+        view_port: As of `started`.
+
+    Raises:
+        DemoError: A node failed, or the run came to no end.
+    """
+
+    def tell(robot: Scenario, seen: Seen) -> None:
+        progress(robot.settings.final_time - float(seen.decision['time_left']))
+
+    with started(robots, folder, view_port) as (observer, children):
+        watch(observer, children, robots, tell)
+
+
+@contextmanager
+def started(
+    robots: Sequence[Scenario], folder: Path, view_port: int | None = None, *, record: bool = True
+) -> Iterator[tuple[Observer, Sequence[Child]]]:
+    """Start the nodes of one robot or several, and activate guidance; all are stopped at the end.
+
+    Args:
+        robots: What to run, each in its namespace; of several each has one.
+        folder: Existing folder with the file `parameters.yaml`, for bag and logs.
+        view_port: Port of a page that shows the run, live, of several robots the first; without it
+            there is none.
+        record: Whether there is a bag.
+
+    Raises:
+        DemoError: A node failed.
+    """
     children: list[Child] = []
-    with Observer(use_free_domain()) as observer:
+    with Observer(use_free_domain(), [each.namespace for each in robots]) as observer:
         try:
-            for name, arguments in _nodes(scenario, folder, view_port):
-                children.append(Child.start(name, arguments, folder))
-            _get_ready(observer, children, scenario)
-            _watch(observer, children, scenario, progress)
+            for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
+                children.append(Child.start(name, arguments, folder, namespace))
+            _get_ready(observer, children, robots, record=record)
+            yield observer, children
         finally:
             # Guidance first, so that its last zero twist is still driven, recorded and shown.
-            for child in reversed(children):
-                child.stop()
+            stop_all(children)
 
 
 def _nodes(
-    scenario: Scenario, folder: Path, view_port: int | None
-) -> Iterator[tuple[str, list[str]]]:
-    """Modules of the nodes to start, in order, and what follows `--ros-args`."""
-    clock = f'use_sim_time:={str(bool(scenario.values["publish_clock"])).lower()}'
+    robots: Sequence[Scenario], folder: Path, view_port: int | None, *, record: bool
+) -> Iterator[tuple[str, list[str], str]]:
+    """Modules of the nodes to start, in order, what follows `--ros-args`, and the namespace."""
+    clock = f'use_sim_time:={str(bool(robots[0].values["publish_clock"])).lower()}'
     parameters = str(folder / 'parameters.yaml')
     if view_port is not None:
-        yield 'viewer', ['-p', f'port:={view_port}']
-    yield 'recorder', ['-p', f'output:={folder / "bag"}', '-p', clock]
-    yield 'sim_node', ['--params-file', parameters]
-    yield 'guidance_node', ['--params-file', parameters, '-p', clock]
+        yield 'viewer', ['-p', f'port:={view_port}'], robots[0].namespace
+    if record:
+        yield 'recorder', ['-p', f'output:={folder / "bag"}', '-p', clock], ''
+    for each in robots:
+        yield 'sim_node', ['--params-file', parameters], each.namespace
+    for each in robots:
+        yield 'guidance_node', ['--params-file', parameters, '-p', clock], each.namespace
 
 
-def _get_ready(observer: Observer, children: list[Child], scenario: Scenario) -> None:
-    """Wait until nothing of the run can be missed, and activate the guidance node."""
-    moving = ('/moving_obstacles',) if scenario.values['moving_obstacles.names'] else ()
+def _get_ready(
+    observer: Observer,
+    children: Sequence[Child],
+    robots: Sequence[Scenario],
+    *,
+    record: bool = True,
+) -> None:
+    """Wait until nothing of the run can be missed, and activate the guidance nodes."""
+    timeout = _START_TIMEOUT * len(robots)
+    guidance = list(zip(robots, children[-len(robots) :], strict=True))
+    topics = [f'{each.namespace}{topic}' for each in robots for topic in _recorded(each)]
 
-    def is_recorded() -> bool:
+    def is_heard() -> bool:
         for child in children:
             child.check()
         # Simulator and recorder must be known to the command's publisher itself.
-        listeners = int(observer.seen.health.get('command_subscribers', 0))
-        return listeners >= 2 and observer.is_recorded((*_RECORDED, *moving))
+        heard = (seen.health.get('command_subscribers', 0) for seen in observer.robots.values())
+        known = all(int(each) >= 1 + record for each in heard)
+        return known and (not record or observer.is_recorded(topics))
 
-    guidance = children[-1]
+    for each, node in guidance:
+        _ask(node, 'refuses to start', partial(observer.configure, timeout, each.namespace))
+    if not observer.wait_until(is_heard, timeout):
+        raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
+    # The recorder is known here; whom it records may hear of it a little later.
+    observer.wait_until(lambda: False, _SETTLE)
+    for each, node in guidance:
+        _ask(node, 'cannot be activated', partial(observer.activate, timeout, each.namespace))
+
+
+def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
+    """Have a guidance node change its state."""
     try:
-        if not observer.configure(_START_TIMEOUT):
-            raise DemoError(f'the guidance node refuses to start:\n{guidance.last_words()}')
-        if not observer.wait_until(is_recorded, _START_TIMEOUT):
-            raise DemoError(f'the nodes did not find each other within {_START_TIMEOUT:.0f} s')
-        # The recorder is known here; whom it records may hear of it a little later.
-        observer.wait_until(lambda: False, _SETTLE)
-        if not observer.activate(_START_TIMEOUT):
-            raise DemoError(f'the guidance node cannot be activated:\n{guidance.last_words()}')
+        agreed = change()
     except TimeoutError as error:
-        guidance.check()
-        raise DemoError(f'{error}; it said:\n{guidance.last_words()}') from None
+        node.check()
+        raise DemoError(f'{error}; it said:\n{node.last_words()}') from None
+    if not agreed:
+        raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
 
 
-def _watch(
+def _recorded(robot: Scenario) -> tuple[str, ...]:
+    """Topics of a robot without which a run is not whole."""
+    return (*_RECORDED, *(('/moving_obstacles',) if robot.values['moving_obstacles.names'] else ()))
+
+
+def watch(
     observer: Observer,
-    children: list[Child],
-    scenario: Scenario,
-    progress: Callable[[float], None],
+    children: Sequence[Child],
+    robots: Sequence[Scenario],
+    notice: Callable[[Scenario, Seen], None],
 ) -> None:
-    """Follow the decisions up to the one that says that the final time has passed."""
-    final_time = scenario.settings.final_time
-    latest, since = '', time.monotonic()
+    """Follow the decisions up to those that say that the final times have passed.
+
+    Args:
+        observer: As from `started`.
+        children: As from `started`.
+        robots: What runs.
+        notice: Told of each decision when it is heard.
+
+    Raises:
+        DemoError: A node has ended, or decides no more.
+    """
+    begun = time.monotonic()
+    latest = {each.namespace: ('', begun) for each in robots}
 
     def is_over() -> bool:
-        nonlocal latest, since
         for child in children:
             child.check()
-        decision = observer.seen.decision
-        if decision and decision['stamp'] != latest:
-            latest, since = decision['stamp'], time.monotonic()
-            progress(final_time - float(decision['time_left']))
-        if time.monotonic() - since > _STALL_TIMEOUT:
-            raise DemoError(
-                f'no decision for {_STALL_TIMEOUT:.0f} s;'
-                f' the last was: {observer.seen.reason or "none"}'
-            )
-        return decision.get('finished') == 'true'
+        for each in robots:
+            seen, (stamp, since) = observer.robots[each.namespace], latest[each.namespace]
+            if seen.decision and seen.decision['stamp'] != stamp:
+                latest[each.namespace] = seen.decision['stamp'], time.monotonic()
+                notice(each, seen)
+            elif time.monotonic() - since > _STALL_TIMEOUT:
+                whose = f' of {each.namespace}' if each.namespace else ''
+                raise DemoError(
+                    f'no decision{whose} for {_STALL_TIMEOUT:.0f} s;'
+                    f' the last was: {seen.reason or "none"}'
+                )
+        decisions = (seen.decision for seen in observer.robots.values())
+        return all(each.get('finished') == 'true' for each in decisions)
 
     observer.wait_until(is_over, math.inf)

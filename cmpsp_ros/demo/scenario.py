@@ -31,12 +31,14 @@ class Scenario:
         values: Parameters of all nodes.
         settings: The guidance law's part of them.
         remarks: What the user should know before the run, in sentences.
+        namespace: Of the robot, as in `/r1`; empty where it is the only one.
     """
 
     name: str
     values: Values
     settings: GuidanceSettings
     remarks: tuple[str, ...] = ()
+    namespace: str = ''
 
     @property
     def lockstep(self) -> bool:
@@ -50,7 +52,12 @@ class Scenario:
 
 
 def load_scenario(
-    preset: str, assignments: Sequence[str], *, lockstep: bool, robot: str | None = None
+    preset: str,
+    assignments: Sequence[str],
+    *,
+    lockstep: bool,
+    robot: str | None = None,
+    namespace: str = '',
 ) -> Scenario:
     """Read a preset or parameter file, change it, and check the whole.
 
@@ -60,13 +67,14 @@ def load_scenario(
         lockstep: Whether to run in lockstep whatever the file says.
         robot: Name of a robot, or path of its file, to be laid over the preset. A final time that
             is too short for it is made longer, unless an assignment says it.
+        namespace: Of the robot that is meant where the file has several.
 
     Raises:
         ParameterError: A key or value is wrong; names the key, what was found and what is wanted.
     """
     changes = dict(parse_assignment(each) for each in assignments)
-    given = load_parameter_file(preset) | (load_robot(robot) if robot else {}) | changes
-    given = with_road_file(given)
+    given = load_parameter_file(preset, namespace=namespace or None)
+    given = with_road_file(given | (load_robot(robot) if robot else {}) | changes)
     # The nodes are activated when the recorder listens, and not before.
     given['autostart'] = False
     if lockstep:
@@ -86,7 +94,7 @@ def load_scenario(
     check_start(values)
     check_pace(values)
     remarks += doubts(settings, _start(values))
-    return Scenario(name, values, settings, tuple(remarks))
+    return Scenario(name, values, settings, tuple(remarks), namespace)
 
 
 def _give_time(given: dict[str, Any]) -> list[str]:

@@ -74,6 +74,10 @@ class Summary:
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON, floats exactly."""
+        path.write_text(json.dumps(self.values(), indent=2) + '\n', encoding='utf-8')
+
+    def values(self) -> dict[str, Any]:
+        """The figures by name and unit."""
         values: dict[str, Any] = {
             'preset': self.preset,
             'reached': self.reached,
@@ -97,7 +101,7 @@ class Summary:
             ]
         if self.speed is not None:
             values['speed_m_s'] = self.speed
-        path.write_text(json.dumps(values, indent=2) + '\n', encoding='utf-8')
+        return values
 
 
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:

@@ -190,7 +190,7 @@ class Audit:
             space.corners,
             space.first,
             space.radii,
-            moving.grown(self._radius).states,
+            moving.grown(self._radius).legs(durations),
             moving.growth,
         )
         values: list[float] = found.tolist()
@@ -249,7 +249,7 @@ def _sweep(
         corners: Of the obstacles, as `shape_functions` has them.
         first: Where the corners of each begin.
         radii: Least distances from the obstacles without theirs.
-        moving: States of the discs that move, as of `MovingDiscs`, shape ``(D, 5)``.
+        moving: States of the discs that move at the beginning of each step, shape ``(N, D, 5)``.
         growth: Of their radii [m/s].
     """
     fastest = 0.0
@@ -267,9 +267,8 @@ def _sweep(
         worst[EDGES + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
         if first[j + 1] - first[j] > 1:
             worst[EDGES + j] -= ROUGHNESS
-    for j in range(moving.shape[0]):
+    for j in range(moving.shape[1]):
         worst[moved + j] = _standing(moving, j, growth, x, y, durations[0], between) - ROUGHNESS
-    time = 0.0
     for k in range(durations.shape[0]):
         right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
         length = (right + left) / 2.0 * durations[k]
@@ -288,15 +287,14 @@ def _sweep(
             least = sweep(arc, corners, first, j, enough)
             _note(found, worst, k, EDGES + j, least - radii[j], between)
         # Of the time as of the way only the end counts where only the samples do.
-        begin, lasting = (time, durations[k]) if between else (time + durations[k], 0.0)
-        for j in range(moving.shape[0]):
-            radius = moving[j, RADIUS] + growth * begin
-            u, v = moving[j, VELOCITY_X], moving[j, VELOCITY_Y]
-            there_x, there_y = moving[j, X] + begin * u, moving[j, Y] + begin * v
+        begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
+        for j in range(moving.shape[1]):
+            radius = moving[k, j, RADIUS] + growth * begin
+            u, v = moving[k, j, VELOCITY_X], moving[k, j, VELOCITY_Y]
+            there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
             enough = worst[moved + j] + radius if k > 0 else math.inf
             least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, enough)
             _note(found, worst, k, moved + j, least - radius, between)
-        time += durations[k]
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
@@ -311,15 +309,15 @@ def _standing(
     moving: Array, j: int, growth: float, x: float, y: float, duration: float, between: bool
 ) -> float:
     """Clearance from a disc that moves, now or worse, of a robot that stands for a while."""
-    away_x, away_y = x - moving[j, X], y - moving[j, Y]
-    u, v = moving[j, VELOCITY_X], moving[j, VELOCITY_Y]
+    away_x, away_y = x - moving[0, j, X], y - moving[0, j, Y]
+    u, v = moving[0, j, VELOCITY_X], moving[0, j, VELOCITY_Y]
     if between:
         arc = arc_from(x, y, 0.0, 0.0, 0.0)
-        there_x, there_y = moving[j, X], moving[j, Y]
+        there_x, there_y = moving[0, j, X], moving[0, j, Y]
         later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
     else:
         later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
-    clearance: float = min(math.hypot(away_x, away_y), later) - moving[j, RADIUS]
+    clearance: float = min(math.hypot(away_x, away_y), later) - moving[0, j, RADIUS]
     return clearance
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.other_plans import Seen
 
 Array = NDArray[np.float64]
 
@@ -52,6 +52,16 @@ class Plan:
         stamps: list[int] = (edges + (begin + self.delay - int(edges[0]))).tolist()
         return stamps
 
+    def pose_at(self, begin: int, stamp: int) -> list[float]:
+        """Pose (x, y, heading) at an instant, between two samples on a straight line [m, m, rad].
+
+        Args:
+            begin: When the first control is given [ns].
+            stamp: The instant [ns].
+        """
+        since = [each - stamp for each in self.stamps(begin)]
+        return [float(np.interp(0.0, since, each)) for each in self.poses.T]
+
 
 @dataclass(frozen=True)
 class Decision:
@@ -83,7 +93,7 @@ class Decision:
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
-        tracks: Obstacles that move, as they were known.
+        tracks: Obstacles that move and plans of other robots, as they were known.
         goal: What it drives to, at which time; None where a road is followed.
         heading_miss: Difference of the plan's last heading from the goal's [rad]; None where any
             will do.
@@ -113,7 +123,7 @@ class Decision:
     halted: bool = False
     run: int = 0
     revision: int = 0
-    tracks: tuple[Track, ...] = ()
+    tracks: tuple[Seen, ...] = ()
     goal: Goal | None = None
     heading_miss: float | None = None
     told: int = 0

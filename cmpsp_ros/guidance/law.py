@@ -20,10 +20,10 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, t
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.itinerary import Itinerary
 from cmpsp_ros.guidance.lookout import Lookout
+from cmpsp_ros.guidance.other_plans import Seen
 from cmpsp_ros.guidance.progress import Progress
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.slip import SlipEstimate
-from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
 from cmpsp_ros.guidance.way_back import way_back
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
@@ -97,13 +97,14 @@ class GuidanceLaw:
         """Whether odometry of this time [ns] is one to decide on."""
         return self._start is None or stamp - self._start >= self._due
 
-    def update(self, stamp: int, pose: Array, tracks: tuple[Track, ...] = ()) -> Decision | None:
+    def update(self, stamp: int, pose: Array, tracks: tuple[Seen, ...] = ()) -> Decision | None:
         """Decide, if a control step is due.
 
         Args:
             stamp: Time stamp of the odometry [ns].
             pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
-            tracks: Obstacles that move, as they are known then, each once.
+            tracks: Obstacles that move, and plans of other robots, as they are known then, each
+                once.
 
         Returns:
             The decision, or None between two control steps and for odometry older than the last.
@@ -200,7 +201,7 @@ class GuidanceLaw:
         self._due = 0 if self._start is None else self._latest + 1
         return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
 
-    def _sent(self, decision: Decision, tracks: tuple[Track, ...] = ()) -> Decision:
+    def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         self._under_way.add(decision.stamp, decision.wheel_speeds)
         slip = self._reckoned.slip
         if slip == 0.0 and not tracks:

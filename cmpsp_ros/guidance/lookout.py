@@ -1,4 +1,4 @@
-"""What moves, as plans see it: tracks brought to one instant, each in a slot that it keeps."""
+"""What moves, as plans see it: brought to one instant, each in a slot that it keeps."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.other_plans import OtherPlan, Seen
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
@@ -26,8 +26,8 @@ class Lookout:
 
     def __init__(self) -> None:
         """Nothing is in sight."""
-        self._slots: dict[int, int] = {}
-        self._numbers: frozenset[int] = frozenset()
+        self._slots: dict[int | str, int] = {}
+        self._numbers: frozenset[int | str] = frozenset()
         self.surprised = False
 
     def forget(self) -> None:
@@ -36,7 +36,7 @@ class Lookout:
             self._slots, self._numbers = {}, frozenset()
 
     def at(
-        self, stamp: int, pose: Array, tracks: Sequence[Track], settings: MovingObstacles
+        self, stamp: int, pose: Array, tracks: Sequence[Seen], settings: MovingObstacles
     ) -> MovingDiscs:
         """Where what moves is at an instant.
 
@@ -53,20 +53,34 @@ class Lookout:
             return NOTHING_MOVES
         numbers = frozenset(each.id for each in tracks)
         self.surprised, self._numbers = not numbers <= self._numbers, numbers
-        ages = np.array([(stamp - each.stamp) / NANOSECONDS for each in tracks])
-        states = np.array([(each.x, each.y, each.vx, each.vy, each.radius) for each in tracks])
-        states[:, :2] += ages[:, None] * states[:, 2:4]
-        states[:, 4] += settings.growth * ages
+        states = np.array([_state(each, stamp, settings) for each in tracks])
+        ways = {
+            index: each.way(stamp)
+            for index, each in enumerate(tracks)
+            if isinstance(each, OtherPlan)
+        }
         names = tuple(each.name for each in tracks)
-        discs = MovingDiscs(names, states, settings.growth, np.full(len(tracks), -1))
+        slots = np.full(len(tracks), -1, dtype=np.int64)
+        discs = MovingDiscs(names, states, settings.growth, slots, ways)
         clearance = discs.clearance(pose).tolist()
-        order = sorted(range(len(tracks)), key=lambda i: (clearance[i], tracks[i].id))
-        self._assign([tracks[i].id for i in order[: settings.capacity]], settings.capacity)
-        slots = np.array([self._slots.get(each.id, -1) for each in tracks], dtype=np.int64)
-        return MovingDiscs(names, states, settings.growth, slots)
+        nearest = sorted(range(len(tracks)), key=lambda i: (clearance[i], i))
+        self._assign([tracks[i].id for i in nearest[: settings.room]], settings.room)
+        slots[:] = [self._slots.get(each.id, -1) for each in tracks]
+        return discs
 
-    def _assign(self, numbers: Sequence[int], capacity: int) -> None:
+    def _assign(self, numbers: Sequence[int | str], capacity: int) -> None:
         kept = {each: self._slots[each] for each in numbers if each in self._slots}
         free = iter(sorted(set(range(capacity)) - set(kept.values())))
         # Those that were there before stay in the order of their slots.
         self._slots = {each: kept[each] if each in kept else next(free) for each in numbers}
+
+
+def _state(seen: Seen, stamp: int, settings: MovingObstacles) -> tuple[float, ...]:
+    """Centre, velocity and radius of what was seen, at an instant [ns]."""
+    age = (stamp - seen.stamp) / NANOSECONDS
+    if isinstance(seen, OtherPlan):
+        # A robot that stands is where it said, however long ago.
+        grown = 0.0 if seen.stands else settings.growth * age
+        return (*seen.place(stamp), 0.0, 0.0, settings.others_radius + grown)
+    x, y = seen.x + age * seen.vx, seen.y + age * seen.vy
+    return x, y, seen.vx, seen.vy, seen.radius + settings.growth * age

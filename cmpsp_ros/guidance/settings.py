@@ -103,11 +103,20 @@ class MovingObstacles:
         capacity: How many of them a plan can miss at a time; 0 where none are listened to.
         timeout: Age at which one that is not told of again is forgotten [s].
         growth: Of their radii with the age of what is known of them [m/s].
+        others: Namespaces of other robots, whose plans are listened to.
+        others_radius: Of the footprint of each of them [m].
     """
 
     capacity: int = 0
     timeout: float = 1.0
     growth: float = 0.05
+    others: tuple[str, ...] = ()
+    others_radius: float = 0.0
+
+    @property
+    def room(self) -> int:
+        """For how many a plan has constraints, other robots included."""
+        return self.capacity + len(self.others)
 
 
 @dataclass(frozen=True)

@@ -49,7 +49,7 @@ class Task:
         weights = settings.weights
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self.aim(settings)
-        self._capacity = settings.moving_obstacles.capacity
+        self._capacity = settings.moving_obstacles.room
         obstacles = len(settings.obstacles) + self._capacity
         self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf

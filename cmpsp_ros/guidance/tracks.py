@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -24,9 +24,11 @@ MOST: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
 
 _TYPES: Final = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
-_FARTHEST: Final = 1e8
+FARTHEST: Final = 1e8
+"""More than any distance on Earth [m]."""
+
 _FASTEST: Final = 1e4
-_KEY: Final = re.compile(r'(-?\d{1,10})@(\d{1,19})')
+_KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
 
 class TrackError(ValueError):
@@ -65,6 +67,31 @@ class Track:
         """What of it a decision says: it was seen then."""
         return self.id, self.stamp
 
+    def is_older(self, stamp: int) -> bool:
+        """Whether it was seen before an instant [ns]."""
+        return self.stamp < stamp
+
+
+class Known(Protocol):
+    """What is known of something that moves; of two at one time the greater counts."""
+
+    @property
+    def id(self) -> Any:
+        """Which one: of a type that can be sorted."""
+
+    @property
+    def stamp(self) -> int:
+        """When this was so [ns]."""
+
+    def is_older(self, stamp: int) -> bool:
+        """Whether it is to be forgotten when all is that was seen before an instant [ns]."""
+
+    def __lt__(self, other: Any, /) -> bool:
+        """Whether it counts less than another at the same time."""
+
+
+Item = TypeVar('Item', bound=Known)
+
 
 def tracks_of(message: Any, frame_id: str) -> list[Track]:
     """The obstacles in a message.
@@ -96,13 +123,14 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
     return tracks
 
 
-def check_age(stamp: int, now: int, timeout: float) -> None:
+def check_age(stamp: int, now: int, timeout: float, what: str = 'Obstacles are') -> None:
     """Refuse a message that does not fit the clock.
 
     Args:
         stamp: Its time stamp [ns].
         now: Present time [ns].
         timeout: `moving_obstacles.timeout` [s].
+        what: What it is about, and the verb.
 
     Raises:
         TrackError: It is too old, or as far ahead.
@@ -111,25 +139,25 @@ def check_age(stamp: int, now: int, timeout: float) -> None:
     if age > timeout or (now > 0 and -age > timeout):
         found = f'{age:.3f} s old' if age > 0.0 else f'{-age:.3f} s ahead of the clock'
         raise TrackError(
-            f'Obstacles are {found} (moving_obstacles.timeout {timeout} s); is use_sim_time right?'
+            f'{what} {found} (moving_obstacles.timeout {timeout} s); is use_sim_time right?'
         )
 
 
-class Tracks:
-    """What is known of obstacles that move; by their stamps, in whatever order they are heard."""
+class Tracks(Generic[Item]):
+    """What is known of all that moves; by their stamps, in whatever order they are heard."""
 
     def __init__(self) -> None:
         """Know of none."""
-        self._known: dict[int, list[Track]] = {}
+        self._known: dict[Any, list[Item]] = {}
 
-    def hear(self, tracks: Iterable[Track]) -> None:
+    def hear(self, tracks: Iterable[Item]) -> None:
         """Take a message in."""
         for each in tracks:
             known = self._known.setdefault(each.id, [])
             known.append(each)
             known.sort()
 
-    def at(self, stamp: int, timeout: float) -> tuple[Track, ...]:
+    def at(self, stamp: int, timeout: float) -> tuple[Item, ...]:
         """The latest on each obstacle at a time, in the order of their numbers.
 
         Args:
@@ -140,7 +168,7 @@ class Tracks:
         for number, known in sorted(self._known.items()):
             seen = sum(each.stamp <= stamp for each in known)
             del known[: max(seen - 1, 0)]
-            if known[0].stamp < oldest:
+            if known[0].is_older(oldest):
                 del known[0]
             elif seen:
                 latest.append(known[0])
@@ -157,13 +185,13 @@ class Tracks:
         self._known = {number: known for number, known in kept.items() if known}
 
 
-def written_keys(tracks: Iterable[Track]) -> str:
+def written_keys(tracks: Iterable[Known]) -> str:
     """Which tracks, as text."""
     return ' '.join(f'{each.id}@{each.stamp}' for each in tracks)
 
 
-def read_keys(text: str) -> list[tuple[int, int]]:
-    """Numbers and stamps of what `written_keys` wrote.
+def read_keys(text: str) -> list[tuple[int | str, int]]:
+    """Numbers or namespaces, and stamps, of what `written_keys` wrote.
 
     Raises:
         ValueError: It did not write this.
@@ -171,7 +199,11 @@ def read_keys(text: str) -> list[tuple[int, int]]:
     found = [_KEY.fullmatch(each) for each in text.split()]
     if None in found:
         raise ValueError(f'found {text[:40]!r}, wanted obstacles as id@stamp')
-    return [(int(each[1]), int(each[2])) for each in found if each is not None]
+    return [
+        (each[1] if each[1].startswith('/') else int(each[1]), int(each[2]))
+        for each in found
+        if each is not None
+    ]
 
 
 def _rows(message: Any) -> Any:
@@ -211,7 +243,7 @@ def _problem(track: Track) -> str:
         return f'a number that is not finite: {list(numbers)}'
     if track.radius < 0.0:
         return f'a radius of {track.radius:.3g} m, wanted 0 or more'
-    if max(abs(track.x), abs(track.y), track.radius) > _FARTHEST:
+    if max(abs(track.x), abs(track.y), track.radius) > FARTHEST:
         return f'a position of {track.x:.3g}, {track.y:.3g} m, wanted one on Earth'
     if max(abs(track.vx), abs(track.vy)) > _FASTEST:
         return f'a velocity of {track.vx:.3g}, {track.vy:.3g} m/s, wanted one of an obstacle'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -12,6 +13,8 @@ from std_msgs.msg import Header
 from cmpsp_ros.guidance.facts import facts, severity, waypoints
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from geometry_msgs.msg import Twist
     from sensor_msgs.msg import JointState
 
@@ -83,4 +86,16 @@ class PathMessage:
             message.pose.position.x, message.pose.position.y = x, y
             message.pose.orientation.z, message.pose.orientation.w = z, w
         self._path.poses = poses
+        return self._path
+
+    def stand(self, pose: Sequence[float], stamp_ns: int) -> Path:
+        """The message of a robot that stands at a pose (x, y, heading) [m, m, rad]."""
+        x, y, heading = pose
+        there = PoseStamped(header=Header(frame_id=self._path.header.frame_id))
+        there.pose.position.x, there.pose.position.y = x, y
+        there.pose.orientation.z = math.sin(heading / 2.0)
+        there.pose.orientation.w = math.cos(heading / 2.0)
+        for each in (self._path.header, there.header):
+            set_stamp(each, stamp_ns)
+        self._path.poses = [there]
         return self._path

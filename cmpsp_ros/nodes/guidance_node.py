@@ -131,7 +131,7 @@ class GuidanceNode(LifecycleNode):
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
-        self._prompt = Prompt(odometry, self.context, after=self._obstacles.subscription)
+        self._prompt = Prompt(odometry, self.context, after=self._obstacles.subscriptions)
         self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)
@@ -194,6 +194,7 @@ class GuidanceNode(LifecycleNode):
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._decision: Decision | None = None
+        self._pose: list[float] = []
 
     def _rest(self) -> None:
         """Give back what an active node takes of Python, the system and the robot."""
@@ -224,7 +225,7 @@ class GuidanceNode(LifecycleNode):
         except OdometryError as error:
             self._halt_for(str(error))
             return
-        self._heard_at = now
+        self._heard_at, self._pose = now, pose.tolist()
         self._notice_time(stamp)
         try:
             tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
@@ -297,11 +298,14 @@ class GuidanceNode(LifecycleNode):
 
     def _halt(self, reason: str) -> None:
         decision = self._law.halt(self._now(), reason)
+        if self._decision is not None and self._decision.plan is not None:
+            # It has driven on since odometry was heard of last.
+            self._pose = self._decision.plan.pose_at(self._decision.stamp, decision.stamp)
         self._outputs.command(decision)
         self._note(decision)
 
     def _note(self, decision: Decision) -> None:
-        self._outputs.report(decision)
+        self._outputs.report(decision, self._pose)
         if self._decision is None or decision.rung != self._decision.rung:
             said = f'{decision.rung.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
@@ -371,7 +375,7 @@ class GuidanceNode(LifecycleNode):
         """What is wrong around the decisions, in sentences."""
         return [
             *self._rivals.warnings(),
-            *self._obstacles.warnings(),
+            *self._obstacles.warnings(self._now()),
             *self._clock_watch.warnings(self._now()),
             *self._times.warnings(),
         ]

@@ -26,6 +26,8 @@ from cmpsp_ros.nodes.topics import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance.decision import Decision
@@ -79,14 +81,22 @@ class GuidanceOutputs:
             set_stamp(self._command_message.header, decision.stamp)
         self._command.publish(self._command_message)
 
-    def report(self, decision: Decision) -> None:
-        """Send what a decision was made of; path and markers only if somebody listens."""
+    def report(self, decision: Decision, pose: Sequence[float]) -> None:
+        """Send what a decision was made of; path and markers only if somebody listens.
+
+        Args:
+            decision: The decision.
+            pose: Where the robot is (x, y, heading) [m, m, rad]; empty where nobody knows.
+        """
         fill_wheels(self._wheel_message, decision)
         set_stamp(self._wheel_message.header, decision.stamp)
         self._wheels.publish(self._wheel_message)
         self._decisions.publish(self._decision_message.fill(decision))
-        if decision.plan is not None and self._path.get_subscription_count():
-            self._path.publish(self._path_message.fill(decision.plan, decision.stamp))
+        if self._path.get_subscription_count():
+            if decision.plan is not None:
+                self._path.publish(self._path_message.fill(decision.plan, decision.stamp))
+            elif len(pose):
+                self._path.publish(self._path_message.stand(pose, decision.stamp))
         if self._plan_markers.get_subscription_count():
             self._plan_markers.publish(self._plan_message.fill(decision))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -41,14 +42,17 @@ class Seen:
 
 
 class Observer:
-    """Listens to a guidance node and activates it; a context manager.
+    """Listens to the guidance node of each robot and activates it; a context manager.
 
     It has a ROS context of its own, in this process, and is spun only while it waits.
+
+    Attributes:
+        robots: What has been heard of each robot, by its namespace.
     """
 
-    def __init__(self, domain_id: int) -> None:
-        """Join a domain."""
-        self.seen = Seen()
+    def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
+        """Join a domain, to listen to the robots of these namespaces."""
+        self.robots = {each: Seen() for each in namespaces}
         self._context = Context()
         self._context.init(domain_id=domain_id)
         self._node = Node('observer', context=self._context, start_parameter_services=False)
@@ -56,8 +60,17 @@ class Observer:
         self._executor.add_node(self._node)
         listen = self._node.create_subscription
         listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
-        listen(DiagnosticStatus, '/guidance/decision', self._on_decision, 100)
-        self._transitions = self._node.create_client(ChangeState, '/guidance/change_state')
+        self._transitions = {}
+        for each, seen in self.robots.items():
+            node = f'{each}/guidance'
+            listen(DiagnosticStatus, f'{node}/decision', partial(_on_decision, seen), 100)
+            client = self._node.create_client(ChangeState, f'{node}/change_state')
+            self._transitions[each] = client
+
+    @property
+    def seen(self) -> Seen:
+        """What has been heard of the first robot."""
+        return next(iter(self.robots.values()))
 
     def __enter__(self) -> Self:
         """Nothing more: it listens from construction on."""
@@ -93,27 +106,27 @@ class Observer:
             for topic in topics
         )
 
-    def configure(self, timeout: float) -> bool:
-        """Configure the guidance node; whether it agreed.
+    def configure(self, timeout: float, namespace: str = '') -> bool:
+        """Configure the guidance node of a robot; whether it agreed.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
         """
-        return self._change_state(Transition.TRANSITION_CONFIGURE, timeout)
+        return self._change_state(Transition.TRANSITION_CONFIGURE, timeout, namespace)
 
-    def activate(self, timeout: float) -> bool:
-        """Activate the guidance node; whether it agreed.
+    def activate(self, timeout: float, namespace: str = '') -> bool:
+        """Activate the guidance node of a robot; whether it agreed.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
         """
-        return self._change_state(Transition.TRANSITION_ACTIVATE, timeout)
+        return self._change_state(Transition.TRANSITION_ACTIVATE, timeout, namespace)
 
-    def _change_state(self, transition: int, timeout: float) -> bool:
-        end = time.monotonic() + timeout
-        if self.wait_until(self._transitions.service_is_ready, timeout):
+    def _change_state(self, transition: int, timeout: float, namespace: str) -> bool:
+        end, client = time.monotonic() + timeout, self._transitions[namespace]
+        if self.wait_until(client.service_is_ready, timeout):
             request = ChangeState.Request(transition=Transition(id=transition))
-            future = self._transitions.call_async(request)
+            future = client.call_async(request)
             if self.wait_until(future.done, end - time.monotonic()):
                 return bool(future.result().success)
         raise TimeoutError(
@@ -123,10 +136,12 @@ class Observer:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.name == '/guidance: guidance':
-                self.seen.health = {each.key: each.value for each in status.values}
-                self.seen.level, self.seen.message = status.level, status.message
+            seen = self.robots.get(status.name.removesuffix('/guidance: guidance'))
+            if seen is not None:
+                seen.health = {each.key: each.value for each in status.values}
+                seen.level, seen.message = status.level, status.message
 
-    def _on_decision(self, message: DiagnosticStatus) -> None:
-        self.seen.decision = {each.key: each.value for each in message.values}
-        self.seen.reason = message.message
+
+def _on_decision(seen: Seen, message: DiagnosticStatus) -> None:
+    seen.decision = {each.key: each.value for each in message.values}
+    seen.reason = message.message

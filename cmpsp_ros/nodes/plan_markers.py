@@ -11,6 +11,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.bags.report.palette import RUNGS
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.other_plans import OtherPlan
 from cmpsp_ros.guidance.room import Room
 from cmpsp_ros.nodes.guidance_messages import set_stamp
 from cmpsp_ros.robot.obstacles import Obstacle, outline
@@ -95,6 +96,9 @@ class PlanMarkers:
 
     def _moving(self, decision: Decision) -> Iterator[Marker]:
         for each in decision.tracks:
+            if isinstance(each, OtherPlan):
+                # It shows itself where it plans to be.
+                continue
             age = (decision.stamp - each.stamp) / NANOSECONDS
             x, y = each.x + age * each.vx, each.y + age * each.vy
             tip_x, tip_y = x + _AHEAD * each.vx, y + _AHEAD * each.vy

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rclpy.context import Context
     from rclpy.subscription import Subscription
 
@@ -22,14 +24,14 @@ class Prompt:
     """
 
     def __init__(
-        self, subscription: Subscription, context: Context, *, after: Subscription | None = None
+        self, subscription: Subscription, context: Context, *, after: Sequence[Subscription] = ()
     ) -> None:
         """Take the subscription of a node.
 
         Args:
             subscription: The one to wait for.
             context: Of the node.
-            after: One whose messages go before, if they have come by then.
+            after: Those whose messages go before, if they have come by then.
         """
         self._subscription, self._after = subscription, after
         self._wait_set = _rclpy.WaitSet(1, 0, 0, 0, 0, 0, context.handle)
@@ -44,8 +46,8 @@ class Prompt:
             taken = handle.take_message(self._subscription.msg_type, self._subscription.raw)
         if taken is None:
             return
-        if self._after is not None:
-            _take_all(self._after)
+        for each in self._after:
+            _take_all(each)
         self._subscription.callback(taken[0])
 
 

@@ -10,6 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.guidance.other_plans import plan_topic
 from cmpsp_ros.nodes.runtime import StartupError
 from cmpsp_ros.nodes.topics import TOPICS
 
@@ -35,6 +36,8 @@ class Options:
         discovery_period: Time between two looks at the graph [s].
         listed: Topics asked for by name.
         chosen: Topics to record; all when empty.
+        own: Whether those of one robot are chosen: the plans of all robots are then, too, for it
+            may keep clear of them.
         excluded: Topics not to record.
     """
 
@@ -43,6 +46,7 @@ class Options:
     discovery_period: float
     listed: frozenset[str]
     chosen: frozenset[str]
+    own: bool
     excluded: frozenset[str]
 
     def want(self, name: str) -> bool:
@@ -50,7 +54,7 @@ class Options:
         if name in self.excluded:
             return False
         if self.chosen:
-            return name in self.chosen
+            return name in self.chosen or (self.own and name.endswith(plan_topic('')))
         return not any(part.startswith('_') for part in name.split('/'))
 
 
@@ -70,7 +74,7 @@ def read_options(node: Node) -> Options:
         node,
         'own_topics',
         False,
-        'Record those of guidance and sim, in the namespace of this node.',
+        'Record those of guidance and sim, in the namespace of this node, and plans of all robots.',
     )
     excluded = _declare(
         node, 'exclude_topics', _NAMES, 'Topics not to record; all others when none are chosen.'
@@ -87,6 +91,7 @@ def read_options(node: Node) -> Options:
         period,
         named,
         chosen.union(ALWAYS) if chosen else chosen,
+        own,
         frozenset(node.resolve_topic_name(name) for name in excluded or []),
     )
 

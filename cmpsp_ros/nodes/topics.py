@@ -19,6 +19,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
+from cmpsp_ros.guidance.other_plans import plan_topic
 from cmpsp_ros.parameters.documentation import with_section
 
 if TYPE_CHECKING:
@@ -101,6 +102,15 @@ GUIDANCE_MOVING = Topic(
     depth=50,
     best_effort=True,
 )
+OTHER_PLANS = Topic(
+    'guidance',
+    'in',
+    '<namespace>/guidance/predicted_path',
+    Path,
+    'of each of `others.namespaces`: where another robot will be, each pose at its time; one pose'
+    ' where it stands',
+    repeats=True,
+)
 GOAL_POSE = Topic(
     'guidance',
     'in',
@@ -133,7 +143,13 @@ DECISION = Topic(
     'each control step: rung, why, miss, margins, slack, iterations, active rows, times; floats'
     ' read back exactly',
 )
-PLAN = Topic('guidance', 'out', '~/predicted_path', Path, 'the plan, while somebody listens')
+PLAN = Topic(
+    'guidance',
+    'out',
+    '~/predicted_path',
+    Path,
+    'the plan, or one pose where the robot stands; while somebody listens',
+)
 MARKERS = Topic(
     'guidance',
     'out',
@@ -219,6 +235,11 @@ RECORDER_HEALTH = replace(
 )
 
 TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
+
+
+def plans_of(namespace: str) -> Topic:
+    """Where another robot publishes its plans."""
+    return replace(OTHER_PLANS, name=plan_topic(namespace))
 
 
 def markdown_table() -> str:

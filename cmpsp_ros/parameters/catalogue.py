@@ -175,6 +175,15 @@ def _parameters() -> Iterator[Parameter]:
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=_POSITIVE, **sim_only)
 
+    others = _Group('Other robots', 'guidance')
+    yield others('others.namespaces', _STRINGS, [], '',
+        'Namespaces of other robots, as in `[/r1, /r2]`, whose plans are heard on '
+        '`<namespace>/guidance/predicted_path` and kept clear of like obstacles that move; its own '
+        'is passed over, so that all can have one list. Leave it out when there are none.',
+        **_FIXED)
+    yield others('others.radius', _DOUBLE, 0.0, 'm',
+        'Radius of the footprint of each of them.', range=_NOT_NEGATIVE)
+
     cost = _Group('Cost', 'guidance')
     yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',
         'Weight on the squared distance to the centre line: `q` = 15 in the paper.',

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,6 +15,7 @@ from cmpsp_ros.parameters.road_files import with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
+_ROBOT: Final = re.compile(rf'/?((?:/\w+)+)/(?:\*\*?|{"|".join(_OURS)})')
 
 
 def config_directory() -> Path:
@@ -45,15 +46,32 @@ def preset_names() -> list[str]:
     return sorted(path.stem for path in config_directory().glob('*.yaml'))
 
 
+def robots_in(path_or_preset_name: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Namespaces for which a parameter file has sections of their own, in its order.
+
+    Args:
+        path_or_preset_name: A file; or, as text without folder and suffix, a preset.
+
+    Raises:
+        ParameterError: If there is no such file or preset, or it is not YAML of ROS parameters.
+    """
+    found = map(_ROBOT.fullmatch, _sections(_path(path_or_preset_name)))
+    return tuple(dict.fromkeys(each[1] for each in found if each is not None))
+
+
 def load_parameter_file(
-    path_or_preset_name: str | os.PathLike[str], node: str | None = None
+    path_or_preset_name: str | os.PathLike[str],
+    node: str | None = None,
+    *,
+    namespace: str | None = None,
 ) -> dict[str, Any]:
     """What a parameter file says, flat, before any check of keys and values.
 
     Args:
         path_or_preset_name: A file; or, as text without folder and suffix, a preset.
-        node: Full name of a node, such as ``/r1/guidance``: what ROS would hand to it. Without
-            it, what the file says to guidance and simulator in any namespace.
+        node: Full name of a node, such as ``/r1/guidance``: what ROS would hand to it.
+        namespace: Of a robot, such as ``/r1``: what ROS would hand to its guidance and simulator.
+            Without either, what the file says to guidance and simulator in any namespace.
 
     Returns:
         Values by key, with the road of a `road.file`. Of several sections that give a key, the
@@ -64,17 +82,13 @@ def load_parameter_file(
             parameters, or says different things to several nodes when none is asked for.
     """
     path = _path(path_or_preset_name)
-    try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        wanted = f'a file of parameters, or one of the presets {", ".join(preset_names())}'
-        raise ParameterError(Problem(str(path), str(reason), wanted)) from error
-    sections = ros_yaml.read_sections(text, str(path))
-    chosen = {name: s for name, s in sections.items() if _concerns(name, node)}
+    sections = _sections(path)
+    nodes = [node] if node else [f'{namespace}/{each}' for each in _OURS] if namespace else []
+    chosen = {name: s for name, s in sections.items() if _concerns(name, nodes)}
     if not chosen:
         found = f'sections for {", ".join(sections)} only'
-        raise ParameterError(Problem(str(path), found, f'one for {node or "/**, guidance, sim"}'))
+        wanted = f'one for {" or ".join(nodes) or "/**, guidance, sim"}'
+        raise ParameterError(Problem(str(path), found, wanted))
     if node is None:
         _refuse_contradictions(chosen, str(path))
     values = {key: value for section in chosen.values() for key, value in section.items()}
@@ -127,8 +141,22 @@ def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]
     Raises:
         ParameterError: If the file cannot be written.
     """
+    write_fleet_file(path, {'': values})
+
+
+def write_fleet_file(path: str | os.PathLike[str], robots: Mapping[str, Mapping[str, Any]]) -> None:
+    """Writes a parameter file with a section for all nodes of each robot.
+
+    Args:
+        path: Where to; what is there already is overwritten.
+        robots: Plain Python values by key, by the namespace of a robot.
+
+    Raises:
+        ParameterError: If the file cannot be written.
+    """
+    text = '\n'.join(ros_yaml.dump(values, name) for name, values in robots.items())
     try:
-        Path(path).write_text(ros_yaml.dump(values), encoding='utf-8')
+        Path(path).write_text(text, encoding='utf-8')
     except OSError as error:
         problem = Problem(str(path), str(error.strerror), 'a place to write parameters to')
         raise ParameterError(problem) from error
@@ -140,12 +168,23 @@ def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
     return file_of(path_or_preset_name, 'preset', config_directory())
 
 
-def _concerns(section: str, node: str | None) -> bool:
-    if node is None:
+def _sections(path: Path) -> ros_yaml.Sections:
+    try:
+        text = path.read_text(encoding='utf-8')
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        wanted = f'a file of parameters, or one of the presets {", ".join(preset_names())}'
+        raise ParameterError(Problem(str(path), str(reason), wanted)) from error
+    return ros_yaml.read_sections(text, str(path))
+
+
+def _concerns(section: str, nodes: Sequence[str]) -> bool:
+    """Whether a section is for one of these nodes; for any of ours where none is named."""
+    if not nodes:
         last = section.rpartition('/')[2]
         return last in {'*', '**', *_OURS}
     pattern = re.escape(section).replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'/\w+')
-    return re.fullmatch(pattern, f'/{node.lstrip("/")}') is not None
+    return any(re.fullmatch(pattern, f'/{each.lstrip("/")}') for each in nodes)
 
 
 def _refuse_contradictions(sections: ros_yaml.Sections, source: str) -> None:

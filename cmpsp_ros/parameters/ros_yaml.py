@@ -66,14 +66,15 @@ def read_value(text: str, source: str) -> Any:
     return _value(node, source)
 
 
-def dump(values: Mapping[str, Any]) -> str:
+def dump(values: Mapping[str, Any], namespace: str = '') -> str:
     """A parameter file for all nodes that reads back bit for bit, here and in ROS.
 
     Args:
         values: Plain Python values by key. Empty lists are left out: to ROS they have no type.
+        namespace: Of the nodes, as in `/r1`; without it in any.
     """
     rows = [f'    {key}: {_written(value)}' for key, value in values.items() if value != []]
-    return '\n'.join(['/**:', f'  {_MARK}:' if rows else f'  {_MARK}: {{}}', *rows, ''])
+    return '\n'.join([f'{namespace}/**:', f'  {_MARK}:' if rows else f'  {_MARK}: {{}}', *rows, ''])
 
 
 def _compose(text: str, source: str) -> Any:

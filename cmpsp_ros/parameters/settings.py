@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any, Final
@@ -44,6 +45,8 @@ _SMALLEST: Final = 1e-6
 _DIVISORS: Final = ('robot.wheel_radius', 'robot.half_track', 'weights.control_change')
 """What the law divides by, beside a wheel limit that is not 0."""
 
+_NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
+
 
 def guidance_settings(values: Values) -> GuidanceSettings:
     """What the guidance law is told.
@@ -58,11 +61,19 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         ParameterError: If a number is out of all proportion; else if the road cannot be made or
             leaves no room, an obstacle cannot be made, a goal is off the road or in an obstacle,
             times are not in order or leave no time for a control step and its command, a road
-            without end has one, or the QP back end is not installed; with all of these.
+            without end has one, the QP back end is not installed, or what should be the namespace
+            of another robot is none; with all of these.
     """
     _raise_if_any(list(_size_problems(values)))
     goals = follow_problems if values['follow.speed'] else goal_problems
-    groups = (_time_problems, road_problems, obstacle_problems, goals, _solver_problems)
+    groups = (
+        _time_problems,
+        road_problems,
+        obstacle_problems,
+        goals,
+        _solver_problems,
+        _others_problems,
+    )
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
         robot=_robot(values),
@@ -84,6 +95,8 @@ def guidance_settings(values: Values) -> GuidanceSettings:
             values['moving_obstacles.capacity'],
             values['moving_obstacles.timeout'],
             values['moving_obstacles.growth'],
+            tuple(values['others.namespaces']),
+            values['others.radius'],
         ),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
@@ -268,6 +281,13 @@ def _solver_problems(values: Values) -> Iterator[Problem]:
         backend(name)
     except ProblemError:
         yield Problem('solver.qp', repr(name), f'one of {", ".join(available())}')
+
+
+def _others_problems(values: Values) -> Iterator[Problem]:
+    for each in values['others.namespaces']:
+        if not _NAMESPACE.fullmatch(each):
+            wanted = 'namespaces of robots, as in /r1: letters, digits and _ after each /'
+            yield Problem('others.namespaces', describe(each), wanted)
 
 
 def _raise_if_any(problems: list[Problem]) -> None:

@@ -175,7 +175,7 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
 
     Args:
         distance: What the robot must keep meanwhile from each of several points, ``(..., M)`` [m].
-        speeds: Of the points, shape ``(M,)`` [m/s].
+        speeds: Of the points, shape ``(M,)`` or that of the distances [m/s].
         limits: What the robot can drive.
         period: Time between two samples, ``T`` [s].
 
@@ -183,7 +183,7 @@ def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: 
         Distances to keep at the samples, shape ``(..., M)`` [m].
     """
     twists, beyond = _ranges(limits)
-    grown = _outside_moving(distance[..., None], speeds[:, None], twists, beyond, period)
+    grown = _outside_moving(distance[..., None], speeds[..., None], twists, beyond, period)
     return np.asarray(grown.max(axis=-1))
 
 
@@ -192,7 +192,7 @@ def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: 
 
     Args:
         distance: For each arc, shape ``(N, M)`` [m].
-        speeds: Of the points, shape ``(M,)`` [m/s].
+        speeds: Of the points, shape ``(M,)`` or ``(N, M)`` [m/s].
         twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
         period: Time that each arc takes [s].
 

@@ -1,8 +1,9 @@
-"""Discs that move at constant velocity, and of which ever less is known: what has been seen."""
+"""Discs that move, and of which ever less is known: what has been seen, or has been announced."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +24,30 @@ Indices = NDArray[np.int64]
 X, Y, VELOCITY_X, VELOCITY_Y, RADIUS = range(5)
 """Columns of `MovingDiscs.states`."""
 
+_PLACE, _VELOCITY = slice(X, Y + 1), slice(VELOCITY_X, VELOCITY_Y + 1)
+
 
 @dataclass(frozen=True)
 class MovingDiscs:
     """Discs at an instant, with what is foreseen of them.
+
+    They go on at constant velocity, but for those whose ways are known: they go straight from one
+    place to the next, and stand before the first and after the last.
 
     Attributes:
         names: What messages call them.
         states: Centre, velocity and radius of each, shape ``(M, 5)`` [m, m, m/s, m/s, m].
         growth: Of all radii with time: of the uncertainty where the discs will be [m/s].
         slots: Which rows of a plan's constraints each has, -1 for none, shape ``(M,)``.
+        ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
+            ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
     """
 
     names: tuple[str, ...]
     states: Array
     growth: float
     slots: Indices
+    ways: Mapping[int, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """How many there are."""
@@ -49,9 +58,10 @@ class MovingDiscs:
         if not len(self) or seconds == 0.0:
             return self
         states = self.states.copy()
-        states[:, :2] += seconds * states[:, 2:4]
-        states[:, RADIUS] += seconds * self.growth
-        return replace(self, states=states)
+        centers, radii = self.at_times(np.array([seconds]))
+        states[:, _PLACE], states[:, RADIUS] = centers[0], radii[0]
+        ways = {index: way - np.array([seconds, 0.0, 0.0]) for index, way in self.ways.items()}
+        return replace(self, states=states, ways=ways)
 
     def grown(self, distance: float) -> MovingDiscs:
         """The same with greater radii [m]."""
@@ -77,8 +87,35 @@ class MovingDiscs:
             Centres, shape ``(K, M, 2)``, and radii, shape ``(K, M)`` [m].
         """
         states = self.states
-        centers = states[:, :2] + times[:, None, None] * states[:, 2:4]
+        centers = states[:, _PLACE] + times[:, None, None] * states[:, _VELOCITY]
+        for index, way in self.ways.items():
+            centers[:, index] = _on(way, times)
         return centers, states[:, RADIUS] + self.growth * times[:, None]
+
+    def legs(self, durations: Array) -> Array:
+        """States at the beginnings of steps; in each the discs keep their velocity.
+
+        Where a way bends within a step its disc goes straight all the same, and is greater by as
+        much as the way strays from that.
+
+        Args:
+            durations: Of the steps, from now on, shape ``(K,)`` [s].
+
+        Returns:
+            As `states`, shape ``(K, M, 5)``; of no discs for any number of steps.
+        """
+        if not len(self):
+            return _NO_LEGS
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        centers, radii = self.at_times(times)
+        legs = np.empty((len(durations), len(self), 5))
+        legs[..., _PLACE], legs[..., RADIUS] = centers[:-1], radii[:-1]
+        legs[..., _VELOCITY] = self.states[:, _VELOCITY]
+        for index, way in self.ways.items():
+            places = centers[:, index]
+            legs[:, index, _VELOCITY] = np.diff(places, axis=0) / durations[:, None]
+            legs[:, index, RADIUS] += _astray(way, times, places)
+        return legs
 
     def for_samples(
         self, times: Array, limits: TwistLimits | None, period: float, start: Array
@@ -100,7 +137,8 @@ class MovingDiscs:
         centers, radii = self.at_times(times)
         if limits is None:
             return centers, radii
-        radii = outside_moving(_until_next(radii), self._speeds(), limits, period)
+        of_arcs = outside_moving(*self._between(times), limits, period)
+        radii = at_ends(np.maximum, of_arcs)
         away = centers - start[:2]
         nearest = np.hypot(away[..., 0], away[..., 1]) - limits.speed * times[:, None]
         radii[nearest > radii] = -np.inf
@@ -114,8 +152,8 @@ class MovingDiscs:
             twists: Speed and turn rate between samples, shape ``(N, 2)`` [m/s, rad/s].
             period: Longest time between two samples [s].
         """
-        centers, radii = self.at_times(times)
-        of_arcs = outside_moving_known(radii[1:], self._speeds(), twists, period)
+        centers, _ = self.at_times(times)
+        of_arcs = outside_moving_known(*self._between(times), twists, period)
         return centers, at_ends(np.maximum, of_arcs)
 
     def along(self, poses: Array, twists: Array, durations: Array, times: Array) -> Array:
@@ -135,18 +173,43 @@ class MovingDiscs:
         _along(clearance, self.states, self.growth, *arrays)
         return clearance
 
-    def _speeds(self) -> Array:
-        speeds: Array = np.hypot(self.states[:, VELOCITY_X], self.states[:, VELOCITY_Y])
-        return speeds
+    def _between(self, times: Array) -> tuple[Array, Array]:
+        """Greatest radius and speed of each disc between two times, both ``(N, M)``."""
+        durations = np.diff(times)
+        legs = self.legs(durations)
+        radii = legs[..., RADIUS] + self.growth * durations[:, None]
+        return radii, np.hypot(legs[..., VELOCITY_X], legs[..., VELOCITY_Y])
 
 
 NOTHING_MOVES = MovingDiscs((), np.empty((0, 5)), 0.0, np.empty(0, np.int64))
 """No discs."""
 
+_NO_LEGS = np.empty((0, 0, 5))
 
-def _until_next(radii: Array) -> Array:
-    """Radii of discs that grow, as great as they become until the sample after."""
-    return np.vstack([radii[1:], radii[-1:]])
+
+def _on(way: Array, times: Array) -> Array:
+    """Places on a way, shape ``(K, 2)`` [m]."""
+    return np.column_stack([np.interp(times, way[:, 0], way[:, i]) for i in (1, 2)])
+
+
+def _astray(way: Array, times: Array, places: Array) -> Array:
+    """How far a way strays from the straight lines between some of its places.
+
+    Args:
+        way: Times and places, shape ``(J, 3)`` [s, m, m].
+        times: Times between which the lines are, shape ``(K + 1,)`` [s].
+        places: On the way then, shape ``(K + 1, 2)`` [m].
+
+    Returns:
+        For each line, shape ``(K,)`` [m].
+    """
+    step = np.searchsorted(times, way[:, 0], side='right') - 1
+    inside = (step >= 0) & (step < len(times) - 1)
+    knots, found = way[inside], np.zeros(len(times) - 1)
+    away = knots[:, 1:] - _on(np.column_stack([times, places]), knots[:, 0])
+    # Between two bends the distance of two points that keep their velocities is greatest at an end.
+    np.maximum.at(found, step[inside], np.hypot(away[:, 0], away[:, 1]))
+    return found
 
 
 @allocation_free

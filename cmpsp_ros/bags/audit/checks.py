@@ -31,6 +31,7 @@ CHECKS: Final = (
     _Check('road', 'Path: inside the road', path_checks.road, _ROAD),
     _Check('obstacles', 'Path: clear of obstacles', path_checks.obstacles, ('obstacles.names',)),
     _Check('moving', 'Path: clear of what moves', path_checks.moving),
+    _Check('others', 'Path: clear of other robots', path_checks.others),
     _Check('margin', 'Path: margin kept', path_checks.margin, (*_ROAD, 'safety.margin')),
     _Check(
         'goal',

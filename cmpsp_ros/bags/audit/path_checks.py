@@ -13,6 +13,7 @@ from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.goals import goals_of
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
+from cmpsp_ros.bags.encounters import Encounter
 from cmpsp_ros.bags.passing import Passing
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
@@ -57,19 +58,36 @@ def moving(record: Record) -> Verdict:
     met = record.encounters
     if not met:
         return skipped(f'Nothing that moves is told of in {record.places.moving or "any topic"}.')
+    return _apart(record, met, ', where that was told to be')
+
+
+def others(record: Record) -> Verdict:
+    """Clearance from the other robots, where they were, while the robot moved.
+
+    What drives into a robot that stands is no collision of the robot's.
+    """
+    named = record.history.epochs[0].settings.moving_obstacles.others
+    if not named:
+        return skipped('No other robots are to be kept clear of (others.namespaces).')
+    if not record.meetings:
+        return skipped(f'The bag tells not where {", ".join(named)} drove.')
+    return _apart(record, record.meetings, '')
+
+
+def _apart(record: Record, met: Sequence[Encounter], where: str) -> Verdict:
+    """The least clearance of some encounters."""
     worst, at, nearest = math.inf, record.start, ''
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
     for each in met:
         least = np.where(each.stands, math.inf, each.clearance)
         if least.min() < worst:
             worst, at = float(least.min()), int(each.stamps[least.argmin()])
-            nearest = each.track.name
+            nearest = each.name
     if worst == math.inf:
         return skipped('The robot stands while anything moves.')
     passed = worst >= -_ROUNDING
     sentence = (
-        f'Between samples too, the robot keeps {worst:.3g} m from {nearest}, where that was told'
-        ' to be.'
+        f'Between samples too, the robot keeps {worst:.3g} m from {nearest}{where}.'
         if passed
         else f'Along the path driven, the robot cuts {nearest} by {-worst:.3g} m.'
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -16,6 +16,7 @@ from cmpsp_ros.bags.audit.sources import Places, Sources, find
 from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
 from cmpsp_ros.bags.encounters import Encounter, encounters
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.other_robots import meetings, read_others
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.bags.tracks import read_tracks
@@ -74,6 +75,7 @@ class Record:
         commands: All of them.
         decisions: All of them; none in the bag of another program.
         tracks: Obstacles that moved, as they were told of, by number and time.
+        others: Paths of the other robots that were to be kept clear of, by namespace.
         pairs: Which command belongs to which decision.
         legs: Parts in which time does not jump back and commands were sent.
     """
@@ -85,6 +87,7 @@ class Record:
     commands: Commands
     decisions: tuple[Said, ...]
     tracks: tuple[Track, ...]
+    others: Mapping[str, Driven]
     pairs: Pairs
     legs: tuple[Leg, ...]
 
@@ -101,6 +104,17 @@ class Record:
         paths = (leg.guided for leg in self.legs)
         return tuple(
             each for path in paths for each in encounters(path, self.tracks, radius, timeout)
+        )
+
+    @cached_property
+    def meetings(self) -> tuple[Encounter, ...]:
+        """The same path, with the other robots where they were meanwhile."""
+        settings = self.history.epochs[0].settings
+        known = settings.moving_obstacles
+        both = settings.robot_radius + known.others_radius
+        paths = (leg.guided for leg in self.legs)
+        return tuple(
+            each for path in paths for each in meetings(path, self.others, both, known.timeout)
         )
 
     @property
@@ -151,7 +165,11 @@ def _record(bag: Bag, sources: Sources) -> Record:
             ' wanted a drive'
         )
     tracks = read_tracks(bag, places.moving, frame_id)
-    return Record(bag.path, places, history, odometry, commands, decisions, tracks, pairs, legs)
+    own = places.node.rpartition('/')[0]
+    others = read_others(bag, settings.moving_obstacles.others, own)
+    return Record(
+        bag.path, places, history, odometry, commands, decisions, tracks, others, pairs, legs
+    )
 
 
 def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[Said]) -> list[Leg]:

@@ -170,7 +170,7 @@ def view(path: Path, label: str, record: Record) -> View:
         found = [
             Plan(record.seconds(stamp_of(message)), _points(message))
             for _, message in (bag.messages(topic) if topic in bag.topics else ())
-            if message.poses
+            if len(message.poses) > 1
         ]
         version = bag.version
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))

@@ -57,7 +57,8 @@ def test_every_preset_builds_and_says_everything(name):
     values = TABLE.resolve(given_)
     # What a list without entries would say cannot be written for ROS.
     silent = {key for key in set(values) - set(given_) if values[key] != []}
-    assert all(key.startswith('road.') or key.endswith('.type') for key in silent)
+    # Without other robots nothing is to be said of them.
+    assert all(key.startswith(('road.', 'others.')) or key.endswith('.type') for key in silent)
     assert silent.isdisjoint(road_keys(values))
     assert plant_settings(values).robot == guidance_settings(values).robot
     check_start(values)
@@ -105,6 +106,45 @@ def test_contradictions_between_nodes_are_refused(tmp_path):
         'wanted one value for both'
     )
     assert load_parameter_file(path, '/sim') == {'frame_id': 'map'}
+
+
+FLEET = """
+/**:
+  ros__parameters: {final_time: 5.0, odom_timeout: 0.1}
+/r2/**:
+  ros__parameters: {final_time: 6.0}
+r1/guidance:
+  ros__parameters: {odom_timeout: 0.2}
+/floor/r3:
+  sim:
+    ros__parameters: {odom_rate: 20.0}
+"""
+
+
+def test_a_file_of_several_robots(tmp_path):
+    path = tmp_path / 'fleet.yaml'
+    path.write_text(FLEET)
+    assert robots_in(path) == ('/r2', '/r1', '/floor/r3')
+    common = {'final_time': 5.0, 'odom_timeout': 0.1}
+    expected = {
+        '/r1': {'odom_timeout': 0.2},
+        '/r2': {'final_time': 6.0},
+        '/floor/r3': {'odom_rate': 20.0},
+        '/r4': {},
+    }
+    for namespace, own in expected.items():
+        assert load_parameter_file(path, namespace=namespace) == common | own
+    assert robots_in('fleet') == ('/r1', '/r2', '/r3', '/r4')
+    assert robots_in('case3') == ()
+
+
+def test_robots_written_load_bit_for_bit(tmp_path):
+    path = tmp_path / 'written.yaml'
+    robots = {'/r1': {'final_time': 0.1 + 0.2}, '/r2': {'final_time': 5.0, 'noise.seed': 3}}
+    write_fleet_file(path, robots)
+    assert robots_in(path) == ('/r1', '/r2')
+    for namespace, values in robots.items():
+        assert load_parameter_file(path, namespace=namespace) == values
 
 
 def test_a_file_for_other_nodes_is_refused(tmp_path):

@@ -195,6 +195,80 @@ def test_samples_clear_of_what_moves_keep_arcs_clear(
     assert least.min() >= -error - 1e-9
 
 
+KNOTS = st.lists(
+    st.tuples(st.floats(0.02, 0.3), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4)),
+    min_size=1,
+    max_size=8,
+)
+
+
+def on_a_way(knots, point=(0.0, 0.0), radius=0.2, growth=0.0):
+    """A disc that goes from a point by known steps ``(duration, dx, dy)``."""
+    way = np.cumsum([(0.0, *point), *knots], axis=0)
+    states = np.array([[*point, 0.0, 0.0, radius]])
+    return MovingDiscs(('it',), states, growth, np.zeros(1, np.int64), {0: way}), way
+
+
+def places_on(way, times):
+    return np.column_stack([np.interp(times, way[:, 0], way[:, i]) for i in (1, 2)])
+
+
+@given(KNOTS, st.lists(st.floats(0.01, 0.4), min_size=1, max_size=6), st.floats(0.0, 0.3))
+def test_the_straight_legs_of_a_bent_way_cover_it(knots, durations, growth):
+    discs, way = on_a_way(knots, growth=growth)
+    legs, begin = discs.legs(np.array(durations)), 0.0
+    for leg, duration in zip(legs[:, 0], durations, strict=True):
+        since = np.linspace(0.0, duration, 50)
+        there = leg[:2] + since[:, None] * leg[2:4]
+        away = np.linalg.norm(there - places_on(way, begin + since), axis=1)
+        assert (away + 0.2 + growth * begin <= leg[4] + 1e-9).all()
+        begin += duration
+
+
+@given(KNOTS, st.floats(0.1, 1.0))
+def test_a_way_looked_at_later_is_the_same_way(knots, seconds):
+    discs, _ = on_a_way(knots, growth=0.1)
+    times = np.array([0.0, 0.1, 0.7])
+    for one, other in zip(
+        discs.after(seconds).at_times(times), discs.at_times(seconds + times), strict=True
+    ):
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+@hypothesis_settings(max_examples=300)
+@given(
+    **drives,
+    bearing=st.floats(-math.pi, math.pi),
+    knots=KNOTS,
+    growth=st.floats(0.0, 0.3),
+    known=st.booleans(),
+)
+def test_samples_clear_of_a_known_way_keep_arcs_clear(
+    wheels, period, start, heading, bearing, knots, growth, known
+):
+    _, path, error = driven(wheels, period, start, heading)
+    times, out = np.array([0.0, period]), np.array([math.cos(bearing), math.sin(bearing)])
+    passed = np.linspace(0.0, period, len(path))
+
+    def least(away):
+        """Clearance at the samples beyond what they keep, and between them."""
+        discs, way = on_a_way(knots, path[0][:2] - away * out, growth=growth)
+        if known:
+            twists = ROBOT.twist(ROBOT.max_wheel_speed * np.array([wheels]))
+            centers, radii = discs.for_samples_of(times, twists, period)
+        else:
+            centers, radii = discs.for_samples(times, ROBOT.twist_limits(), period, path[0])
+        spare = np.linalg.norm(path[[0, -1]] - centers[:, 0], axis=1) - radii[:, 0]
+        between = np.linalg.norm(path - places_on(way, passed), axis=1) - 0.2 - growth * passed
+        return spare.min(), between.min()
+
+    low, high = 0.0, 20.0
+    for _ in range(60):
+        away = (low + high) / 2.0
+        low, high = (low, away) if least(away)[0] >= 0.0 else (away, high)
+    assert least(high)[1] >= -error - 1e-9
+
+
 def test_discs_out_of_reach_ask_for_nothing():
     states = np.array([[3.0, 0.0, 0.0, 0.0, 0.5], [0.8, 0.0, 0.0, 0.0, 0.5]])
     discs = MovingDiscs(('far', 'near'), states, 0.0, np.arange(2))

@@ -1,0 +1,127 @@
+"""Several robots at once: each with its own simulator and guidance, all in one bag."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from pathlib import Path
+
+from cmpsp_ros.bags.other_robots import meetings
+from cmpsp_ros.bags.run import Run, read_run
+from cmpsp_ros.demo.fleet_picture import draw_fleet
+from cmpsp_ros.demo.run import drive
+from cmpsp_ros.demo.scenario import Scenario, load_scenario
+from cmpsp_ros.demo.summary import Summary, summarise, window
+from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.presets import write_fleet_file
+
+
+@dataclass(frozen=True)
+class Robot:
+    """What the run of one robot of several came to.
+
+    Attributes:
+        namespace: Of the robot.
+        summary: Figures of its run.
+        apart: Least distance of its footprint from any other robot's until its final time, between
+            samples too [m].
+    """
+
+    namespace: str
+    summary: Summary
+    apart: float
+
+    @property
+    def failure(self) -> str:
+        """Why its run is no success, in words; empty where it is one."""
+        touched = f'it touched another by {-self.apart:.3g} m' if self.apart < 0.0 else ''
+        return ' and '.join(filter(None, [self.summary.failure, touched]))
+
+
+def load_fleet(
+    preset: str,
+    namespaces: Sequence[str],
+    assignments: Sequence[str],
+    *,
+    lockstep: bool = False,
+    robot: str | None = None,
+) -> tuple[Scenario, ...]:
+    """Read a file with a section for each of several robots, change it, and check the whole.
+
+    Args:
+        preset: As of `load_scenario`.
+        namespaces: Of the robots, as from `cmpsp_ros.parameters.presets.robots_in`.
+        assignments: Changes for all robots, each as `key=value`.
+        lockstep: As of `load_scenario`; it is refused.
+        robot: As of `load_scenario`, for all robots.
+
+    Raises:
+        ParameterError: A key or value is wrong, robots stand too near to each other, or simulated
+            time is asked for, which several simulators do not share.
+    """
+    fleet = tuple(
+        load_scenario(preset, assignments, lockstep=lockstep, robot=robot, namespace=each)
+        for each in namespaces
+    )
+    problems = [
+        Problem(f'{each.namespace}: {key}', 'true', 'false: several simulators share no clock')
+        for each in fleet
+        for key in ('lockstep', 'publish_clock')
+        if each.values[key]
+    ]
+    for one, other in combinations(fleet, 2):
+        away = math.dist(one.values['initial_pose'][:2], other.values['initial_pose'][:2])
+        least = one.settings.robot_radius + other.settings.robot_radius
+        if away < least:
+            found, wanted = f'{away:.3g} m from {other.namespace}', f'{least:.3g} m or more'
+            problems.append(Problem(f'{one.namespace}: initial_pose', found, wanted))
+    if problems:
+        raise ParameterError(*problems)
+    return fleet
+
+
+def run_fleet(
+    fleet: Sequence[Scenario],
+    folder: Path,
+    progress: Callable[[float], None],
+    view_port: int | None = None,
+) -> tuple[Robot, ...]:
+    """Make one run of several robots and keep everything of it in a folder.
+
+    Args:
+        fleet: What to run.
+        folder: Existing folder for bag, picture, figures and logs.
+        progress: Told the time of the run so far [s], again and again.
+        view_port: Port of a page that shows the first robot, live; without it there is none.
+
+    Returns:
+        Figures of each robot; they are also in `summary.json`.
+
+    Raises:
+        DemoError: A node failed, or the run came to no end.
+        BagError: The recording does not cover the run.
+    """
+    write_fleet_file(folder / 'parameters.yaml', {each.namespace: each.values for each in fleet})
+    drive(fleet, folder, progress, view_port)
+    runs = [read_run(folder / 'bag', each.namespace) for each in fleet]
+    robots = tuple(_robot(each, run, fleet, runs) for each, run in zip(fleet, runs, strict=True))
+    values = {each.namespace: each.summary.values() | {'apart_m': each.apart} for each in robots}
+    text = json.dumps({'preset': fleet[0].name, 'robots': values}, indent=2)
+    (folder / 'summary.json').write_text(f'{text}\n', encoding='utf-8')
+    draw_fleet(fleet, runs, folder / 'trajectory.png')
+    return robots
+
+
+def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Run]) -> Robot:
+    first, last = window(run, own.settings)
+    path, apart = run.driven.between(first, last), math.inf
+    for other, its in zip(fleet, runs, strict=True):
+        if other is not own:
+            both = own.settings.robot_radius + other.settings.robot_radius
+            timeout = own.settings.moving_obstacles.timeout
+            met = meetings(path, {other.namespace: its.driven}, both, timeout)
+            apart = min([apart, *(float(each.clearance.min()) for each in met)])
+    return Robot(own.namespace, summarise(run, own.settings, own.name), apart)

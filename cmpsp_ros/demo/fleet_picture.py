@@ -1,0 +1,78 @@
+"""Picture of a run of several robots: their paths, and where they were nearest to each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Polygon
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.road_picture import draw_road
+from cmpsp_ros.bags.run import Driven, Run
+from cmpsp_ros.demo.pictures import EDGE, OBSTACLE, ROAD, dense
+from cmpsp_ros.demo.scenario import Scenario
+from cmpsp_ros.demo.summary import window
+from cmpsp_ros.robot.obstacles import outline
+
+Array = NDArray[np.float64]
+
+_GRID = 20_000_000
+_SMALLEST = 0.06
+
+
+def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> None:
+    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant.
+
+    Args:
+        fleet: The robots.
+        runs: What each drove, in the same order.
+        path: The picture.
+    """
+    figure = Figure(figsize=(8.0, 8.0), layout='constrained')
+    axes = figure.add_subplot()
+    settings = fleet[0].settings
+    draw_road(axes, settings.road, ROAD, EDGE)
+    for obstacle in settings.obstacles:
+        edge = outline(obstacle, obstacle.radius)
+        axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))
+    windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
+    paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
+    colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
+    nearest = _nearest(paths)
+    for each, driven, color in zip(fleet, paths, colors, strict=True):
+        axes.plot(*dense(driven).T, color=color, lw=1.8, zorder=4, label=each.namespace)
+        axes.plot(*driven.poses[0, :2], 'o', color=color, ms=6, zorder=5)
+        axes.plot(*each.settings.goal, '*', color=color, ms=14, zorder=5)
+        if nearest is not None:
+            _draw_robot(axes, driven, nearest, each.settings.robot_radius, color)
+    axes.set(xlabel='x [m]', ylabel='y [m]')
+    if nearest is not None:
+        seconds = (nearest - min(first for first, _ in windows)) / 1e9
+        axes.set_title(f'discs: where they were nearest to each other, at {seconds:.1f} s')
+    axes.set_aspect('equal')
+    axes.autoscale_view()
+    axes.legend(loc='best')
+    figure.savefig(path, dpi=120)
+
+
+def _draw_robot(axes: Axes, driven: Driven, stamp: int, radius: float, color: Array) -> None:
+    center = driven.at(stamp)[:2].tolist()
+    axes.add_patch(Circle(center, max(radius, _SMALLEST), color=color, alpha=0.6, lw=0, zorder=6))
+
+
+def _nearest(paths: Sequence[Driven]) -> int | None:
+    """When two of several robots were nearest to each other [ns]; None where they never met."""
+    begin = max(int(each.stamps[0]) for each in paths)
+    end = min(int(each.stamps[-1]) for each in paths)
+    stamps = range(begin, end, _GRID)
+    if not stamps or len(paths) < 2:
+        return None
+    places = np.array([[each.at(stamp)[:2] for stamp in stamps] for each in paths])
+    away = [np.linalg.norm(one - other, axis=1) for one, other in combinations(places, 2)]
+    return stamps[int(np.argmin(np.min(away, axis=0)))]

@@ -207,9 +207,7 @@ class Audit:
         values: list[float] = found.tolist()
         return values
 
-    def at(
-        self, pose: Array, moving: MovingDiscs = NOTHING_MOVES, near: float = math.nan
-    ) -> Array:
+    def at(self, pose: Array, moving: MovingDiscs = NOTHING_MOVES, near: float = math.nan) -> Array:
         """Clearance of a pose from both road edges, obstacles and what moves ``(2 + M,)`` [m]."""
         standing = self._space.at(pose[None], near)[0]
         if not len(moving):

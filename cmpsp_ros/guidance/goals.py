@@ -72,9 +72,7 @@ def way_along(
     return _way(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(near))
 
 
-def line_ahead(
-    road: Road, pose: Array, way: float, near: float = math.nan
-) -> tuple[Point, float]:
+def line_ahead(road: Road, pose: Array, way: float, near: float = math.nan) -> tuple[Point, float]:
     """Place of the centre line that is some way ahead of a pose.
 
     Args:

@@ -147,9 +147,7 @@ class ClearSpace:
         _away_at(away, self.corners, self.first, poses)
         return np.column_stack([edges, away - self.radii])
 
-    def along(
-        self, poses: Array, twists: Array, durations: Array, near: float = math.nan
-    ) -> Array:
+    def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
         """Least clearance of arcs, from end to end, along a path.
 
         Where the road crosses itself a path keeps to the branch that it is on.
@@ -165,7 +163,7 @@ class ClearSpace:
         """
         edges = np.empty((len(poses), 2))
         arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _edges_along(edges, self.road, *arguments, float(near))
+        _edges_along(edges, self.road, float(near), *arguments)
         least = np.empty((len(poses), len(self.first) - 1))
         _away_along(least, self.corners, self.first, *arguments)
         return np.column_stack([edges, least - self.radii])
@@ -183,7 +181,7 @@ def _edges_at(clearance: Array, road: Any, poses: Array, near: float) -> None:
 
 @allocation_free
 def _edges_along(
-    clearance: Array, road: Any, poses: Array, twists: Array, times: Array, near: float
+    clearance: Array, road: Any, near: float, poses: Array, twists: Array, times: Array
 ) -> None:
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):

@@ -114,8 +114,8 @@ GUIDANCE_ROAD = Topic(
     'in',
     'road',
     Path,
-    'with `road.source: topic`: the centre line of a `corridor` instead of the last one, in the frame'
-    ' `frame_id`; closed where it ends as it begins; latched',
+    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, in place'
+    ' of the last; closed where it ends as it begins; latched',
     depth=1,
     latched=True,
 )

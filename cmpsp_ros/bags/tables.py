@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.tracks import TrackError, tracks_of
 
 Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None
@@ -52,6 +53,24 @@ _TWIST = (Column('speed', 'float', 'm/s'), Column('turn_rate', 'float', 'rad/s')
 _ODOMETRY = (*_WHERE, Column('frame', 'text'), *_POSE, *_TWIST)
 _COMMANDS = (*_WHERE, *_TWIST)
 _WHEELS = (*_WHERE, Column('right', 'float', 'rad/s'), Column('left', 'float', 'rad/s'))
+_GOALS = (*_WHERE, Column('frame', 'text'), *_POSE)
+_MOVING = (
+    *_WHERE,
+    Column('frame', 'text'),
+    Column('id', 'int'),
+    Column('x', 'float', 'm'),
+    Column('y', 'float', 'm'),
+    Column('vx', 'float', 'm/s'),
+    Column('vy', 'float', 'm/s'),
+    Column('radius', 'float', 'm'),
+)
+_ROAD = (
+    *_WHERE,
+    Column('frame', 'text'),
+    Column('point', 'int'),
+    Column('x', 'float', 'm'),
+    Column('y', 'float', 'm'),
+)
 _PLAN = (*_WHERE, Column('point', 'int'), Column('at', 'int', 'ns'), *_POSE)
 
 # What a decision says of itself; anything else in it becomes a column of text.
@@ -74,9 +93,17 @@ _FACTS = {
         Column('failures', 'int'),
         Column('wheel_slip', 'float'),
         Column('finished', 'bool'),
+        Column('missed', 'bool'),
         Column('halted', 'bool'),
         Column('run', 'int'),
         Column('revision', 'int'),
+        Column('goal', 'text'),
+        Column('goal_x', 'float', 'm'),
+        Column('goal_y', 'float', 'm'),
+        Column('goal_time', 'float', 's'),
+        Column('goal_heading', 'float', 'rad'),
+        Column('heading_miss', 'float', 'rad'),
+        Column('told', 'int'),
     )
 }
 _BEFORE_FACTS = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('reason', 'text'))
@@ -109,6 +136,9 @@ def tables(bag: Bag) -> list[Table]:
         ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
         ('decisions', ('diagnostic_msgs/msg/DiagnosticStatus',), '/decision', (), _decisions),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
+        ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
+        ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),
+        ('road', ('nav_msgs/msg/Path',), '/road', _ROAD, _road),
     ):
         topics = [
             topic
@@ -171,6 +201,27 @@ def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 def _plan(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     for point, each in enumerate(message.poses):
         yield _stamp(message), point, _stamp(each), *_pose(each.pose)
+
+
+def _goals(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    yield _stamp(message), message.header.frame_id, *_pose(message.pose)
+
+
+def _moving(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    frame = message.header.frame_id
+    try:
+        tracks = tracks_of(message, frame)
+    except TrackError:
+        # The nodes made nothing of it either.
+        return
+    for each in tracks:
+        yield each.stamp, frame, each.id, each.x, each.y, each.vx, each.vy, each.radius
+
+
+def _road(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
+    for point, each in enumerate(message.poses):
+        place = each.pose.position
+        yield _stamp(message), message.header.frame_id, point, place.x, place.y
 
 
 def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from dataclasses import replace
+
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.tracks import Track, TrackError, tracks_of
 
 
@@ -31,3 +35,24 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
         except (AttributeError, TypeError, ValueError) as error:
             raise BagError(f'{bag.path}: {topic}: found no obstacles there: {error}') from error
     return tuple(found[key] for key in sorted(found))
+
+
+def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
+    """Where what moves was at an instant, as far as it was told by then.
+
+    Args:
+        tracks: As from `read_tracks`.
+        stamp: The instant [ns].
+        timeout: Age at which one that is not told of again is forgotten [s].
+
+    Returns:
+        One track for each obstacle, brought to that instant, in the order of their numbers.
+    """
+    oldest = stamp - round(timeout * NANOSECONDS)
+    latest = {each.id: each for each in tracks if oldest <= each.stamp <= stamp}
+    return [_after(each, stamp) for each in latest.values()]
+
+
+def _after(track: Track, stamp: int) -> Track:
+    age = (stamp - track.stamp) / NANOSECONDS
+    return replace(track, stamp=stamp, x=track.x + age * track.vx, y=track.y + age * track.vy)

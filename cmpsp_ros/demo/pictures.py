@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.run import Driven, Run
+from cmpsp_ros.bags.tracks import seen_at
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.tracks import Track, Tracks
 from cmpsp_ros.robot.arcs import arc_ends
 from cmpsp_ros.robot.obstacles import outline
 
@@ -81,11 +81,8 @@ def _draw_moving(
     axes: Axes, run: Run, settings: GuidanceSettings, stamp: int, color: Array
 ) -> None:
     """What moved, where it was at an instant [ns]."""
-    seen: Tracks[Track] = Tracks()
-    seen.hear(run.tracks)
-    for each in seen.at(stamp, settings.moving_obstacles.timeout):
-        age = (stamp - each.stamp) / 1e9
-        center = each.x + age * each.vx, each.y + age * each.vy
+    for each in seen_at(run.tracks, stamp, settings.moving_obstacles.timeout):
+        center = each.x, each.y
         axes.add_patch(Circle(center, each.radius, color=color, alpha=0.5, lw=0, zorder=3))
         axes.annotate(str(each.id), center, ha='center', va='center', zorder=6)
 

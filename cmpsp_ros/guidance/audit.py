@@ -92,6 +92,7 @@ class Audit:
         controls: Array,
         durations: Array,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> Verdict:
         """Roll a plan out afresh and say whether its first command may be sent.
 
@@ -103,10 +104,11 @@ class Audit:
             controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s].
             moving: What moves, from the pose on.
+            near: Progress of a place near the pose, not a number where none is known [m].
         """
         robot = self._robot
         fastest, margin, worst_margin, nearest, shortfall, short, tightest = self._swept(
-            pose, controls, durations, moving
+            pose, controls, durations, moving, near
         )
         if not math.isfinite(fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
@@ -131,6 +133,7 @@ class Audit:
         wheel_speeds: Array,
         durations: Array,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> Verdict:
         """Say whether the way is clear that commands given before will lead.
 
@@ -142,6 +145,7 @@ class Audit:
             wheel_speeds: Along it ``(K, 2)`` [rad/s], at least one pair.
             durations: For how long each pair holds, shape ``(K,)`` [s].
             moving: What moves, from the pose on.
+            near: Progress of a place near the pose, not a number where none is known [m].
         """
         poses = self._robot.roll_out(pose, wheel_speeds, durations)
         begins = np.cumsum(durations) - durations
@@ -151,16 +155,22 @@ class Audit:
                 wheel_speeds[k : k + 1],
                 durations[k : k + 1],
                 moving.after(float(begins[k])),
+                near,
             )
             for k in range(len(durations))
         )
         return reduce(Verdict.followed_by, arcs)
 
     def _check_arc(
-        self, pose: Array, wheel_speeds: Array, duration: Array, moving: MovingDiscs
+        self,
+        pose: Array,
+        wheel_speeds: Array,
+        duration: Array,
+        moving: MovingDiscs,
+        near: float,
     ) -> Verdict:
         _, margin, _, nearest, shortfall, short, tightest = self._swept(
-            pose, wheel_speeds, duration, moving
+            pose, wheel_speeds, duration, moving, near
         )
         if not math.isfinite(margin):
             return _refused('The way under the commands given before is not finite.')
@@ -173,7 +183,7 @@ class Audit:
         return Verdict(not reason, reason, margin, margin, self._name(int(nearest), moving))
 
     def _swept(
-        self, pose: Array, controls: Array, durations: Array, moving: MovingDiscs
+        self, pose: Array, controls: Array, durations: Array, moving: MovingDiscs, near: float
     ) -> list[float]:
         robot, space = self._robot, self._space
         found = np.empty(_FOUND)
@@ -192,13 +202,14 @@ class Audit:
             space.radii,
             moving.grown(self._radius).legs(durations),
             moving.growth,
+            float(near),
         )
         values: list[float] = found.tolist()
         return values
 
-    def at(self, pose: Array, moving: MovingDiscs = NOTHING_MOVES) -> Array:
+    def at(self, pose: Array, moving: MovingDiscs = NOTHING_MOVES, near: float = math.nan) -> Array:
         """Clearance of a pose from both road edges, obstacles and what moves ``(2 + M,)`` [m]."""
-        standing = self._space.at(pose[None])[0]
+        standing = self._space.at(pose[None], near)[0]
         if not len(moving):
             return np.asarray(standing)
         return np.concatenate([standing, moving.clearance(pose) - self._radius])
@@ -231,6 +242,7 @@ def _sweep(
     radii: Array,
     moving: Array,
     growth: float,
+    near: float,
 ) -> None:
     """Drive a plan arc by arc.
 
@@ -251,6 +263,7 @@ def _sweep(
         radii: Least distances from the obstacles without theirs.
         moving: States of the discs that move at the beginning of each step, shape ``(N, D, 5)``.
         growth: Of their radii [m/s].
+        near: Progress of a place near the pose [m].
     """
     fastest = 0.0
     for k in range(controls.shape[0]):
@@ -259,7 +272,7 @@ def _sweep(
             fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
-    progress = road_functions.find(road, x, y, heading)
+    progress = road_functions.find(road, x, y, heading, near)
     progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
     worst[0], worst[1] = -over, -over_other
     moved = EDGES + radii.shape[0]

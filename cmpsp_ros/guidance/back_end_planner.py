@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -36,9 +38,10 @@ class BackEndPlanner:
         *,
         iterations: int | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> Improvement:
         """As `cmpsp_ros.guidance.planner.Planner.improve`."""
-        problem = self.problem(pose, held, guess, horizon, moving)
+        problem = self.problem(pose, held, guess, horizon, moving, near)
         iteration = CMPSP(problem, self.options(problem))
         iterate = iteration.init(guess)
         most = iterations or self._task.settings.solver.iterations_per_step
@@ -55,12 +58,13 @@ class BackEndPlanner:
         guess: Array,
         horizon: Horizon,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> OptimalControlProblem:
         """The problem from a pose on; arguments as of `improve`."""
         task, durations = self._task, horizon.durations
         space, robot = task.space(guess, durations, pose, moving), task.settings.model
         problem = GuidanceProblem(
-            robot, space, task.cost, pose, task.goal, durations, task.heading, task.outputs
+            robot, space, task.cost, pose, task.goal, durations, task.heading, task.outputs, near
         )
         rate = task.settings.weights.control_rate
         return ControlRateProblem(problem, rate, held) if rate > 0.0 else problem

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +31,14 @@ class Start:
         pose: Where the robot will be when the command decided now takes effect.
         way: Verdict on the way there, under commands given before; None when there is none.
         moving: What moves, as it will be then.
+        near: Progress along the road of a place near the pose, not a number where the road has no
+            need of it [m].
     """
 
     pose: Array
     way: Verdict | None = None
     moving: MovingDiscs = NOTHING_MOVES
+    near: float = math.nan
 
 
 def inside(pose: Array, audit: Audit) -> str:

@@ -160,7 +160,8 @@ class Choice:
 
     def _first_guesses(self, moment: _Moment) -> list[Array]:
         """Where to begin without a plan: as the settings say, and by the ways that there are."""
-        given = initial_guess(self._settings, moment.start.pose, moment.horizon.durations)
+        start, durations = moment.start, moment.horizon.durations
+        given = initial_guess(self._settings, start.pose, durations, start.near)
         if self._most == 1:
             return [given]
         if self._settings.initial_guess.type == 'road':
@@ -205,8 +206,9 @@ class Choice:
         """
         if warm.flawless:
             return warm
-        pose, horizon = moment.start.pose, moment.horizon
-        best = self._better(warm, along_road(self._settings, pose, horizon.durations), moment)
+        start, horizon = moment.start, moment.horizon
+        guess = along_road(self._settings, start.pose, horizon.durations, start.near)
+        best = self._better(warm, guess, moment)
         if best.usable or not moment.at_rest:
             return best
         return self._better(best, _standing(horizon), moment)
@@ -345,6 +347,7 @@ class Choice:
             moment.horizon,
             iterations=iterations or self._iterations(moment),
             moving=moment.start.moving,
+            near=moment.start.near,
         )
         solved = self._timer()
         verdict = self.judge(moment.start, improvement.plan.controls, moment.horizon)
@@ -356,7 +359,9 @@ class Choice:
 
     def judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:
         """The verdict on a plan and on the way to its beginning."""
-        verdict = self._audit.check(start.pose, controls, horizon.durations, start.moving)
+        verdict = self._audit.check(
+            start.pose, controls, horizon.durations, start.moving, start.near
+        )
         return verdict if start.way is None else start.way.followed_by(verdict)
 
     def _free_planner(self) -> Planner:

@@ -20,23 +20,28 @@ SHORTEST_LOOKAHEAD: Final = 0.3
 """Nearest point that is pursued [m]."""
 
 
-def initial_guess(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
+def initial_guess(
+    settings: GuidanceSettings, pose: Array, durations: Array, near: float = math.nan
+) -> Array:
     """The first control history, as `settings.initial_guess` says.
 
     Args:
         settings: All settings of the guidance law.
         pose: Present pose, shape ``(3,)`` [m, m, rad].
         durations: Length of every step, shape ``(N,)`` [s].
+        near: Progress of a place near the pose, not a number where none is known [m].
 
     Returns:
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
     if settings.initial_guess.type == 'constant':
         return np.tile(settings.initial_guess.wheel_speeds, (len(durations) + 1, 1))
-    return along_road(settings, pose, durations)
+    return along_road(settings, pose, durations, near)
 
 
-def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
+def along_road(
+    settings: GuidanceSettings, pose: Array, durations: Array, near: float = math.nan
+) -> Array:
     """Pursuit of a point ahead on the centre line, so paced as to be at the goal in time.
 
     Arguments and result as in `initial_guess`.
@@ -55,6 +60,7 @@ def along_road(settings: GuidanceSettings, pose: Array, durations: Array) -> Arr
         robot.half_track,
         robot.max_wheel_speed,
         settings.solver.heading_trust_region or math.pi / 2.0,
+        float(near),
     )
     return controls
 
@@ -71,14 +77,15 @@ def _follow(
     half_track: float,
     max_wheel_speed: float,
     most_turn: float,
+    near: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
     steps = durations.shape[0]
     left = 0.0
     for k in range(steps):
         left += durations[k]
-    progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2])
-    at_goal = road_functions.find(road, goal[0], goal[1], goal_heading)
+    progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2], near)
+    at_goal = road_functions.find(road, goal[0], goal[1], goal_heading, math.nan)
     for k in range(steps):
         progress = road_functions.measure(road, 0, poses[k, 0], poses[k, 1], progress)[0]
         target_x, target_y, speed = _aim(
@@ -127,13 +134,39 @@ def _aim(
     return target_x, target_y, speed
 
 
+def ways_left(settings: GuidanceSettings, poses: Array, near: float = math.nan) -> Array:
+    """Length of the centre line from beside each pose of a path to beside the goal.
+
+    Args:
+        settings: Settings with the goal.
+        poses: Along the path, shape ``(K, 3)`` [m, m, rad].
+        near: Progress of a place near the first, not a number where none is known [m].
+
+    Returns:
+        Negative where the goal is behind, shape ``(K,)`` [m].
+    """
+    ways = np.empty(len(poses))
+    heading = math.nan if settings.goal_heading is None else settings.goal_heading
+    _leave(ways, settings.road.space(0.0), poses, *settings.goal, heading, float(near))
+    return ways
+
+
 @allocation_free
-def way_left(road: Any, x: float, y: float, heading: float, goal_x: float, goal_y: float) -> float:
-    """Length of the centre line from beside a pose to beside the goal, negative backwards [m]."""
-    progress = road_functions.find(road, x, y, heading)
-    at_goal = road_functions.find(road, goal_x, goal_y, math.nan)
-    way: float = road_functions.way_to(road, x, y, progress, goal_x, goal_y, at_goal)
-    return way
+def _leave(
+    ways: Array,
+    road: Any,
+    poses: Array,
+    goal_x: float,
+    goal_y: float,
+    goal_heading: float,
+    near: float,
+) -> None:
+    progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2], near)
+    at_goal = road_functions.find(road, goal_x, goal_y, goal_heading, math.nan)
+    for k in range(poses.shape[0]):
+        x, y = poses[k, 0], poses[k, 1]
+        progress = road_functions.measure(road, 0, x, y, progress)[0]
+        ways[k] = road_functions.way_to(road, x, y, progress, goal_x, goal_y, at_goal)
 
 
 @allocation_free

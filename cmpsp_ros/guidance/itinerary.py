@@ -94,13 +94,14 @@ class Itinerary:
             self._without_heading = replace(self.settings, goal_heading=None)
         return self._without_heading
 
-    def go_on(self, stamp: int, now: int, pose: Array) -> bool:
+    def go_on(self, stamp: int, now: int, pose: Array, near: float = math.nan) -> bool:
         """Find the goal of the moment.
 
         Args:
             stamp: Time stamp of the odometry [ns].
             now: The same since time 0 [ns].
             pose: Where a command that is given now begins to have an effect, shape ``(3,)``.
+            near: Progress of a place near it, not a number where none is known [m].
 
         Returns:
             Whether it is another one than before.
@@ -110,17 +111,17 @@ class Itinerary:
             return False
         if self._waiting is not None and self._waiting[0] <= stamp:
             goal, self._waiting = self._waiting[1], None
-            self._set_out(goal, effect, self._time_to(goal, pose))
+            self._set_out(goal, effect, self._time_to(goal, pose, near))
             return True
         if self._given.follow is not None:
-            self._look_ahead(now, pose)
+            self._look_ahead(now, pose, near)
             return False
         before = self._index
         while self.final <= effect and not self.is_last:
             self._index += 1
             self._aim()
         if not self._is_known:
-            self._pass_along(pose)
+            self._pass_along(pose, near)
         if self._index > before:
             return True
         if now >= self.end and self._given.hold and is_away(self.settings, pose):
@@ -130,15 +131,15 @@ class Itinerary:
             return True
         return False
 
-    def _time_to(self, goal: Goal, pose: Array) -> float:
+    def _time_to(self, goal: Goal, pose: Array, near: float) -> float:
         """How long the way to a goal takes, with turns at its beginning and its end [s]."""
         given, (x, y) = self._given, goal.position
-        way = way_along(given.road, pose, goal.position, goal.heading)
+        way = way_along(given.road, pose, goal.position, goal.heading, near)
         if isinstance(given.road, OpenFloor):
             begin = end = math.atan2(y - pose[1], x - pose[0])
         else:
-            _, begin = line_ahead(given.road, pose, math.copysign(_NEAR, way))
-            _, end = line_ahead(given.road, pose, way)
+            _, begin = line_ahead(given.road, pose, math.copysign(_NEAR, way), near)
+            _, end = line_ahead(given.road, pose, way, near)
         turn = abs(math.remainder(begin - pose[2], math.tau))
         if goal.heading is not None:
             turn += abs(math.remainder(goal.heading - end, math.tau))
@@ -161,7 +162,7 @@ class Itinerary:
         if given.follow is not None:
             self.goal, self.final = None, to_nanoseconds(given.follow.horizon)
             self.end = to_nanoseconds(given.final_time)
-            self._look_ahead(0, given.road.middle())
+            self._look_ahead(0, given.road.middle(), math.nan)
             return
         goals, begin = given.goals, 0.0
         if self._told is not None:
@@ -174,20 +175,21 @@ class Itinerary:
         no_road = isinstance(given.road, OpenFloor)
         self._is_known = self.is_last or goal.heading is not None or no_road
 
-    def _pass_along(self, pose: Array) -> None:
+    def _pass_along(self, pose: Array, near: float) -> None:
         """Have the goal passed along the road: from there the next one can be driven to."""
         goal, road = self.goal, self._given.road
         assert goal is not None  # noqa: S101 (only a road without end has none)
-        _, direction = line_ahead(road, pose, way_along(road, pose, goal.position))
+        way = way_along(road, pose, goal.position, near=near)
+        _, direction = line_ahead(road, pose, way, near)
         self.goal = replace(goal, heading=direction)
         self.settings = replace(self.settings, goal_heading=direction)
         self._is_known = True
 
-    def _look_ahead(self, now: int, pose: Array) -> None:
+    def _look_ahead(self, now: int, pose: Array, near: float) -> None:
         """Aim at the line across the road that is to be reached at the end of the horizon."""
         follow = self._given.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
         period = to_nanoseconds(self._given.control_period)
         self.final = now // period * period + to_nanoseconds(follow.horizon)
-        place, direction = line_ahead(self._given.road, pose, follow.way)
+        place, direction = line_ahead(self._given.road, pose, follow.way, near)
         self.settings = self._given.towards(Goal(place, follow.horizon, direction))

@@ -15,7 +15,7 @@ from cmpsp_ros.guidance.candidate import Start, inside
 from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.goal_pose import GoalError, check_goal
-from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.goals import Goal, place_of
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.itinerary import Itinerary
@@ -46,7 +46,7 @@ class GuidanceLaw:
             settings: All settings.
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
         """
-        self._timer = timer
+        self._timer, self._settings = timer, settings
         self._lookout = Lookout()
         self._slip = SlipEstimate()
         self._itinerary = Itinerary(settings)
@@ -64,6 +64,7 @@ class GuidanceLaw:
         self._under_way = CommandsUnderWay()
         self._lookout.forget()
         self._itinerary.reset()
+        self._near = math.nan
         self._slip.forget()
         if True:
             self._reckon()
@@ -79,6 +80,8 @@ class GuidanceLaw:
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
         self._account.revision += 1
+        if settings.road != self._settings.road:
+            self._near = math.nan
         self._settings = settings
         self._reckon()
         self._progress = Progress(settings)
@@ -118,7 +121,7 @@ class GuidanceLaw:
         moving = self._lookout.at(stamp, pose, tracks, self._settings.moving_obstacles)
         self._end_period(stamp, pose)
         start, itinerary = self._foresee(stamp, pose, moving), self._itinerary
-        turned = itinerary.go_on(stamp, now, start.pose)
+        turned = itinerary.go_on(stamp, now, start.pose, start.near)
         if now >= itinerary.end:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose, moving), tracks)
@@ -209,12 +212,15 @@ class GuidanceLaw:
         return replace(decision, wheel_slip=slip, tracks=tracks)
 
     def _foresee(self, stamp: int, pose: Array, moving: MovingDiscs) -> Start:
+        road = self._settings.road
+        near = self._near = place_of(road, pose, self._near)
         wheel_speeds, durations = self._under_way.until(stamp, self._delay)
         if not len(durations):
-            return Start(pose, None, moving)
+            return Start(pose, None, moving, near)
         ahead = self._reckoned.model.roll_out(pose, wheel_speeds, durations)[-1]
-        way = self._audit.check_way(pose, wheel_speeds, durations, moving)
-        return Start(ahead, way, moving.after(float(durations.sum())))
+        way = self._audit.check_way(pose, wheel_speeds, durations, moving, near)
+        there = place_of(road, ahead, near)
+        return Start(ahead, way, moving.after(float(durations.sum())), there)
 
     def _is_settled(self, left: int) -> bool:
         """Whether the last plan left no more commands for the time that is left [ns]."""
@@ -276,7 +282,7 @@ class GuidanceLaw:
             self._account.failures = 0
             # Before something that moves, standing still is no safe thing to wait by.
             waits = not len(start.moving)
-            if waits and (why := self._progress.reason_to_wait(candidate)):
+            if waits and (why := self._progress.reason_to_wait(candidate, start.near)):
                 self._plan, self._waiting = None, plan
                 return self._halt(stamp, pose, f'{why} {reason}', improvement)
         else:
@@ -352,7 +358,7 @@ class GuidanceLaw:
             0 if self._start is None else stamp - self._start,
             pose,
             reason,
-            float(self._audit.at(pose, moving).min()),
+            float(self._audit.at(pose, moving, self._near).min()),
             iterations=0 if improvement is None else improvement.iterations,
             finished=finished,
             halted=halted,

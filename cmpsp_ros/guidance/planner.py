@@ -99,6 +99,7 @@ class Planner:
         *,
         iterations: int | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> Improvement:
         """Run iterations.
 
@@ -109,11 +110,12 @@ class Planner:
             horizon: Their horizon.
             iterations: How many, at most; without, as many as at a control step.
             moving: What moves, from the pose on.
+            near: Progress of a place near the pose, not a number where none is known [m].
         """
         most = iterations or self._task.settings.solver.iterations_per_step
         if not self._compiled:
             return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving
+                pose, held, guess, horizon, iterations=most, moving=moving, near=near
             )
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
@@ -122,12 +124,12 @@ class Planner:
         over = len(room.lower) if begun is None else steps_over(begun, horizon)
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
-        data = self._data(pose, held, guess, horizon, moving)
+        data = self._data(pose, held, guess, horizon, moving, near)
         rules = self._rules._replace(iterations=most)
         self._improve(data, self._packed, steps, over, rules)
         if room.counts[OUTCOME] in _WANTING:
             return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving
+                pose, held, guess, horizon, iterations=most, moving=moving, near=near
             )
         return _summary(room, horizon, rules)
 
@@ -138,6 +140,7 @@ class Planner:
         guess: Array,
         horizon: Horizon,
         moving: MovingDiscs = NOTHING_MOVES,
+        near: float = math.nan,
     ) -> GuidanceData | ControlRateData:
         task, durations = self._task, horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
@@ -148,7 +151,7 @@ class Planner:
             self._given = guidance_data(
                 robot, space, task.cost, pose, task.goal, durations, hessian, task.heading
             )
-        data, rate = self._given._replace(pose=pose, durations=durations), self._rate
+        data, rate = self._given._replace(pose=pose, durations=durations, near=near), self._rate
         if rate > 0.0:
             return ControlRateData(data, rate, np.ascontiguousarray(held, dtype=np.float64))
         return data

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
-from cmpsp_ros.guidance.goals import way_along
+from cmpsp_ros.guidance.goals import place_of, way_along
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import along_road, way_left
+from cmpsp_ros.guidance.initial_guess import along_road, ways_left
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
@@ -42,12 +42,12 @@ def prepare(settings: GuidanceSettings) -> None:
     """
     settings = _with_short_horizon(settings)
     warm_up(settings)
-    x, y, heading = settings.road.middle()
-    way_left(settings.road.space(0.0), x, y, heading, *settings.goal)
+    ways_left(settings, settings.road.middle()[None])
     _meet_trouble(settings)
     _meet_difficulties(settings)
     _look_for_ways(settings)
     way_along(settings.road, settings.road.middle(), settings.goal)
+    place_of(settings.road, settings.road.middle(), math.nan)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)

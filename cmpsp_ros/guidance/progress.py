@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.candidate import Candidate
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.initial_guess import way_left
+from cmpsp_ros.guidance.initial_guess import ways_left
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -33,7 +33,6 @@ class Progress:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, goal and robot from the settings."""
         self._settings = settings
-        self._road = settings.road.space(0.0)
         self.forget()
 
     def aim(self, settings: GuidanceSettings) -> None:
@@ -48,11 +47,12 @@ class Progress:
         """Note that the robot stands: then there is no time to be lost by waiting."""
         self._without = _PATIENCE
 
-    def reason_to_wait(self, candidate: Candidate) -> str:
+    def reason_to_wait(self, candidate: Candidate, near: float = math.nan) -> str:
         """Why the robot should rather stand still than follow a plan; empty where it should not.
 
         Args:
             candidate: The plan chosen at this control step.
+            near: Progress of a place near its beginning, not a number where none is known [m].
         """
         improvement = candidate.improvement
         if not (improvement.elastic and improvement.slack_terminal):
@@ -62,7 +62,7 @@ class Progress:
         edges = plan.horizon.edges
         soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
         reach = settings.model.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
-        if self._gain(plan.poses[: soon + 1]) >= min(_WORTH_WHILE, _PART * reach):
+        if self._gain(plan.poses[: soon + 1], near) >= min(_WORTH_WHILE, _PART * reach):
             # Patience comes back with the goal only: else it would be spent on driving to and fro.
             return ''
         self._without += 1
@@ -73,11 +73,8 @@ class Progress:
             f'The robot waits: no plan soon gets it nearer to the goal, {miss:.3g} m off at best.'
         )
 
-    def _gain(self, poses: Array) -> float:
+    def _gain(self, poses: Array, near: float) -> float:
         """By how much a path gets nearer to the goal, along the road or straight [m]."""
-        along, straight = np.array([self._left(*pose) for pose in poses]).T
+        along = np.abs(ways_left(self._settings, np.ascontiguousarray(poses), near))
+        straight = np.hypot(*(poses[:, :2] - self._settings.goal).T)
         return float(max(along[0] - along.min(), straight[0] - straight.min()))
-
-    def _left(self, x: float, y: float, heading: float) -> tuple[float, float]:
-        along = way_left(self._road, x, y, heading, *self._settings.goal)
-        return abs(along), math.dist((x, y), self._settings.goal)

@@ -30,10 +30,12 @@ from cmpsp_ros.nodes.parameters import declare
 from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.rivals import TRUST, Rivals
+from cmpsp_ros.nodes.road_messages import RoadInput
 from cmpsp_ros.nodes.runtime import run
 from cmpsp_ros.nodes.topics import GOAL_POSE, GUIDANCE_ODOM, RESET
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.roads import lacks_road
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
 
@@ -125,6 +127,7 @@ class GuidanceNode(LifecycleNode):
         self._scheduling = Scheduling(self._values)
         # Before odometry: of two messages that wait the executor takes this one first.
         self._obstacles = ObstacleInput(self, self._settings)
+        self._road = RoadInput(self, self._values)
         self._inputs = (
             odometry := GUIDANCE_ODOM.listen_on(self, self._on_odometry),
             GOAL_POSE.listen_on(self, self._on_goal),
@@ -166,6 +169,7 @@ class GuidanceNode(LifecycleNode):
         self.destroy_service(service)
         self.destroy_timer(timer)
         self._obstacles.close()
+        self._road.close()
         self._outputs.close()
         self._rivals.close()
         self._garbage.end()
@@ -216,7 +220,7 @@ class GuidanceNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _on_odometry(self, message: Odometry) -> None:
-        if self._state != ACTIVE:
+        if self._state != ACTIVE or self._road.waits:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
@@ -244,8 +248,9 @@ class GuidanceNode(LifecycleNode):
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _on_goal(self, message: PoseStamped) -> None:
-        if self._state != ACTIVE:
-            self.get_logger().warning(f'goal_pose is not heard: the node is {self._state}')
+        if self._state != ACTIVE or self._road.waits:
+            state = 'waiting for a road' if self._state == ACTIVE else self._state
+            self.get_logger().warning(f'goal_pose is not heard: the node is {state}')
             return
         try:
             self._law.tell(*goal_of(message, self._settings.frame_id))
@@ -259,9 +264,11 @@ class GuidanceNode(LifecycleNode):
         self._garbage.collect(slack)
 
     def _show(self) -> None:
-        ahead = None if self._decision is None else self._decision.goal
-        self._outputs.show(self._law.task, ahead)
-        self._scenery_changed = False
+        # Before a road came there is none to be seen.
+        if not self._road.waits:
+            ahead = None if self._decision is None else self._decision.goal
+            self._outputs.show(self._law.task, ahead)
+        self._scenery_changed = self._road.waits
 
     def _notice_time(self, stamp: int) -> None:
         """Begin the run again when time has: odometry fits the clock, but not what came before."""
@@ -344,6 +351,8 @@ class GuidanceNode(LifecycleNode):
             raise ParameterError(Problem('guidance', 'a refused set of parameters', 'a restart'))
         changes = {each.name: each.value for each in parameters if not is_of_ros(each.name)}
         values = TABLE.reconfigure(self._values, changes)
+        if lacks_road(values) and not lacks_road(self._values):
+            raise ParameterError(Problem('road.points', 'nothing', 'a road, as there is one'))
         return values, guidance_settings(values)
 
     def _report(self) -> Report:
@@ -354,11 +363,14 @@ class GuidanceNode(LifecycleNode):
         elif state != ACTIVE:
             level, message = DiagnosticStatus.OK, f'The node is {state}.'
         elif decision is None:
-            level, message = DiagnosticStatus.WARN, 'Waiting for odometry.'
+            awaited = 'a road on the topic road' if self._road.waits else 'odometry'
+            level, message = DiagnosticStatus.WARN, f'Waiting for {awaited}.'
         else:
             level, message = level_of(decision), decision.reason
         if state == ACTIVE and (warnings := self._warnings()):
             level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *warnings])
+        if state == ACTIVE and self._road.refusal:
+            level, message = DiagnosticStatus.ERROR, f'{message} {self._road.refusal}'
         rung = None if decision is None else decision.rung
 
         def figures() -> dict[str, object]:

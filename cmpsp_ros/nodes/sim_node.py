@@ -19,6 +19,7 @@ from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes.moving_obstacles import Traffic, cloud_of
 from cmpsp_ros.nodes.parameters import declare
+from cmpsp_ros.nodes.road_messages import path_of
 from cmpsp_ros.nodes.runtime import run
 from cmpsp_ros.nodes.topics import (
     CLOCK,
@@ -26,6 +27,7 @@ from cmpsp_ros.nodes.topics import (
     SIM_MOVING,
     SIM_ODOM,
     SIM_RESET,
+    SIM_ROAD,
     SIM_STAMPED_COMMAND,
     SIM_WHEELS,
     TRUTH,
@@ -74,6 +76,9 @@ class SimNode(Node):
         self.odometry = SIM_ODOM.publish_on(self)
         self._traffic = Traffic(self.values)
         self._moving = SIM_MOVING.publish_on(self) if len(self._traffic) else None
+        tells = self.values['road.source'] == 'topic'
+        self._road = SIM_ROAD.publish_on(self) if tells else None
+        self._tell_road()
         self._truth = TRUTH.publish_on(self)
         self._wheels = SIM_WHEELS.publish_on(self)
         self._clock_out = CLOCK.publish_on(self) if has_clock else None
@@ -145,6 +150,10 @@ class SimNode(Node):
                 self._transforms.sendTransform(_transform(message))
         self._publish_truth(self.plant.motion)
 
+    def _tell_road(self) -> None:
+        if self._road is not None and self.values['road.points']:
+            self._road.publish(path_of(self.values))
+
     def _drive_to(self, stamp_ns: int) -> None:
         for change in self.plant.advance(stamp_ns):
             self._publish_truth(change)
@@ -189,7 +198,9 @@ class SimNode(Node):
             return SetParametersResult(successful=False, reason=str(error))
         self._pace.before_reset()
         self.plant.reconfigure(plant_settings(values))
-        self.values = values
+        before, self.values = self.values, values
+        if any(values[key] != before[key] for key in ('road.points', 'road.closed')):
+            self._tell_road()
         return SetParametersResult(successful=True)
 
 

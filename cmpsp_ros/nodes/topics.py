@@ -119,6 +119,16 @@ GOAL_POSE = Topic(
     'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
     ' `frame_id`',
 )
+GUIDANCE_ROAD = Topic(
+    'guidance',
+    'in',
+    'road',
+    Path,
+    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, in place'
+    ' of the last; closed where it ends as it begins; latched',
+    depth=1,
+    latched=True,
+)
 COMMAND = Topic(
     'guidance',
     'out',
@@ -211,6 +221,15 @@ SIM_MOVING = Topic(
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
     ' among the names, from 0',
     depth=_OF_A_RUN,
+)
+SIM_ROAD = Topic(
+    'sim',
+    'out',
+    'road',
+    Path,
+    'with `road.source: topic`: `road.points`, where there are some; latched',
+    depth=1,
+    latched=True,
 )
 TRUTH = Topic(
     'sim',

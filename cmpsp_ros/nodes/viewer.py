@@ -17,6 +17,7 @@ from cmpsp_ros.nodes.viewer_messages import (
     SERIES,
     course_of,
     decision_of,
+    moving_of,
     place_of,
     plan_of,
     speeds_of,
@@ -90,6 +91,7 @@ class Viewer(Node):
             (topics.DECISION, self._on_decision),
             (topics.PLAN, self._on_plan),
             (topics.MARKERS, self._on_markers),
+            (topics.PLAN_MARKERS, self._on_plan_markers),
             (topics.SIM_WHEELS, self._on_wheels),
         )
         for topic, callback in heard:
@@ -125,6 +127,9 @@ class Viewer(Node):
         self._board.show_course(course_of(message))
         # They are sent anew when parameters have changed.
         self._robot = None
+
+    def _on_plan_markers(self, message: MarkerArray) -> None:
+        self._board.show('moving', moving_of(message))
 
     def _on_wheels(self, message: JointState) -> None:
         self._board.show('driven', speeds_of(message))

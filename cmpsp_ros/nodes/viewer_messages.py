@@ -53,6 +53,11 @@ def decision_of(message: DiagnosticStatus) -> dict[str, Any]:
         'margin': _number(values, 'margin'),
         'worst_margin': _number(values, 'worst_margin'),
         'step_ms': _number(values, 'step_ms'),
+        'goal': {
+            'name': _short(values.get('goal', '')),
+            'at': [_number(values, 'goal_x'), _number(values, 'goal_y')],
+            'time': _number(values, 'goal_time'),
+        },
     }
 
 
@@ -82,6 +87,21 @@ def course_of(message: MarkerArray) -> list[dict[str, Any]]:
         }
         for kind, each in kinds
         if kind is not None and each.action == Marker.ADD
+    ]
+
+
+def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
+    """What moves, of the markers of a plan: where each is, its diameter, and where it goes."""
+    there = [each for each in message.markers[:_MOST_MARKERS] if each.action == Marker.ADD]
+    ways = {each.id: each.points[-1] for each in there if each.type == Marker.ARROW and each.points}
+    return [
+        {
+            'at': [each.pose.position.x, each.pose.position.y],
+            'size': each.scale.x,
+            'to': [ways[each.id].x, ways[each.id].y] if each.id in ways else None,
+        }
+        for each in there
+        if each.type == Marker.CYLINDER
     ]
 
 

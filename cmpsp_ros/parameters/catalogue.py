@@ -118,6 +118,11 @@ def _parameters() -> Iterator[Parameter]:
         'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
         'along a line through points; `none` is open floor.',
         choices=('annulus', 'corridor', 'none'), **_FIXED)
+    yield place('road.source', _STRING, 'parameters', '',
+        'Where a `corridor` comes from: these parameters, or the topic `road`. With `topic` the '
+        'guidance node waits for it, and each one that comes sets `road.points` and `road.closed`; '
+        'what they are at first is what the simulator tells there.',
+        choices=('parameters', 'topic'), **_FIXED)
     yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
         'Centre of an `annulus` (x, y).', **_POINT)
     yield place('road.inner_radius', _DOUBLE, 9.0, 'm',

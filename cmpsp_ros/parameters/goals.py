@@ -10,7 +10,7 @@ from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.guidance.settings import GOAL
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.places import place_problems
-from cmpsp_ros.parameters.roads import road_of
+from cmpsp_ros.parameters.roads import lacks_road, road_of
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robot.corridor import Corridor
 from cmpsp_ros.robot.road import Annulus
@@ -78,6 +78,8 @@ def follow_problems(values: Values) -> Iterator[Problem]:
     if not _FEWEST_STEPS * period <= horizon <= _MOST_STEPS * period:
         wanted = f'{_FEWEST_STEPS} to {_MOST_STEPS} times control_period = {period} s'
         yield Problem('follow.horizon', f'{horizon} s', wanted)
+    if lacks_road(values):
+        return
     try:
         road = road_of(values)
     except ParameterError:

@@ -16,11 +16,20 @@ from cmpsp_ros.robot.road import Annulus, OpenFloor, Road
 _ROUNDING = 1e-9
 
 
+def lacks_road(values: Values) -> bool:
+    """Whether the road is still to come, on the topic `road`."""
+    return values['road.source'] == 'topic' and not values['road.points']
+
+
 def road_of(values: Values) -> Road:
     """The road.
 
     Args:
         values: A set resolved by the table.
+
+    Returns:
+        The road. Where it is still to come one stands in for it, which is driven on by nobody: code
+        can be compiled for its kind.
 
     Raises:
         ParameterError: A corridor's lists do not fit together, or its points make no road; names
@@ -29,7 +38,7 @@ def road_of(values: Values) -> Road:
     if values['road.type'] == 'none':
         return OpenFloor()
     if values['road.type'] == 'corridor':
-        return _corridor(values)
+        return _stand_in(values) if lacks_road(values) else _corridor(values)
     center = tuple(values['road.center'])
     return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
 
@@ -45,6 +54,11 @@ def road_keys(values: Values) -> tuple[str, ...]:
 
 def road_problems(values: Values) -> Iterator[Problem]:
     """What makes a road that the robot cannot be on."""
+    kind = values['road.type']
+    if values['road.source'] == 'topic' and kind != 'corridor':
+        yield Problem('road.source', 'topic', f'parameters with road.type {kind}')
+    if lacks_road(values):
+        return
     try:
         road = road_of(values)
     except ParameterError as error:
@@ -69,6 +83,8 @@ def road_problems(values: Values) -> Iterator[Problem]:
 
 def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
     """What of the road forbids the robot, without its margin, to stand at a point [m]."""
+    if lacks_road(values):
+        return
     try:
         road = road_of(values)
     except ParameterError:
@@ -92,6 +108,15 @@ def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> I
         elif road.beyond(point) > _ROUNDING:
             found = f'{road.beyond(point):.9g} m beyond the end of the road'
             yield Problem(key, found, 'a point between its first and its last point')
+
+
+def _stand_in(values: Values) -> Corridor:
+    """A ring with room for the robot."""
+    half = 1.0 + values['robot.radius'] + values['safety.margin']
+    radius, count = 10.0 * half, 16
+    angles = [math.tau * k / count for k in range(count)]
+    points = tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
+    return Corridor(points, (half,) * count, (half,) * count, closed=True)
 
 
 def _corridor(values: Values) -> Corridor:

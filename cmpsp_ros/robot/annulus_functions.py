@@ -66,7 +66,7 @@ class AnnulusSpace(NamedTuple):
 
 
 @implements(road_functions.find, AnnulusSpace)
-def find(road: AnnulusSpace, x: float, y: float, heading: float) -> float:
+def find(road: AnnulusSpace, x: float, y: float, heading: float, near: float) -> float:
     """Nothing: a bearing says it all; see `road_functions.find`."""
     return 0.0
 

@@ -147,23 +147,24 @@ class ClearSpace:
             radii=np.concatenate([standing, radii], axis=1),
         )
 
-    def at(self, poses: Array) -> Array:
+    def at(self, poses: Array, near: float = math.nan) -> Array:
         """Clearance of single poses.
 
         Args:
             poses: Shape ``(K, 3)`` [m, m, rad]; the samples, where the space is one for each.
+            near: Progress of a place near all of them, not a number where none is known [m].
 
         Returns:
             To both edges of the road and to each shape, negative where violated; shape
             ``(K, 2 + M)`` [m].
         """
         edges, poses = np.empty((len(poses), 2)), np.ascontiguousarray(poses)
-        _edges_at(edges, self.road, poses)
+        _edges_at(edges, self.road, poses, float(near))
         away = np.empty((len(poses), len(self.first) - 1))
         _away_at(away, self.corners, self.first, poses)
         return np.column_stack([edges, away - self.radii])
 
-    def along(self, poses: Array, twists: Array, durations: Array) -> Array:
+    def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
         """Least clearance of arcs, from end to end, along a path.
 
         Where the road crosses itself a path keeps to the branch that it is on.
@@ -172,35 +173,38 @@ class ClearSpace:
             poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
             twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
             durations: Shape ``(K,)`` [s].
+            near: Progress of a place near the first pose, not a number where none is known [m].
 
         Returns:
             As from `at`.
         """
         edges = np.empty((len(poses), 2))
         arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _edges_along(edges, self.road, *arguments)
+        _edges_along(edges, self.road, float(near), *arguments)
         least = np.empty((len(poses), len(self.first) - 1))
         _away_along(least, self.corners, self.first, *arguments)
         return np.column_stack([edges, least - self.radii])
 
 
 @allocation_free
-def _edges_at(clearance: Array, road: Any, poses: Array) -> None:
+def _edges_at(clearance: Array, road: Any, poses: Array, near: float) -> None:
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
-        place = road_functions.find(road, x, y, poses[k, 2])
+        place = road_functions.find(road, x, y, poses[k, 2], near)
         _, _, over, over_other = road_functions.measure(road, k, x, y, place)
         clearance[k, 0] = min(-over, road_functions.FAR)
         clearance[k, 1] = min(-over_other, road_functions.FAR)
 
 
 @allocation_free
-def _edges_along(clearance: Array, road: Any, poses: Array, twists: Array, times: Array) -> None:
+def _edges_along(
+    clearance: Array, road: Any, near: float, poses: Array, twists: Array, times: Array
+) -> None:
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):
         x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
-            place = road_functions.find(road, x, y, heading)
+            place = road_functions.find(road, x, y, heading, near if k == 0 else math.nan)
         arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
         place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
             road, arc, place, math.inf, math.inf

@@ -91,11 +91,15 @@ class CorridorSpace(NamedTuple):
 
 
 @implements(road_functions.find, CorridorSpace)
-def find(road: CorridorSpace, x: float, y: float, heading: float) -> float:
+def find(road: CorridorSpace, x: float, y: float, heading: float, near: float) -> float:
     """Progress of the nearest place that leads the same way; see `road_functions.find`.
 
     Nearness and direction are added up as squares; which way along the road does not matter.
     """
+    progress: float
+    if not math.isnan(near):
+        progress = _across(road, x, y, near)[0]
+        return progress
     stations, cosine, sine = road.stations, math.cos(heading), math.sin(heading)
     weight = road.decides * road.decides
     if math.isnan(heading):
@@ -107,7 +111,7 @@ def find(road: CorridorSpace, x: float, y: float, heading: float) -> float:
         score = dx * dx + dy * dy + weight * across * across
         if score < best:
             best, nearest = score, i
-    progress: float = _across(road, x, y, nearest * road.station_step)[0]
+    progress = _across(road, x, y, nearest * road.station_step)[0]
     return progress
 
 

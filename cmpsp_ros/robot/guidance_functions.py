@@ -44,6 +44,7 @@ class GuidanceData(NamedTuple):
             the line through the goal across this direction that is to be passed [rad].
         durations: Length of every step, shape ``(N,)`` [s].
         road: Where on the road the robot's centre may be, as `road_functions` has it.
+        near: Progress of a place near the pose, not a number where none is known [m].
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
         first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
         radii: Least distances from the obstacles without their radii, ``-inf`` where there is
@@ -61,6 +62,7 @@ class GuidanceData(NamedTuple):
     heading: float
     durations: Array
     road: Any
+    near: float
     corners: Array
     first: Indices
     radii: Array
@@ -86,7 +88,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """Value of (95) without its proximal term; see `functions.evaluate`."""
     cost = 0.0
     N = data.durations.shape[0]
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2])
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
         progress, off_center = _constrain(data, X, k, progress, g)
         cost += data.road_center * off_center * off_center
@@ -106,7 +108,7 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
     N = data.durations.shape[0]
     q = data.road_center
     curvature = data.control_change + data.control_effort
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2])
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
         if k < N:
             duration = data.durations[k]

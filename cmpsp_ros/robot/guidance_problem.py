@@ -79,6 +79,7 @@ class GuidanceProblem(OptimalControlProblem):
         durations: Array,
         heading: float = math.nan,
         outputs: int = POINT,
+        near: float = math.nan,
     ) -> None:
         """Set the problem up from where the robot is.
 
@@ -91,6 +92,7 @@ class GuidanceProblem(OptimalControlProblem):
             durations: Length of every step, shape ``(N,)`` [s].
             heading: As in `GuidanceData`; not used for a `POINT` [rad].
             outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
+            near: As in `GuidanceData` [m].
         """
         steps = len(durations)
         self.size = Dimensions(
@@ -99,7 +101,8 @@ class GuidanceProblem(OptimalControlProblem):
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
         self.target = target_of(goal, heading, outputs)
-        self.data = guidance_data(robot, space, cost, pose, goal, durations, heading=heading)
+        data = guidance_data(robot, space, cost, pose, goal, durations, heading=heading)
+        self.data = data._replace(near=float(near))
 
     def predict(self, U: Array) -> Array:
         """Exact arcs under zero-order hold; shape ``(N + 1, 3)``."""
@@ -155,6 +158,7 @@ def guidance_data(
         heading=float(heading),
         durations=durations,
         road=space.road,
+        near=math.nan,
         corners=np.ascontiguousarray(space.corners),
         first=space.first,
         radii=np.atleast_2d(space.radii),

@@ -39,7 +39,7 @@ class OpenSpace(NamedTuple):
 
 
 @implements(road_functions.find, OpenSpace)
-def find(road: OpenSpace, x: float, y: float, heading: float) -> float:
+def find(road: OpenSpace, x: float, y: float, heading: float, near: float) -> float:
     """Nothing to be found; see `road_functions.find`."""
     return 0.0
 

@@ -17,8 +17,8 @@ FAR = 1e6
 """Clearance from an edge that is not there [m]: a number that can be added, written and read."""
 
 
-def find(road: Any, x: float, y: float, heading: float) -> float:
-    """Progress of a pose of which nothing else is known.
+def find(road: Any, x: float, y: float, heading: float, near: float) -> float:
+    """Progress of a pose.
 
     Args:
         road: The road.
@@ -26,6 +26,8 @@ def find(road: Any, x: float, y: float, heading: float) -> float:
         y: See `x`.
         heading: Of the pose: where the road crosses itself it says which way is meant. Not a
             number for a point without a heading [rad].
+        near: Progress of a place from which the pose has not come far; not a number where none is
+            known. It counts more than the heading [m].
 
     Returns:
         Progress [m].

@@ -15,6 +15,7 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.bags.encounters import Encounter
 from cmpsp_ros.bags.passing import Passing
+from cmpsp_ros.guidance.goals import place_of
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robot.arcs import arc_ends
@@ -115,6 +116,7 @@ def commanded(record: Record) -> Verdict:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
         poses = _measured(leg, commands.stamps, [each.command_delay for each in settings_of])
+        near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
             settings = settings_of[index]
@@ -122,7 +124,8 @@ def commanded(record: Record) -> Verdict:
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
                 period = min(max(held, 0.0), period)
-            spare = _spare(settings, pose, twist, period)
+            near = place_of(settings.road, pose, near)
+            spare = _spare(settings, pose, twist, period, near)
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp
                 column = int(spare.argmin())
@@ -245,13 +248,16 @@ def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> A
     return poses
 
 
-def _spare(settings: GuidanceSettings, pose: Array, twist: Array, period: float) -> Array:
+def _spare(
+    settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
+) -> Array:
     """Clearance of an arc beyond what must be asked of it, ``(2 + M,)`` [m]."""
     space = space_of(settings)
     start, held = pose[None], np.array([period])
-    floor = np.minimum(space.at(start)[0], 0.0)
+    floor = np.minimum(space.at(start, near)[0], 0.0)
     if settings.safety.between_samples:
-        spare: Array = space.along(start, twist[None], held)[0] - floor
+        spare: Array = space.along(start, twist[None], held, near)[0] - floor
     else:
-        spare = space.at(arc_ends(start, twist[None], held))[0] - (floor - _SAMPLE_TOLERANCE)
+        end = arc_ends(start, twist[None], held)
+        spare = space.at(end, near)[0] - (floor - _SAMPLE_TOLERANCE)
     return spare

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.film.scene import scene
-from cmpsp_ros.bags.run import Driven, read_driven
+from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, scene
+from cmpsp_ros.bags.run import read_driven
+from cmpsp_ros.bags.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
 _STILL, _MOVING = (640, 480), (480, 320)
 _STILLS, _RATE = 4, 10
+_FAINT = 0.3
 _WAY_POINTS = 200
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
@@ -62,8 +67,18 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     times = seconds or np.linspace(0.0, length, count).tolist()
     stamps = [first + to_nanoseconds(each) for each in times]
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, _WAY_POINTS)]
-    model = scene(settings, np.array(way))
-    frames = list(_frames(model, settings.robot, driven, stamps, _MOVING if moving else _STILL))
+    led = aims(record.decisions, settings)
+    goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
+    model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))
+    moments = [
+        _Moment(
+            driven.at(stamp),
+            seen_at(record.tracks, stamp, settings.moving_obstacles.timeout),
+            next((goals.index(goal.position) for since, goal in led[::-1] if since <= stamp), -1),
+        )
+        for stamp in stamps
+    ]
+    frames = list(_frames(model, settings.robot, moments, _MOVING if moving else _STILL))
     try:
         if moving:
             frames[0].save(
@@ -76,8 +91,23 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     return len(frames)
 
 
+@dataclass(frozen=True)
+class _Moment:
+    """What is different from one frame to the next.
+
+    Attributes:
+        pose: Of the robot, shape ``(3,)`` [m, m, rad].
+        moving: What moves, where it is then.
+        goal: Index of the goal that is driven to, -1 for none.
+    """
+
+    pose: Array
+    moving: list[Track]
+    goal: int
+
+
 def _frames(
-    model: str, robot: DifferentialDrive, driven: Driven, stamps: list[int], size: tuple[int, int]
+    model: str, robot: DifferentialDrive, moments: Sequence[_Moment], size: tuple[int, int]
 ) -> Iterator[Image.Image]:
     mujoco = _mujoco()
     world = mujoco.MjModel.from_xml_string(model)
@@ -93,16 +123,30 @@ def _frames(
             f'MuJoCo cannot draw here (MUJOCO_GL={os.environ.get("MUJOCO_GL", "")}): {error}'
         ) from None
     with renderer:
-        for stamp in stamps:
-            x, y, heading = driven.at(stamp).tolist()
+        for moment in moments:
+            x, y, heading = moment.pose.tolist()
             turn = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
             state.qpos[:7] = (x, y, robot.wheel_radius, *turn)
+            _arrange(world, state, moment)
             mujoco.mj_forward(world, state)
             ahead = (x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading))
             camera.lookat[:] = (*ahead, robot.wheel_radius)
             camera.azimuth = math.degrees(heading)
             renderer.update_scene(state, camera)
             yield Image.fromarray(renderer.render())
+
+
+def _arrange(world: Any, state: Any, moment: _Moment) -> None:
+    """Put what moves where it is, and let the goal that is driven to stand out."""
+    state.mocap_pos[:, 2] = BELOW
+    for each in moment.moving:
+        name = f'moving {each.id}'
+        world.geom(name).size[0] = each.radius
+        state.mocap_pos[world.body(name).mocapid[0]] = (each.x, each.y, HEIGHT / 2.0)
+    names = [world.geom(index).name for index in range(world.ngeom)]
+    for index, name in enumerate(names):
+        if name.startswith('goal '):
+            world.geom_rgba[index, 3] = 1.0 if name == f'goal {moment.goal}' else _FAINT
 
 
 def _mujoco() -> Any:

@@ -1,9 +1,10 @@
-"""Road, obstacles, goal and robot of a run as a scene for MuJoCo's renderer."""
+"""Road, obstacles, goals and robot of a run as a scene for MuJoCo's renderer."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,16 @@ from cmpsp_ros.robot.physics import Physics, mjcf
 
 Array = NDArray[np.float64]
 
-_HEIGHT = 0.12
+Point = tuple[float, float]
+
+BELOW: Final = -10.0
+"""Height of what is not to be seen [m]."""
+
+HEIGHT: Final = 0.12
+"""Of obstacles [m]."""
+
+_PURPLE: Final = '0.62 0.2 0.5 1'
+_GREEN: Final = '0.05 0.5 0.25 1'
 _LINE = 0.012
 
 _LOOK = """
@@ -35,18 +45,34 @@ _LOOK = """
     <geom type="plane" size="0 0 1" material="floor"/>"""
 
 
-def scene(settings: GuidanceSettings, way: Array) -> str:
+def scene(
+    settings: GuidanceSettings,
+    way: Array,
+    goals: Sequence[Point] = (),
+    moving: Sequence[int] = (),
+) -> str:
     """The scene in MuJoCo's own format, with the robot's free joint first.
 
     Args:
-        settings: Robot, road, obstacles and goal.
+        settings: Robot, road and obstacles.
         way: Points of the path driven, shape ``(K, 2)`` [m].
+        goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
+        moving: Numbers of the obstacles that move, each a body `moving 7` to be put somewhere.
     """
-    decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(settings, way)))
+    posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
+    decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))
     robot = mjcf(settings.robot, Physics(), 0.0)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
+    discs = ''.join(map(_disc, moving))
+    body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
+
+
+def _disc(number: int) -> str:
+    """An obstacle that moves, below the floor until it is seen."""
+    geom = _geom('cylinder', f'1 {HEIGHT / 2.0}', (0.0, 0.0, 0.0), _PURPLE, f'moving {number}')
+    return f'<body name="moving {number}" mocap="true" pos="0 0 {BELOW}">{geom}</body>\n'
 
 
 def _edges(settings: GuidanceSettings) -> Iterator[str]:
@@ -56,17 +82,20 @@ def _edges(settings: GuidanceSettings) -> Iterator[str]:
 
 def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
     for each in settings.obstacles:
-        height, color = _HEIGHT / 2.0, '0.8 0.25 0.18 1'
+        height, color = HEIGHT / 2.0, '0.8 0.25 0.18 1'
         if isinstance(each, Obstacle):
             yield _geom('cylinder', f'{each.radius} {height}', (*each.center, height), color)
         else:
             yield from _line(outline(each, each.radius), _LINE, color)
 
 
-def _way(settings: GuidanceSettings, way: Array) -> Iterator[str]:
+def _way(way: Array) -> Iterator[str]:
     yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1')
-    yield _geom('cylinder', f'0.01 {_HEIGHT}', (*settings.goal, _HEIGHT), '0.05 0.5 0.25 1')
-    yield _geom('sphere', '0.05', (*settings.goal, 2.0 * _HEIGHT), '0.05 0.5 0.25 1')
+
+
+def _goal(index: int, place: Point) -> Iterator[str]:
+    yield _geom('cylinder', f'0.01 {HEIGHT}', (*place, HEIGHT), _GREEN)
+    yield _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}')
 
 
 def _line(corners: Array, radius: float, color: str) -> Iterator[str]:
@@ -79,9 +108,11 @@ def _line(corners: Array, radius: float, color: str) -> Iterator[str]:
             )
 
 
-def _geom(kind: str, size: str, place: tuple[float, float, float], color: str) -> str:
-    position = ' '.join(map(str, place))
+def _geom(
+    kind: str, size: str, place: tuple[float, float, float], color: str, name: str = ''
+) -> str:
+    position, named = ' '.join(map(str, place)), f'name="{name}" ' if name else ''
     return (
-        f'<geom type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
+        f'<geom {named}type="{kind}" size="{size}" pos="{position}" rgba="{color}" '
         'contype="0" conaffinity="0"/>'
     )

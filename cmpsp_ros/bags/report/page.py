@@ -18,7 +18,8 @@ from typing import Any
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import charts, tables
-from cmpsp_ros.bags.report.path_chart import moving, path
+from cmpsp_ros.bags.report.path_chart import path
+from cmpsp_ros.bags.report.slider import moving
 from cmpsp_ros.bags.report.view import View
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import groupby
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
+from cmpsp_ros.bags.report.slider import goals_of, told_of
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.robot.obstacles import Obstacle, Shape, outline
 from cmpsp_ros.robot.road import Road
 
@@ -27,7 +25,7 @@ def path(views: Sequence[View]) -> Figure:
     """Road, obstacles, goal, paths driven, plans and robots."""
     figure: Figure = {'data': _traces(views), 'layout': layout()}
     shapes, annotations = [], []
-    for road in dict.fromkeys(view.settings.road for view in views):
+    for road in dict.fromkeys(road for view in views for road in view.roads):
         shapes += _road(road)
     for obstacle, kept in obstacles(views).items():
         shapes += _shapes(obstacle, kept)
@@ -55,34 +53,11 @@ def path(views: Sequence[View]) -> Figure:
     return figure
 
 
-def moving(views: Sequence[View]) -> list[dict[str, Any]]:
-    """What the slider moves in this chart: for each bag its plans, poses, and what it said."""
-    return [
-        {
-            'plans': [
-                {'t': round(each.seconds, 6), 'x': numbers(each.points[:, 0])}
-                | {'y': numbers(each.points[:, 1])}
-                for each in view.plans
-            ],
-            't': numbers(view.times),
-            'x': numbers(view.poses[:, 0]),
-            'y': numbers(view.poses[:, 1]),
-            'heading': numbers(view.poses[:, 2]),
-            'clearance': {
-                't': numbers(view.clearance[0]),
-                'value': numbers(np.minimum(*view.clearance[1:])),
-            },
-            'said': [
-                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
-                for each in view.record.decisions
-            ],
-        }
-        for view in views
-    ]
-
-
 def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, then plans, then robots, one of each a bag and in their order; then the rest."""
+    """Paths, plans, robots, what moves and the goal driven to, each for all bags; then the rest.
+
+    The script counts on this order.
+    """
     several = len(views) > 1
     prefixes = [f'{escaped(view.label)}: ' if several else '' for view in views]
     driven = [
@@ -127,19 +102,67 @@ def _traces(views: Sequence[View]) -> list[Figure]:
         }
         for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
     ]
-    goals = [
+    traces: list[Figure] = [*driven, *plans, *robots, *_discs(prefixes), *_aims(prefixes)]
+    return [{'type': 'scatter', **each} for each in (*traces, *_goals(views), *_ways(views))]
+
+
+def _discs(prefixes: Sequence[str]) -> list[Figure]:
+    """What moves at the slider's time."""
+    return [
         {
-            'name': 'goal',
+            'name': f'{prefix}what moves',
+            'mode': 'lines',
+            'x': [],
+            'y': [],
+            'hoverinfo': 'skip',
+            'showlegend': False,
+            'fill': 'toself',
+            'fillcolor': OBSTACLE,
+            'opacity': 0.85,
+            'line': {'width': 0},
+        }
+        for prefix in prefixes
+    ]
+
+
+def _aims(prefixes: Sequence[str]) -> list[Figure]:
+    """Rings around the goal that is driven to at the slider's time."""
+    return [
+        {
+            'name': f'{prefix}driven to',
             'mode': 'markers',
-            'x': [goal[0]],
-            'y': [goal[1]],
-            'hovertemplate': 'goal: %{x:.3f}, %{y:.3f} m<extra></extra>',
+            'x': [],
+            'y': [],
+            'hoverinfo': 'skip',
+            'marker': {
+                'symbol': 'circle-open',
+                'size': 26,
+                'color': bag_color(number),
+                'line': {'width': 2},
+            },
+        }
+        for number, prefix in enumerate(prefixes)
+    ]
+
+
+def _goals(views: Sequence[View]) -> list[Figure]:
+    goals = goals_of(views)
+    if not goals:
+        return []
+    x, y = np.array([goal.position for goal in goals]).T
+    return [
+        {
+            'name': 'goal' if len(goals) == 1 else 'goals',
+            'mode': 'markers+text',
+            'x': numbers(x),
+            'y': numbers(y),
+            'text': [escaped(goal.name) for goal in goals],
+            'textposition': 'top right',
+            'cliponaxis': False,
+            'hovertemplate': 'goal %{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
             'marker': {'symbol': 'star', 'size': 15, 'color': GOAL},
         }
-        for goal in dict.fromkeys(view.settings.goal for view in views)
     ]
-    traces: tuple[Figure, ...] = (*driven, *plans, *robots, *goals, *_ways(views))
-    return [{'type': 'scatter', **each} for each in traces]
 
 
 def _ways(views: Sequence[View]) -> list[Figure]:
@@ -160,12 +183,6 @@ def _ways(views: Sequence[View]) -> list[Figure]:
         for view in views
         for told in told_of(view)
     ]
-
-
-def told_of(view: View) -> list[list[Track]]:
-    """What was told of each obstacle that moved, in order of time."""
-    grouped = groupby(view.record.tracks, key=lambda each: each.id)
-    return [list(told) for _, told in grouped]
 
 
 def _road(road: Road) -> list[Figure]:
@@ -209,7 +226,7 @@ def obstacles(views: Sequence[View]) -> dict[Shape, float]:
 def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
     """What happened, with room around it, in x and in y."""
     points = [view.poses[:, :2] for view in views]
-    points += [np.array([view.settings.goal]) for view in views]
+    points += [np.array([goal.position]) for goal in goals_of(views)]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     road = views[0].settings.road
     room = _ROOM * road.width

@@ -22,7 +22,8 @@ from cmpsp_ros.bags.report.palette import (
     RUNGS,
     bag_color,
 )
-from cmpsp_ros.bags.report.path_chart import frame, obstacles, told_of
+from cmpsp_ros.bags.report.path_chart import frame, obstacles
+from cmpsp_ros.bags.report.slider import goals_of, told_of
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.robot.obstacles import outline
@@ -54,7 +55,7 @@ def draw(views: Sequence[View], output: Path) -> None:
 
 
 def _draw_path(axes: Axes, views: Sequence[View]) -> None:
-    for road in dict.fromkeys(view.settings.road for view in views):
+    for road in dict.fromkeys(road for view in views for road in view.roads):
         draw_road(axes, road, ROAD, EDGE)
     for obstacle, kept in obstacles(views).items():
         edge, around = outline(obstacle, obstacle.radius), outline(obstacle, kept)
@@ -68,7 +69,9 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
         color = bag_color(number)
         axes.plot(*view.poses[:, :2].T, color=color, lw=2.0, label=_plain(view.label), zorder=4)
         axes.plot(*view.poses[0, :2], 'o', color=color, ms=7, zorder=5)
-        axes.plot(*view.settings.goal, '*', color=GOAL, ms=14, zorder=5)
+    for goal in goals_of(views):
+        axes.plot(*goal.position, '*', color=GOAL, ms=14, zorder=5)
+        axes.annotate(_plain(goal.name), goal.position, (6, 6), textcoords='offset points')
     (left, right), (bottom, top) = frame(views)
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')

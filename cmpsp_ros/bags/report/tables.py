@@ -103,7 +103,7 @@ def _figures(view: View) -> dict[str, str]:
     for band in view.bands:
         counts[band.rung] += band.steps
     deadline = 1e3 * view.settings.control_period
-    least = [by_check[each].worst for each in ('road', 'obstacles')]
+    least = [by_check[each].worst for each in ('road', 'obstacles', 'moving')]
     known = [each for each in least if each is not None]
     late = int((taken > deadline).sum())
     quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []

@@ -19,6 +19,7 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robot.road import Road
 
 Array = NDArray[np.float64]
 
@@ -80,6 +81,13 @@ class View:
         return self.record.history.at(self.record.start)
 
     @property
+    def roads(self) -> tuple[Road, ...]:
+        """Each road that was driven on."""
+        epochs = self.record.history.epochs
+        later = (each.settings.road for each in epochs if each.since > self.record.start)
+        return tuple(dict.fromkeys((self.settings.road, *later)))
+
+    @property
     def failures(self) -> int:
         """Number of checks that failed."""
         return sum(each.outcome is Outcome.FAILED for each in self.findings)
@@ -125,13 +133,19 @@ class View:
 
     @cached_property
     def clearance(self) -> tuple[Array, Array, Array]:
-        """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``."""
+        """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``.
+
+        Obstacles are those that stand still and those that move.
+        """
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
         road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])
         obstacles = np.concatenate(
             [each.clearance[:, EDGES:].min(axis=1, initial=np.inf) for each in sweeps]
         )
+        for each in self.record.encounters:
+            index = np.searchsorted(times, self._seconds(each.stamps), side='right') - 1
+            np.minimum.at(obstacles, np.maximum(index, 0), each.clearance)
         return _least(times, road, obstacles)
 
     @cached_property

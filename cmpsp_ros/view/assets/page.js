@@ -6,6 +6,8 @@ const RETRY_PERIOD = 1000;
 const SILENT_AFTER = 1.5;
 const RUNGS = {nominal: '#009e73', elastic: '#b3a500', shifted: '#e69f00', stop: '#4d4d4d'};
 
+const MOVING = '#b03a8c';
+
 const known = {course: -1, run: -1, series: {path: [], steps: []}};
 let news = {};
 let course = [];
@@ -70,6 +72,7 @@ function show() {
   element('rung').dataset.rung = rung;
   say('namespace', news.namespace === '/' ? '' : String(news.namespace || ''));
   say('reason', decision.reason || '');
+  say('goal', goalOf(decision));
   say('time_left', fixed(decision.time_left, 1, 's'));
   say('margin', signed(decision.margin));
   say('worst_margin', signed(decision.worst_margin));
@@ -81,7 +84,13 @@ function show() {
   drawStrips();
   Object.assign(document.body.dataset, {
     rung, steps: known.series.steps.length, path: known.series.path.length, course: course.length,
+    moving: (news.moving || []).length,
   });
+}
+
+function goalOf({goal}) {
+  if (!goal || !goal.name) return '–';
+  return isNumber(goal.time) ? `${goal.name} at ${goal.time.toFixed(1)} s` : goal.name;
 }
 
 function canvas(id) {
@@ -131,6 +140,8 @@ function drawCourse() {
     width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
   drawRoad(pen, to);
   for (const each of course) drawMarker(pen, each, to, scale);
+  for (const each of news.moving || []) drawMoving(pen, each, to, scale);
+  drawAim(pen, to);
   const rung = RUNGS[(news.decision || {}).rung] || '#8a93a1';
   stroke(pen, known.series.path, to, '#0072b2', 3, []);
   if (!(news.decision || {}).finished) stroke(pen, news.plan || [], to, rung, 2.5, [7, 5]);
@@ -168,6 +179,27 @@ function drawMarker(pen, marker, to, scale) {
     pen.textBaseline = 'middle';
     pen.fillText(marker.text, ...to(marker.at));
   }
+}
+
+// What moves, as the last plan knew it, and where it will be a second later.
+function drawMoving(pen, {at, size, to: there}, to, scale) {
+  if (!at.every(isNumber) || !isNumber(size)) return;
+  pen.beginPath();
+  pen.arc(...to(at), Math.max(Math.abs(size / 2 * scale), 3), 0, 2 * Math.PI);
+  pen.fillStyle = MOVING;
+  pen.fill();
+  if (there) stroke(pen, [at, there], to, MOVING, 2, []);
+}
+
+// A ring around the goal that is driven to.
+function drawAim(pen, to) {
+  const {goal} = news.decision || {};
+  if (!goal || !goal.name || !goal.at.every(isNumber)) return;
+  pen.beginPath();
+  pen.arc(...to(goal.at), 13, 0, 2 * Math.PI);
+  pen.strokeStyle = '#1a9940';
+  pen.lineWidth = 2.5;
+  pen.stroke();
 }
 
 function stroke(pen, points, to, color, width, dashes) {

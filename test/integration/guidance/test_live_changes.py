@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 
 import numpy as np
@@ -69,3 +70,53 @@ def test_changes_twenty_times_a_second_take_effect_without_a_dip(start_node, cli
     assert {each['rung'] for each in driven} == {Rung.NOMINAL.name.lower()}
     # From one control step to the next the speed changes by little, and never drops out.
     assert commands[:, 0].min() > 0.5 * np.median(commands[:, 0])
+
+
+def ring(radius):
+    """Points of a line that is nearly a circle."""
+    angles = np.arange(40) * math.tau / 40
+    return (radius * np.column_stack([np.cos(angles), np.sin(angles)])).ravel().tolist()
+
+
+RING = {'road.type': 'corridor', 'road.points': ring(10.0), 'road.closed': True}
+
+
+@pytest.mark.parametrize(
+    ('road', 'changes', 'wrong'),
+    [
+        (
+            {},
+            {'road.outer_radius': 11.5, 'road.inner_radius': 9.5, 'road.center': [0.0, 0.05]},
+            [('road.inner_radius', 11.6), ('road.outer_radius', 9.4), ('road.center', [0.0, 3.0])],
+        ),
+        (
+            RING,
+            {'road.points': ring(10.5), 'road.half_width': [0.9], 'road.left_width': [0.8]},
+            [('road.points', [0.0, 0.0, 1.0]), ('road.left_width', [20.0])],
+        ),
+    ],
+    ids=['annulus', 'corridor'],
+)  # fmt: skip
+def test_the_road_is_moved_under_a_robot_that_drives(start_node, client, road, changes, wrong):
+    given = {'autostart': False, 'final_time': 25.0, 'goal.position': [0.0, 10.2]}
+    start_node('guidance_node', given | road)
+    assert client.change_state('configure')
+    client.connect()
+    assert client.change_state('activate')
+    client.drive()
+    client.until_driving()
+    client.until(lambda: np.hypot(*client.pose[:2]) > 9.7)
+    for key, value in changes.items():
+        outcome = client.set_parameter(key, value)
+        assert outcome.successful, outcome.reason
+    for key, value in wrong:
+        outcome = client.set_parameter(key, value)
+        assert not outcome.successful, key
+        assert 'road.' in outcome.reason or 'goal.position' in outcome.reason
+    client.until(lambda: client.decisions[-1]['revision'] == str(len(changes)))
+    changed = len(client.decisions)
+    # The middle of both roads was 10 m from where it is now farther.
+    client.until(lambda: np.hypot(*client.pose[:2]) > 10.25)
+    assert client.decisions[-1]['revision'] == str(len(changes))
+    rungs = {each['rung'] for each in client.decisions[changed:]}
+    assert rungs == {Rung.NOMINAL.name.lower()}

@@ -22,7 +22,8 @@ def test_names_are_unique():
 def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'control_period', 'final_time', 'waypoints.names', 'waypoints.<name>.time',
-        'follow.speed', 'follow.horizon', 'robot.joint_names', 'road.type', 'solver.qp',
+        'follow.speed', 'follow.horizon', 'robot.joint_names', 'road.type', 'road.source',
+            'solver.qp',
         'enable_stamped_cmd_vel', 'autostart', 'initial_pose', 'odom_rate', 'real_time_factor',
         'publish_clock', 'lockstep', 'noise.dropout_windows', 'noise.seed',
         'realtime.priority', 'realtime.cpu',

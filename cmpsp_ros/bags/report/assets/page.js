@@ -2,6 +2,7 @@
 
 const data = JSON.parse(document.getElementById('data').textContent);
 const slider = document.getElementById('time');
+const CORNERS = 24;
 const playing = { since: null, from: 0 };
 
 async function unpack(text) {
@@ -22,10 +23,41 @@ function latest(times, t) {
   return low - 1;
 }
 
+/** Outlines of what moves, as it is foreseen from when it was last seen. */
+function outlines(bag, t) {
+  const found = { x: [], y: [] };
+  for (const each of bag.moving) {
+    const k = latest(each.t, t);
+    if (k < 0 || t - each.t[k] > bag.timeout) continue;
+    for (let corner = 0; corner <= CORNERS; corner += 1) {
+      const angle = (2 * Math.PI * corner) / CORNERS;
+      const age = t - each.t[k];
+      found.x.push(each.x[k] + age * each.vx[k] + each.radius[k] * Math.cos(angle));
+      found.y.push(each.y[k] + age * each.vy[k] + each.radius[k] * Math.sin(angle));
+    }
+    found.x.push(null);
+    found.y.push(null);
+  }
+  return found;
+}
+
+/** The goal that is driven to: since when, where, and in words. */
+function aim(bag, t) {
+  return bag.goals[Math.max(latest(bag.goalTimes, t), 0)];
+}
+
 function movePath(t) {
   const plans = { x: [], y: [] };
   const robots = { x: [], y: [], 'marker.angle': [] };
+  const discs = { x: [], y: [] };
+  const aims = { x: [], y: [] };
   for (const bag of data.bags) {
+    const { x, y } = outlines(bag, t);
+    discs.x.push(x);
+    discs.y.push(y);
+    const goal = aim(bag, t);
+    aims.x.push(goal ? [goal[1]] : []);
+    aims.y.push(goal ? [goal[2]] : []);
     const plan = bag.plans[latest(bag.planTimes, t)];
     plans.x.push(plan ? plan.x : []);
     plans.y.push(plan ? plan.y : []);
@@ -38,6 +70,8 @@ function movePath(t) {
   const traces = (first) => data.bags.map((_, index) => first + index);
   Plotly.restyle('path', plans, traces(count));
   Plotly.restyle('path', robots, traces(2 * count));
+  Plotly.restyle('path', discs, traces(3 * count));
+  Plotly.restyle('path', aims, traces(4 * count));
 }
 
 function moveCursors(t) {
@@ -62,6 +96,7 @@ function say(t) {
     const clearance = k < 0 ? null : bag.clearance.value[k];
     const parts = [bag.label];
     if (decision) parts.push(decision[1]);
+    if (aim(bag, t)) parts.push(`to ${aim(bag, t)[3]}`);
     if (clearance !== null) parts.push(`clearance ${clearance.toFixed(3)} m`);
     said.append(paragraph(parts.join(' · '), 'bag'));
     said.append(paragraph(decision ? decision[2] : 'No decision is recorded for this time.'));
@@ -115,6 +150,7 @@ async function begin() {
   for (const bag of data.bags) {
     bag.planTimes = bag.plans.map((each) => each.t);
     bag.saidTimes = bag.said.map((each) => each[0]);
+    bag.goalTimes = bag.goals.map((each) => each[0]);
   }
   const options = {
     responsive: true,

@@ -1,0 +1,83 @@
+"""What the slider moves in the chart of the path: plans, robots, goals, and what moves itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from cmpsp_ros.bags.aims import aims
+from cmpsp_ros.bags.report.charts import numbers
+from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.tracks import Track
+
+
+def moving(views: Sequence[View]) -> list[dict[str, Any]]:
+    """For each bag its plans, poses, obstacles, goals, and what it said."""
+    return [
+        {
+            'plans': [
+                {'t': round(each.seconds, 6), 'x': numbers(each.points[:, 0])}
+                | {'y': numbers(each.points[:, 1])}
+                for each in view.plans
+            ],
+            't': numbers(view.times),
+            'x': numbers(view.poses[:, 0]),
+            'y': numbers(view.poses[:, 1]),
+            'heading': numbers(view.poses[:, 2]),
+            'clearance': {
+                't': numbers(view.clearance[0]),
+                'value': numbers(np.minimum(*view.clearance[1:])),
+            },
+            'said': [
+                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
+                for each in view.record.decisions
+            ],
+            'goals': [
+                [round(seconds, 6), *goal.position, label_of(goal)]
+                for seconds, goal in aims_of(view)
+            ],
+            'moving': [_told(view, each) for each in told_of(view)],
+            'timeout': view.settings.moving_obstacles.timeout,
+        }
+        for view in views
+    ]
+
+
+def told_of(view: View) -> list[list[Track]]:
+    """What was told of each obstacle that moved, in order of time."""
+    grouped = groupby(view.record.tracks, key=lambda each: each.id)
+    return [list(told) for _, told in grouped]
+
+
+def aims_of(view: View) -> list[tuple[float, Goal]]:
+    """From when on [s] each goal was driven to, in order of time; none where a road is followed."""
+    found = aims(view.record.decisions, view.settings)
+    return [(view.record.seconds(stamp), goal) for stamp, goal in found]
+
+
+def goals_of(views: Sequence[View]) -> list[Goal]:
+    """All goals there were, each once."""
+    asked = (goal for view in views for goal in view.settings.goals)
+    driven_to = (goal for view in views for _, goal in aims_of(view))
+    places = {(goal.position, goal.name): goal for goal in (*driven_to, *asked)}
+    named = {position for position, name in places if name}
+    return [goal for (place, name), goal in places.items() if name or place not in named]
+
+
+def label_of(goal: Goal) -> str:
+    """A goal in words."""
+    return f'{goal.name} at {goal.time:g} s' if goal.name else 'the goal'
+
+
+def _told(view: View, told: list[Track]) -> dict[str, Any]:
+    chosen = [told[k] for k in thinned(np.arange(len(told)), MOST_PLANS)]
+    columns = {
+        name: numbers(np.array([getattr(each, name) for each in chosen]))
+        for name in ('x', 'y', 'vx', 'vy', 'radius')
+    }
+    times = np.array([view.record.seconds(each.stamp) for each in chosen])
+    return {'t': numbers(times), **columns}

@@ -1,0 +1,54 @@
+"""Roads in messages: the centre line of a corridor as `nav_msgs/Path`.
+
+Like a road in a file, one in a message stands for the parameters that it describes. Who listens
+changes these, so a bag holds the road itself, and from which decision on it counts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+
+TOPIC: Final = 'road'
+
+_MOST: Final = 10_000
+
+
+def road_in(message: Any, frame_id: str) -> dict[str, Any]:
+    """The parameters that a road is.
+
+    A line that ends where it begins is a closed road. Heights and orientations are left aside.
+
+    Args:
+        message: A Path.
+        frame_id: Frame in which the road is wanted. A pose may leave its own empty.
+
+    Returns:
+        Values by key; what they come to as a road is not checked.
+
+    Raises:
+        ParameterError: It is in another frame, has no points or too many, or one is not finite;
+            names the point.
+    """
+    _check_frame(TOPIC, message.header.frame_id, frame_id)
+    if not 0 < len(message.poses) <= _MOST:
+        found, wanted = f'{len(message.poses)} points', f'some, and {_MOST} at most'
+        raise ParameterError(Problem(TOPIC, found, wanted))
+    points = []
+    for index, each in enumerate(message.poses):
+        where = f'{TOPIC}, point {index} (from 0)'
+        _check_frame(where, each.header.frame_id or frame_id, frame_id)
+        place = each.pose.position.x, each.pose.position.y
+        if not all(map(math.isfinite, place)):
+            raise ParameterError(Problem(where, describe(list(place)), 'finite numbers [m]'))
+        points.append(place)
+    closed = len(points) > 1 and points[0] == points[-1]
+    kept = points[:-1] if closed else points
+    return {'road.points': [number for place in kept for number in place], 'road.closed': closed}
+
+
+def _check_frame(where: str, found: str, wanted: str) -> None:
+    if found != wanted:
+        raise ParameterError(Problem(where, f'frame {found!r}', f'{wanted!r} (frame_id)'))

@@ -1,0 +1,145 @@
+"""Roads that are told to the guidance node under way: waited for, taken, refused, replayed."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import Path as PathMessage
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from cmpsp_ros.bags.audit import Outcome, audit
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.nodes.road_messages import path_of
+from cmpsp_ros.robot.arcs import arc_ends
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 60.0
+PERIOD_NS = 200_000_000
+START = (0.0, -10.0, 0.0)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recorder', '--ros-args']
+
+# Odometry is stamped ahead of time here, and the test may be slow between two messages.
+TOLD = {
+    'road.type': 'corridor', 'road.source': 'topic', 'odom_timeout': 60.0, 'final_time': 20.0,
+}  # fmt: skip
+
+
+def ring(radius, *, frame_id='odom', corners=40):
+    """A road between two circles, nearly."""
+    angles = [math.tau * k / corners for k in range(corners)]
+    numbers = [radius * each for a in angles for each in (math.cos(a), math.sin(a))]
+    return path_of({'road.points': numbers, 'road.closed': True, 'frame_id': frame_id})
+
+
+def back_and_forth():
+    return path_of(
+        {'road.points': [0.0, 0.0, 3.0, 0.0, 1.0, 0.0], 'road.closed': False, 'frame_id': 'odom'}
+    )
+
+
+def not_finite():
+    road = ring(10.0)
+    road.poses[3].pose.position.x = math.nan
+    return road
+
+
+REFUSED = (
+    (ring(10.0, frame_id='map'), "found frame 'map', wanted 'odom' (frame_id)"),
+    (not_finite(), 'road, point 3 (from 0): found [nan, '),
+    (back_and_forth(), 'road.points: found at point 1 (from 0) a turn back by 180 deg'),
+    (ring(20.0), 'goal.position: found'),
+    (PathMessage(header=ring(10.0).header), 'road: found 0 points'),
+)
+
+
+@pytest.fixture
+def tell(client):
+    """Tell of a road: `tell(message)`."""
+    publisher = client.node.create_publisher(PathMessage, 'road', LATCHED)
+
+    def send(road):
+        client.until(publisher.get_subscription_count)
+        publisher.publish(road)
+
+    return send
+
+
+def test_a_road_is_waited_for_and_a_bad_one_refused(start_node, client, make_odometry, tell):
+    running = start_node('guidance_node', TOLD)
+    client.connect()
+    health = client.until_health(state='active', said='Waiting for a road on the topic road')
+    assert health['level'] == DiagnosticStatus.WARN
+    assert 'waiting for a road' in running.stderr
+    stamp = client.now()
+    for message, reason in REFUSED:
+        tell(message)
+        health = client.until_health(level=DiagnosticStatus.ERROR, said=reason)
+        client.until(lambda reason=reason: reason in running.stderr)
+        stamp += PERIOD_NS
+        client.send(stamp, START)
+        # Heard by then, and no drive has come of it.
+        client.until_health(level=DiagnosticStatus.ERROR, said=reason)
+    assert (client.decisions, client.commands) == ([], [])
+    tell(ring(10.0))
+    client.until_health(level=DiagnosticStatus.WARN, said='Waiting for odometry')
+    decision, command = client.decide(make_odometry(stamp + PERIOD_NS, START))
+    assert (decision['rung'], decision['step'], command[0] > 0.5) == ('nominal', '0', True)
+    # One that is refused under way leaves the old road.
+    tell(REFUSED[2][0])
+    client.until_health(level=DiagnosticStatus.ERROR, said=REFUSED[2][1])
+    after, _ = client.decide(make_odometry(stamp + 2 * PERIOD_NS, START))
+    assert (after['rung'], after['revision']) == ('nominal', decision['revision'])
+    outcome = client.set_parameter('road.points', [])
+    assert not outcome.successful
+    assert 'road.points' in outcome.reason
+    tell(ring(10.1))
+    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    later, _ = client.decide(make_odometry(stamp + 3 * PERIOD_NS, START))
+    assert int(later['revision']) == int(decision['revision']) + 1
+    assert 'Traceback' not in running.stderr
+
+
+def test_a_drive_on_roads_that_change_is_replayed_and_audited(
+    start_node, client, spawn, make_odometry, tell, tmp_path
+):
+    bag = Path(tmp_path) / 'bag'
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    running = start_node('guidance_node', TOLD)
+    client.connect()
+    client.until_health(state='active')
+    listeners = client.node.get_subscriptions_info_by_topic
+    for topic in ('/odom', '/cmd_vel', '/parameter_events', '/guidance/decision'):
+        client.until(
+            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
+        )
+    client.until(lambda: '/guidance' in client.recorded.get('parameters_of', '').split(', '))
+    pose, stamp, edges = np.array(START), client.now(), []
+    for step in range(30):
+        if step in (0, 10, 20):
+            come = running.stderr.count('a road of 41 points has come')
+            tell(ring(10.0 + 0.002 * step))
+            client.until(lambda come=come: running.stderr.count('has come') > come)
+        decision, command = client.decide(make_odometry(stamp, pose))
+        assert decision['rung'] == 'nominal', decision
+        edges.append(int(decision['revision']))
+        pose = arc_ends(pose[None], np.array([command]), np.array([0.2]))[0]
+        stamp += PERIOD_NS
+    assert sorted(set(edges)) == [edges[0], edges[0] + 1, edges[0] + 2]
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(LIMIT) == 0
+    with Bag(bag) as opened:
+        assert opened.topics['/road'].count == 3
+    outcome = replay(bag, Names.under(''))
+    assert (outcome.first, outcome.decisions) == (None, 30)
+    found = {each.check: each.outcome for each in audit(bag)}
+    assert found['road'] is Outcome.PASSED

@@ -1,0 +1,74 @@
+"""Where a road crosses itself: the robot stays on its branch, whichever way it turns."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.guidance.goals import place_of
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robot.road import Annulus
+
+PERIOD = 200_000_000
+STEPS = 300
+VALUES = TABLE.resolve(load_parameter_file('course'))
+SETTINGS = guidance_settings(VALUES)
+ROAD = SETTINGS.road
+
+
+def tracks(stamp):
+    """What moves, as the simulator tells of it."""
+    seconds, found = stamp / 1e9, []
+    for number, name in enumerate(VALUES['moving_obstacles.names']):
+        block = f'moving_obstacles.{name}'
+        center, velocity = (np.array(VALUES[f'{block}.{key}']) for key in ('center', 'velocity'))
+        place = (center + seconds * velocity).tolist()
+        radius = VALUES[f'{block}.radius']
+        found.append(Track(number, stamp, radius, *place, *velocity.tolist()))
+    return tuple(found)
+
+
+def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
+    law, pose, poses, decisions = GuidanceLaw(SETTINGS), np.array(VALUES['initial_pose']), [], []
+    for step in range(STEPS):
+        decisions.append(law.update(step * PERIOD, pose, tracks(step * PERIOD)))
+        poses.append(pose)
+        held = decisions[-1].wheel_speeds[None]
+        pose = SETTINGS.robot.roll_out(pose, held, np.array([0.2]))[-1]
+    assert {each.rung.name for each in decisions} == {'NOMINAL'}
+    assert math.dist(pose[:2], SETTINGS.goal) < 1e-6
+    # By its heading alone it was on the other branch for a moment.
+    before, carried, afresh = math.nan, [], []
+    for each in poses:
+        before = place_of(ROAD, each, before)
+        carried.append(before)
+        afresh.append(place_of(ROAD, each, math.nan))
+    apart = np.subtract(carried, afresh)
+    assert np.abs(apart - ROAD.length * np.round(apart / ROAD.length)).max() > 1.0
+    steps = np.diff(np.unwrap(carried, period=ROAD.length))
+    assert np.abs(steps).max() < SETTINGS.robot.max_speed * 0.2 + 0.1
+
+
+def test_a_robot_that_was_moved_is_found_afresh():
+    crossing, beside = np.array([0.0, 0.0, 0.0]), np.array([10.0, 0.0, 1.571])
+    one, other = (
+        place_of(ROAD, crossing + np.array([0.0, 0.0, turn]), math.nan) for turn in (0.8, -0.8)
+    )
+    assert abs(math.remainder(one - other, ROAD.length)) > 10.0
+    # Here it stays where it was, whatever its heading.
+    for was in (one, other):
+        for turn in np.linspace(-math.pi, math.pi, 9):
+            found = place_of(ROAD, crossing + np.array([0.05, 0.02, turn]), was)
+            assert math.remainder(found - was, ROAD.length) == pytest.approx(0.0, abs=0.1)
+    # There it cannot have come from here.
+    wanted = place_of(ROAD, beside, math.nan)
+    for was in (one, other):
+        assert place_of(ROAD, beside, was) == pytest.approx(wanted)
+
+
+def test_other_roads_need_no_place():
+    assert math.isnan(place_of(Annulus(), np.array([0.0, -9.25, 0.0]), 3.0))

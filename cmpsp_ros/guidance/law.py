@@ -65,8 +65,8 @@ class GuidanceLaw:
         self._lookout.forget()
         self._itinerary.reset()
         self._near = math.nan
-        self._slip.forget()
-        if True:
+        self._slip.forget(self._settings.max_slip)
+        if self._reckoned.slip != self._slip.slip:
             self._reckon()
         self._progress.forget()
         self._forget()

@@ -8,6 +8,9 @@ know it believes that it has more time than it has. The estimate is the least-sq
 over the control periods so far, with ``l_i`` how far the robot would have come without slip and
 ``d_i`` how far it came, along the same chord. A period counts only if the wheels kept their speed:
 after a change of speed a lagging wheel looks like a slipping one.
+
+Before anything was seen half of the most is believed. Who learns of slip when the robot has driven
+for a second cannot win that second back; who expected too much of it has time to spare.
 """
 
 from __future__ import annotations
@@ -23,7 +26,7 @@ from cmpsp_ros.robot.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
-# What is believed before: no slip, as if it had been seen over so long a way at a time [m].
+# What is believed before counts as if it had been seen over so long a way at a time [m].
 _PRIOR_LENGTH: Final = 0.4
 
 # Change of a wheel's speed, relative to the faster wheel, up to which a speed is a steady one.
@@ -37,13 +40,18 @@ class SlipEstimate:
     """The slip of one run, seen at its control steps."""
 
     def __init__(self) -> None:
-        """Begin without any slip seen."""
-        self.forget()
+        """Begin without any slip."""
+        self.forget(0.0)
 
-    def forget(self) -> None:
-        """Begin again, with another robot or on other ground."""
-        self._information = self._seen = _PRIOR_LENGTH**2
-        self._in_use = 0.0
+    def forget(self, most: float) -> None:
+        """Begin again, with another robot or on other ground.
+
+        Args:
+            most: Largest slip to reckon with, a fraction.
+        """
+        self._information = _PRIOR_LENGTH**2
+        self._seen = (1.0 - most / 2.0) * self._information
+        self._in_use = _in_steps(most / 2.0)
         self.lose()
 
     def lose(self) -> None:
@@ -98,5 +106,9 @@ class SlipEstimate:
         slip = min(max(1.0 - self._seen / self._information, 0.0), most)
         if abs(slip - self._in_use) < _STEP:
             return False
-        self._in_use = round(slip / _STEP) * _STEP
+        self._in_use = _in_steps(slip)
         return True
+
+
+def _in_steps(slip: float) -> float:
+    return round(slip / _STEP) * _STEP

@@ -26,14 +26,17 @@ from cmpsp_ros.robot.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
-# What is believed before counts as if it had been seen over so long a way at a time [m].
+# What is believed before counts as if it had been seen over so long a way at a time [m], and half
+# as much with every period that is seen.
 _PRIOR_LENGTH: Final = 0.4
+_FADING: Final = 0.5
 
 # Change of a wheel's speed, relative to the faster wheel, up to which a speed is a steady one.
 _STEADY: Final = 0.1
 
 # The estimate in use follows the present one in steps: each takes new plans from scratch.
 _STEP: Final = 0.005
+_CHANGE: Final = 0.9 * _STEP
 
 
 class SlipEstimate:
@@ -49,8 +52,8 @@ class SlipEstimate:
         Args:
             most: Largest slip to reckon with, a fraction.
         """
-        self._information = _PRIOR_LENGTH**2
-        self._seen = (1.0 - most / 2.0) * self._information
+        self._believed, self._weight = most / 2.0, _PRIOR_LENGTH**2
+        self._information = self._missed = 0.0
         self._in_use = _in_steps(most / 2.0)
         self.lose()
 
@@ -102,9 +105,11 @@ class SlipEstimate:
             return False
         came = ((pose[0] - before[0]) * x + (pose[1] - before[1]) * y) / length
         self._information += length**2
-        self._seen += length * float(came)
-        slip = min(max(1.0 - self._seen / self._information, 0.0), most)
-        if abs(slip - self._in_use) < _STEP:
+        self._missed += length * (length - float(came))
+        found = self._missed + self._weight * self._believed
+        slip = min(max(found / (self._information + self._weight), 0.0), most)
+        self._weight *= _FADING
+        if abs(slip - self._in_use) < _CHANGE:
             return False
         self._in_use = _in_steps(slip)
         return True

@@ -65,6 +65,19 @@ def test_a_study_counts_keeps_and_draws(made):
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
 
 
+def test_of_two_hundred_robots_none_is_unsafe_and_nearly_all_arrive(tmp_path):
+    """The study of `cmpsp study nominal`, with other courses than those of the documentation."""
+    study = Study('nominal', 7)
+    values = run(Order(study, 200, tmp_path / 'nominal', workers=2), lambda *_: lambda _: None)
+    counts = {name: each['count'] for name, each in values['shares'].items()}
+    arrived = values['shares']['arrived within 1 mm, goal in reach']
+    assert arrived['count'] >= 0.95 * arrived['of'] > 80
+    unsafe = ('touched an obstacle, of runs with any', 'left the road', 'exceptions')
+    assert [counts[name] for name in unsafe] == [0, 0, 0]
+    assert values['verdicts']['command not finite'] == 0
+    assert values['verdicts']['command above the wheel limit'] == 0
+
+
 def test_two_workers_come_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
     told = []

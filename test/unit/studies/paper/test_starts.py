@@ -1,0 +1,29 @@
+"""The paper's starts, driven by the law as it is by default."""
+
+from __future__ import annotations
+
+import pytest
+from typer.testing import CliRunner
+
+from cmpsp_ros.cli import app
+from cmpsp_ros.studies.paper.starts import start, starts
+
+STARTS = starts()
+
+
+@pytest.mark.parametrize('given', STARTS, ids=lambda each: f'{each[0]}-{each[1].robot}'[:60])
+def test_every_start_arrives_at_little_more_than_the_least_cost(given):
+    """Of the way that is taken; not further off than 15 % wherever the law chooses its guesses."""
+    label, settings, pose = given
+    found = start(label, settings, pose, compare=True)
+    assert found.path.miss < 1e-6
+    assert found.clearance >= 0.0
+    assert 1.0 - 1e-4 <= found.ratio <= 1.15
+
+
+def test_the_command_prints_them_all():
+    plain = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb'}
+    result = CliRunner().invoke(app, ['paper', '--starts'], env=plain)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.count('guess (45, 44.5)') == 2
+    assert result.stdout.count('heading −60°, road guess') == 2

@@ -81,7 +81,7 @@ def ways_through(
     count = min(math.ceil(length / SPACING), _MOST_STATIONS) + 1
     turned = np.linspace(0.0, abs(total), count)
     side = math.copysign(1.0, total)
-    discs = _discs(road, space, begin, side)
+    discs = _discs(road, space, begin, side, _straddled(settings))
     inner, outer = (float(np.median(each)) for each in (space.annulus.inner, space.annulus.outer))
     gaps = free(discs, turned, inner, outer)
     ends = (math.dist(pose[:2], road.center), math.dist(settings.goal, road.center))
@@ -155,8 +155,19 @@ def in_words(signature: Signature, names: Sequence[str]) -> str:
     return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
 
 
-def _discs(road: Annulus, space: ClearSpace, begin: float, side: float) -> list[Disc]:
+def _straddled(settings: GuidanceSettings) -> float:
+    """How far from the nearest sample a path may pass an obstacle: it may do so between two [m]."""
+    if not settings.safety.between_samples or math.isinf(settings.model.max_speed):
+        return 0.0
+    return settings.model.max_speed * settings.control_period / 2.0
+
+
+def _discs(
+    road: Annulus, space: ClearSpace, begin: float, side: float, straddled: float
+) -> list[Disc]:
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
+    # Samples keep farther away than the path between them comes.
+    radii = np.sqrt(np.maximum(radii**2 - straddled**2, 0.0)) * np.sign(radii)
     # What is no disc counts as the disc around it.
     radii, offsets = radii + space.reaches, space.centers - road.center
     return [

@@ -55,6 +55,16 @@ def test_two_obstacles_can_be_passed_in_four_ways():
         assert signature_of(given.road, centers(given), path, given.goal) == way.signature
 
 
+def test_a_gap_through_which_a_path_fits_between_two_samples_is_a_way():
+    """Samples would have to keep more than there is on the inside, by a centimetre or so."""
+    near = at(-0.8, 9.59, 0.475)
+    given = settings((near,), 51.0, ROAD)
+    space, ways, _ = search(given)
+    assert 9.59 - space.radii[0] < space.annulus.inner[0] < 9.59 - near.radius
+    assert {way.signature for way in ways} == {(1,), (-1,)}
+    assert len(search(settings((at(-0.8, 9.59, 0.55),), 51.0, ROAD))[1]) == 1
+
+
 def test_no_more_ways_than_asked_for():
     given = settings((FIRST, SECOND), 51.0, ROAD)
     every = search(given)[1]

@@ -69,7 +69,8 @@ class PlanMarkers:
     def take(self, settings: GuidanceSettings) -> None:
         """Take another course, in the same frame."""
         self._settings = settings
-        self._room = Room(settings)
+        # Made for the first plan that somebody wants to see.
+        self._room: Room | None = None
 
     def fill(self, decision: Decision) -> MarkerArray:
         """The message of a decision, good until the next."""
@@ -83,6 +84,8 @@ class PlanMarkers:
         if plan is not None:
             places = plan.poses[:, :2].tolist()
             points = [Point(x=x, y=y) for x, y in places]
+            if self._room is None:
+                self._room = Room(self._settings)
             spare = self._room.along(decision) - self._settings.safety.margin
             colors = [color_of(each) for each in spare.tolist()]
             self._rung.pose.position.x, self._rung.pose.position.y = places[0]

@@ -35,24 +35,6 @@ def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
     return np.column_stack([x + chord * np.cos(middle), y + chord * np.sin(middle), heading + turn])
 
 
-def reach(poses: Array, twists: Array, durations: Array, points: Array) -> tuple[Array, Array]:
-    """Least and greatest distance of each arc, from end to end, to each point.
-
-    Args:
-        poses: Pose at the start of each arc, shape ``(N, 3)`` [m, m, rad].
-        twists: Speed and turn rate along it, shape ``(N, 2)`` [m/s, rad/s].
-        durations: Shape ``(N,)`` [s].
-        points: Shape ``(M, 2)`` [m].
-
-    Returns:
-        Two arrays of shape ``(N, M)`` [m].
-    """
-    least = np.empty((len(durations), len(points)))
-    greatest = np.empty_like(least)
-    _reach(least, greatest, poses, twists, durations, points)
-    return least, greatest
-
-
 class Arc(NamedTuple):
     """One arc for compiled code.
 
@@ -151,14 +133,3 @@ def _to_chord(arc: Arc, out_x: float, out_y: float) -> float:
     along = (out_x * chord_x + out_y * chord_y) / squared if squared > 0.0 else 0.0
     along = min(max(along, 0.0), 1.0)
     return math.hypot(out_x - along * chord_x, out_y - along * chord_y)
-
-
-@allocation_free
-def _reach(
-    least: Array, greatest: Array, poses: Array, twists: Array, durations: Array, points: Array
-) -> None:
-    for k in range(durations.shape[0]):
-        length, turn = twists[k, 0] * durations[k], twists[k, 1] * durations[k]
-        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
-        for j in range(points.shape[0]):
-            least[k, j], greatest[k, j] = reach_of(arc, points[j, 0], points[j, 1])

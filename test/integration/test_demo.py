@@ -229,6 +229,10 @@ def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):
     assert summary['goals'][1]['heading_miss_rad'] < 1e-6
     assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
     assert summary['clearance_m'] >= 0.0
+    with Bag(folder / 'bag') as bag:
+        *_, (_, shown) = bag.messages('/guidance/markers')
+    pale = [each.color.a < 0.5 for each in shown.markers if each.ns == 'goal']
+    assert pale == [True] * 5 + [False]
 
 
 # A recorder that a busy machine starves at the start does not hear the first decisions.

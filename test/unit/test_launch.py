@@ -1,6 +1,7 @@
 """The launch files name what there is: executables, parameters, arguments, topics and files.
 
-`launch` is not on the Python package index, so they are read here and not run.
+`launch` is not on the Python package index, so they are read here and not run. What they start
+is run, by the command lines that it would have, in test/integration/test_launch_commands.py.
 """
 
 from __future__ import annotations

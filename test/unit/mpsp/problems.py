@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cmpsp_ros.mpsp.iteration import Options, solve
 from cmpsp_ros.mpsp.problem import (
     Dimensions,
     Evaluation,
@@ -235,3 +236,37 @@ def assert_derivatives(problem, U, hessian=None, proximal=0.0, atol=1e-6):
         np.testing.assert_allclose(
             lin.L_UU[k], by_control[k, n:, k] + proximal * np.eye(size.control), **same
         )
+
+
+def options_for(problem, **changes):
+    size = problem.size
+    given = Options(np.full(size.output, 1e3), np.full(size.path, 1e3))
+    return replace(given, **changes)
+
+
+def zeros(problem):
+    return np.zeros(problem.control_lower.shape)
+
+
+def run(problem, guess, options, iterations):
+    solution = solve(problem, guess, options, iterations)
+    return solution.iterate, solution.status
+
+
+class TooFlat(VanDerPol):
+    """Its Hessian is a fraction of the true one, so that every step is far too long."""
+
+    fraction = 1e-3
+
+    def linearise(self, X, U, hessian='gauss_newton'):
+        lin = super().linearise(X, U, hessian)
+        L_XX, L_UX, L_UU = (self.fraction * part for part in (lin.L_XX, lin.L_UX, lin.L_UU))
+        return replace(lin, L_XX=L_XX, L_UX=L_UX, L_UU=L_UU)
+
+
+class HalfHearted(LinearQuadratic):
+    """Its Hessian is a quarter of the true one: full steps overshoot by a factor of three."""
+
+    def linearise(self, X, U, hessian='gauss_newton'):
+        lin = super().linearise(X, U, hessian)
+        return replace(lin, L_XX=lin.L_XX / 4.0, L_UX=lin.L_UX / 4.0, L_UU=lin.L_UU / 4.0)

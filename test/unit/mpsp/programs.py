@@ -1,7 +1,10 @@
 """Any dense quadratic program as a subproblem, and the answers to it row by row."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import Penalties, solve_qp
 from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, scatter
@@ -87,3 +90,36 @@ def solve_rows(qp, solver, penalties=None):
 def residual_of(qp, solution, penalties=None):
     """The check that no solver has a part in, of an answer row by row."""
     return kkt_residual(staged(qp), in_stages(qp, solution), staged_penalties(qp, penalties))
+
+
+def program(seed=0, q=8, m=2, p=6, t=3, bound=2.0, slack=1.0):
+    """A random program with 0 feasible in its inequalities where ``slack`` is positive."""
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(q, q))
+    return CondensedQP(
+        H=root @ root.T + 0.1 * np.eye(q),
+        c=3.0 * rng.normal(size=q),
+        S_N=rng.normal(size=(m, q)),
+        output_error=0.3 * rng.normal(size=m),
+        B_C=rng.normal(size=(p, q)),
+        g=slack * rng.uniform(0.1, 1.0, size=p),
+        path_stage=np.arange(p),
+        path_index=np.zeros(p, dtype=np.int64),
+        T=rng.normal(size=(t, q)),
+        radius=np.full(t, 1.5),
+        lower=np.full(q, -bound),
+        upper=np.full(q, bound),
+    )
+
+
+def contradicting(seed=0):
+    """The first two path rows want ``a dU <= -1`` and ``a dU >= 1``."""
+    qp = program(seed)
+    B_C, g = qp.B_C.copy(), qp.g.copy()
+    B_C[1] = -B_C[0]
+    g[:2] = -1.0
+    return replace(qp, B_C=B_C, g=g)
+
+
+def penalties(qp, terminal=50.0, path=80.0):
+    return uniform(qp, terminal, path)

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from programs import solve_rows, staged
-from test_qp import contradicting, penalties, program
+from programs import contradicting, penalties, program, solve_rows, staged
 
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import QPStatus, interior_backend, kkt_residual, solve_qp

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robot.arcs import arc_ends, reach
+from cmpsp_ros.robot.arcs import arc_ends, arc_from, reach_of
 from cmpsp_ros.robot.between_samples import (
     TwistLimits,
     inside,
@@ -259,6 +259,12 @@ def test_known_arcs_stay_inside(speed_share, turn_share, distance, period, angle
     assert driven(twist, period, point)[1] <= distance + 1e-9
 
 
+def reach(twist, period, point):
+    """Least and greatest distance of an arc from the origin's pose on from a point."""
+    length, turn = (float(each) * period for each in twist[0])
+    return reach_of(arc_from(0.0, 0.0, 0.0, length, turn), float(point[0]), float(point[1]))
+
+
 def test_known_arcs_are_attained():
     rng = np.random.default_rng(3)
     for _ in range(50):
@@ -267,12 +273,12 @@ def test_known_arcs_are_attained():
         left = np.array([-end[1], end[0]]) / (2.0 * half)
         kept = outside_known(np.array([0.7]), twist, 0.2)[0, 0]
         point = end / 2.0 - math.sqrt(kept**2 - half**2) * left
-        least, _ = reach(np.zeros((1, 3)), twist, np.array([0.2]), point[None])
-        assert least[0, 0] == pytest.approx(0.7, abs=1e-9)
+        least, _ = reach(twist, 0.2, point)
+        assert least == pytest.approx(0.7, abs=1e-9)
         kept = inside_known(9.0, twist, 0.2)[0]
         point = end / 2.0 + math.sqrt(kept**2 - half**2) * left
-        _, greatest = reach(np.zeros((1, 3)), twist, np.array([0.2]), point[None])
-        assert greatest[0, 0] == pytest.approx(9.0, abs=1e-9)
+        _, greatest = reach(twist, 0.2, point)
+        assert greatest == pytest.approx(9.0, abs=1e-9)
 
 
 @pytest.mark.parametrize('bad', [-1.0, math.nan, math.inf])

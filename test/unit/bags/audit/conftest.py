@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from cmpsp_ros.bags.audit import audit
+
 sys.path.insert(0, str(Path(__file__).parent))
 
 
@@ -20,3 +22,13 @@ def whole_drive():
 def drive(whole_drive):
     """The same, to be tampered with."""
     return whole_drive.copy()
+
+
+@pytest.fixture
+def outcomes(tmp_path):
+    """Audit a drive: findings by the name of their check."""
+
+    def audited(drive, sources=None):
+        return {each.check: each for each in audit(drive.write(tmp_path / 'bag'), sources)}
+
+    return audited

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cmpsp_ros.bags.audit import Outcome
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.messages import PATH, STATUS, TWIST, decision_message, path_message
 from cmpsp_ros.bags.writer import BagWriter
@@ -212,3 +213,13 @@ def event(stamp, node, key, value):
     parameter_value = make('rcl_interfaces/msg/ParameterValue', kind, *fields)
     parameter = make('rcl_interfaces/msg/Parameter', key, parameter_value)
     return raw(make(EVENT, time(stamp), node, [], [parameter], []), EVENT)
+
+
+def failed(findings):
+    """Names of the checks that failed."""
+    return {name for name, each in findings.items() if each.outcome is Outcome.FAILED}
+
+
+def drive_settings(drive):
+    """Settings of a drive, as the law had them."""
+    return guidance_settings(drive.parameters)

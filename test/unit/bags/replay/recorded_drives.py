@@ -25,6 +25,7 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
+DECISIONS = '/guidance/decision'
 GOAL = 'geometry_msgs/msg/PoseStamped'
 ODOMETRY, EVENT = 'nav_msgs/msg/Odometry', 'rcl_interfaces/msg/ParameterEvent'
 SECOND = 1_000_000_000
@@ -209,3 +210,30 @@ def altered(
             for since, values in lives:
                 new.set_parameters(node, values, since)
     return target
+
+
+def said(message, key):
+    return next(each for each in message.values if each.key == key)
+
+
+def setting(number, **facts):
+    """A change of one decision's facts."""
+
+    def change(topic, index, message):
+        if topic == DECISIONS and index == number:
+            for key, value in facts.items():
+                said(message, key).value = value
+        return message
+
+    return change
+
+
+def without(*keys):
+    """A change that makes decisions those of a version which did not say so."""
+
+    def change(topic, _index, message):
+        if topic == DECISIONS:
+            message.values = [each for each in message.values if each.key not in keys]
+        return message
+
+    return change

@@ -1,0 +1,167 @@
+"""The simulator in lockstep: time waits for the answer to every control step."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import Twist, TwistStamped
+from rclpy.time import Time
+from sim_client import CONTROL_NS, MS, PERIOD_NS, Client, place, stamp, twist
+from std_srvs.srv import Trigger
+
+from cmpsp_ros.robot.differential_drive import DifferentialDrive
+
+pytestmark = pytest.mark.integration
+
+LOCKSTEP = {'lockstep': 'true', 'publish_clock': 'true'}
+
+
+def run_lockstep(simulate, ros, steps, kind=Twist, **more):
+    stamped = 'true' if kind is TwistStamped else 'false'
+    running = simulate({**LOCKSTEP, 'enable_stamped_cmd_vel': stamped, **more})
+    client = Client(ros, kind=kind)
+    client.until(client.commands.get_subscription_count)
+    client.steps_left, client.answer = steps, lambda step: twist(0.2 + 0.01 * step, 0.02)
+    client.until(lambda: client.odometry)
+    begun = time.monotonic()
+    client.until(lambda: len(client.events) == steps)
+    return running, client, time.monotonic() - begun
+
+
+@pytest.mark.parametrize('kind', [Twist, TwistStamped])
+def test_lockstep_waits_for_each_answer_and_is_as_fast_as_they_come(simulate, ros, kind):
+    _, client, took = run_lockstep(simulate, ros, 51, kind)
+    assert client.events == [step * CONTROL_NS for step in range(51)]
+    assert took < 10.0
+    client.until(lambda: stamp(client.truth[-1]) == 51 * CONTROL_NS)
+    client.until(lambda: stamp(client.odometry[-1]) == 51 * CONTROL_NS)
+    robot, pose = DifferentialDrive(), np.array([0.0, -9.25, 0.0])
+    for step in range(51):
+        speeds = robot.wheel_speeds(np.array([0.2 + 0.01 * step, 0.02]))
+        pose = robot.roll_out(pose, speeds[None], np.array([0.2]))[1]
+    assert np.allclose(place(client.odometry[-1]), pose, atol=1e-12)
+    assert {stamp(message) for message in client.truth} == set(
+        range(0, 51 * CONTROL_NS + 1, PERIOD_NS)
+    )
+
+
+def test_lockstep_repeats_exactly_also_with_noise_and_delay(simulate, ros):
+    runs = []
+    for _ in range(2):
+        running, client, _ = run_lockstep(
+            simulate,
+            ros,
+            11,
+            **{'noise.position_stddev': 0.1, 'noise.seed': 7, 'actuation_delay': 0.05},
+        )
+        client.until(lambda client=client: stamp(client.odometry[-1]) == 11 * CONTROL_NS)
+        runs.append({stamp(message): place(message).tolist() for message in client.odometry})
+        running.signal(signal.SIGINT)
+        assert running.wait() == 0
+        ros.node.destroy_publisher(client.commands)
+        for subscription in list(ros.node.subscriptions):
+            if subscription.topic_name == '/odom':
+                ros.node.destroy_subscription(subscription)
+    assert runs[0] == runs[1]
+
+
+def test_the_truth_and_the_time_go_on_while_odometry_is_lost(simulate, ros):
+    simulate(
+        {
+            **LOCKSTEP,
+            'noise.dropout_windows': '[0.0, 0.05, 0.3, 0.45]',
+            'noise.bias': '[1.0, 0.0, 0.0]',
+        }
+    )
+    client = Client(ros)
+    client.connect()
+    # It stands still at the first odometry that is not lost, and later too.
+    for instant in (60, 260, 460, 660):
+        client.until(lambda instant=instant: stamp(client.odometry[-1]) == instant * MS)
+        client.send(twist(0.5))
+    client.until(lambda: stamp(client.odometry[-1]) == 860 * MS)
+    heard = {stamp(message) // MS for message in client.odometry}
+    assert heard == {*range(60, 300, 20), *range(460, 861, 20)}
+    client.until(lambda: stamp(client.truth[-1]) == 860 * MS)
+    driven = {stamp(message) // MS: place(message)[0] for message in client.truth}
+    assert {*range(60, 861, 20)} <= set(driven)
+    client.until(lambda: {*range(60, 861, 20)} <= {each // MS for each in client.clocks})
+    assert driven[860] == pytest.approx(0.4, abs=1e-12)
+    assert place(client.odometry[-1])[0] == pytest.approx(1.4, abs=1e-12)
+
+
+def test_the_truth_of_lagging_and_slipping_wheels_can_be_drawn_again(simulate, ros):
+    disturbed = {'wheel_lag': 0.05, 'wheel_slip': '[0.1, 0.05]', 'actuation_delay': 0.03}
+    _, client, _ = run_lockstep(simulate, ros, 6, **disturbed)
+    client.until(lambda: stamp(client.truth[-1]) == 6 * CONTROL_NS)
+    truth = {stamp(message): message for message in client.truth}
+    robot = DifferentialDrive()
+    stamps = sorted(truth)
+    assert max(end - begin for begin, end in pairwise(stamps)) <= PERIOD_NS
+    for begin, end in pairwise(stamps):
+        moved = truth[begin].twist.twist
+        speeds = robot.wheel_speeds(np.array([moved.linear.x, moved.angular.z]))[None]
+        pose = robot.roll_out(place(truth[begin]), speeds, np.array([(end - begin) / 1e9]))[1]
+        assert np.allclose(place(truth[end]), pose, atol=1e-12)
+
+
+def test_lockstep_asks_again_complains_once_and_goes_on(simulate, ros):
+    running = simulate({**LOCKSTEP, 'lockstep_timeout': 0.3})
+    client = Client(ros)
+    client.connect()
+    client.until(lambda: len(client.odometry) > 5 and 'still waiting' in running.stderr)
+    assert {stamp(message) for message in client.odometry} == {0}
+    client.until(lambda: len(client.clocks) > 5)
+    assert set(client.clocks) == {0}
+    count = len(client.odometry)
+    client.until(lambda: len(client.odometry) > count + 5)
+    assert running.stderr.count('still waiting') == 1
+    client.send(twist(0.1))
+    client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
+    assert 'lockstep goes on after' in running.stderr
+
+
+def test_lockstep_takes_only_the_answer_whose_stamp_is_that_of_the_odometry(simulate, ros):
+    simulate({**LOCKSTEP, 'enable_stamped_cmd_vel': 'true'})
+    client = Client(ros, kind=TwistStamped)
+    client.connect()
+    client.send(twist(1.0), Time(nanoseconds=1).to_msg())
+    count = len(client.odometry)
+    client.until(lambda: len(client.odometry) > count + 3)
+    assert stamp(client.odometry[-1]) == 0
+    client.send(twist(0.5), Time(nanoseconds=0).to_msg())
+    client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
+    assert place(client.odometry[-1])[0] == pytest.approx(0.1, abs=1e-12)
+
+
+def test_lockstep_goes_on_with_the_last_valid_twist_when_the_answer_is_no_number(simulate, ros):
+    running = simulate(LOCKSTEP)
+    client = Client(ros)
+    client.connect()
+    client.send(twist(0.5))
+    client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
+    for instant in (2, 3, 4):
+        client.send(twist(math.nan))
+        client.until(lambda instant=instant: stamp(client.odometry[-1]) == instant * CONTROL_NS)
+    assert 'cmd_vel refused' in running.stderr
+    # 0.5 m/s until the time-out of 0.5 s of simulated time.
+    assert place(client.odometry[-1])[0] == pytest.approx(0.25, abs=1e-12)
+
+
+def test_a_reset_in_lockstep_asks_again_from_the_initial_pose(simulate, ros):
+    simulate(LOCKSTEP)
+    client = Client(ros)
+    client.connect()
+    client.send(twist(0.5))
+    client.until(lambda: stamp(client.odometry[-1]) == CONTROL_NS)
+    assert client.call(client.resetter, Trigger.Request()).success
+    client.until(lambda: place(client.odometry[-1])[0] == 0.0)
+    assert stamp(client.odometry[-1]) == CONTROL_NS
+    client.send(twist(0.5))
+    client.until(lambda: stamp(client.odometry[-1]) == 2 * CONTROL_NS)
+    assert place(client.odometry[-1])[0] == pytest.approx(0.1, abs=1e-12)

@@ -1,0 +1,155 @@
+"""What cannot be replayed is refused, by its name."""
+
+from __future__ import annotations
+
+import pytest
+from recorded_drives import DECISIONS, setting, without
+
+from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.writer import BagWriter
+
+NAMES = Names.under('')
+
+
+def without_key(bag, key):
+    with Bag(bag) as there:
+        values = there.parameters['/guidance']
+    return {'/guidance': {name: value for name, value in values.items() if name != key}}
+
+
+def test_a_value_that_nobody_knows_is_not_guessed(drive, bag, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(parameters=without_key(bag, 'weights.road_center'))
+    with pytest.raises(BagError, match=r'change of weights\.road_center of /guidance at .* before'):
+        replay(copy, NAMES)
+
+
+def test_a_value_that_nobody_needs_to_know_is_not_missed(drive, bag, alter):
+    with drive() as run:
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(parameters=without_key(bag, 'weights.road_center'))
+    assert replay(copy, NAMES).differences == 0
+
+
+def test_a_recording_of_the_middle_only_is_refused(drive, alter):
+    with drive() as run:
+        run.go(1.0)
+
+    def late(topic, index, message):
+        return None if topic == DECISIONS and index == 0 else message
+
+    with pytest.raises(BagError, match=r'found 4 decisions of /guidance, wanted one that begins'):
+        replay(alter(late), NAMES)
+
+
+def test_a_bag_of_such_a_version_with_live_changes_is_refused(drive, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+    copy = alter(without('halted', 'run', 'revision'))
+    with pytest.raises(BagError, match='parameters of /guidance that were changed live'):
+        replay(copy, NAMES)
+
+
+def test_a_live_change_that_was_not_recorded_is_refused(drive, alter):
+    with drive() as run:
+        run.go(0.7)
+        run.change(weights__road_center=20.0)
+        run.go(0.7)
+
+    def change(topic, _index, message):
+        return None if topic == '/parameter_events' else message
+
+    with pytest.raises(BagError, match='live change 1 of the parameters of /guidance'):
+        replay(alter(change), NAMES)
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'reason'),
+    [
+        ({}, 'no parameters of /guidance; there are those of no node'),
+        ({'/sim': {}}, 'there are those of /sim'),
+        ({'/guidance': {'weights.roadcenter': 1.0}}, 'weights.roadcenter: found an unknown'),
+        ({'/guidance': {'final_time': 'soon'}}, 'final_time: found'),
+        ({'/guidance': {'final_time': 0.01}}, 'final_time: found'),
+    ],
+)
+def test_parameters_that_cannot_be_used(drive, alter, parameters, reason):
+    with drive() as run:
+        run.go(0.5)
+    with pytest.raises(BagError, match=reason):
+        replay(alter(parameters=parameters), NAMES)
+
+
+@pytest.mark.parametrize(
+    ('change', 'reason'),
+    [
+        (without('step'), 'without step, wanted one of this package'),
+        (setting(0, stamp='soon'), "found stamp 'soon' in a decision, wanted a number"),
+        (setting(1, run='x'), "found run 'x'"),
+        (setting(1, revision='9' * 5000), 'found revision'),
+        (setting(1, revision=str(10**18)), 'wanted that change in /parameter_events'),
+    ],
+    ids=['no step', 'stamp', 'run', 'long', 'large'],
+)
+def test_decisions_that_are_none(drive, alter, change, reason):
+    with drive() as run:
+        run.go(0.5)
+    with pytest.raises(BagError, match=reason):
+        replay(alter(change), NAMES)
+
+
+def test_odometry_in_another_frame(drive, alter):
+    with drive() as run:
+        run.go(0.5)
+
+    def change(topic, _index, message):
+        if topic == '/odom':
+            message.header.frame_id = 'map'
+        return message
+
+    with pytest.raises(BagError, match="no usable odometry: Odometry is in frame 'map'"):
+        replay(alter(change), NAMES)
+
+
+@pytest.mark.parametrize('missing', ['/odom', DECISIONS])
+def test_a_topic_that_is_not_there_is_named(drive, bag, tmp_path, missing):
+    with drive() as run:
+        run.go(0.5)
+    with Bag(bag) as whole, BagWriter(tmp_path / 'part') as part:
+        for topic in whole.topics.keys() - {missing}:
+            part.topic(topic, whole.topics[topic].msgtype)
+        part.set_parameters('/guidance', whole.parameters['/guidance'])
+    with pytest.raises(BagError, match=f'no topic {missing}; there is .*/guidance/predicted_path'):
+        replay(tmp_path / 'part', NAMES)
+
+
+@pytest.mark.parametrize('topic', ['/odom', '/cmd_vel', DECISIONS])
+def test_a_topic_of_another_type_is_refused(drive, bag, tmp_path, topic):
+    with drive() as run:
+        run.go(0.5)
+    kind = 'std_msgs/msg/String'
+    raw = bytes(jazzy().serialize_cdr(jazzy().types[kind]('Well.'), kind))
+    with Bag(bag) as whole, BagWriter(tmp_path / 'other') as other:
+        for name, there in whole.topics.items():
+            other.topic(name, kind if name == topic else there.msgtype)
+            for stamp, message in whole.raw(name):
+                other.write(name, stamp, raw if name == topic else message)
+        other.set_parameters('/guidance', whole.parameters['/guidance'])
+    with pytest.raises(BagError, match=f'{topic}: found a message that is none of its type'):
+        replay(tmp_path / 'other', NAMES)
+
+
+def test_an_empty_bag(tmp_path):
+    BagWriter(tmp_path / 'empty').close()
+    with pytest.raises(BagError, match='no parameters of /guidance'):
+        replay(tmp_path / 'empty', NAMES)

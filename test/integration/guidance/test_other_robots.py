@@ -1,4 +1,4 @@
-"""Plans of another robot, over DDS: what can be used is known, the rest is said, and lost is lost."""
+"""Plans of another robot, over DDS: what can be used is known, and the rest is said."""
 
 from __future__ import annotations
 

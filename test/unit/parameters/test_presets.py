@@ -15,6 +15,8 @@ from cmpsp_ros.parameters.presets import (
     load_parameter_file,
     parse_assignment,
     preset_names,
+    robots_in,
+    write_fleet_file,
     write_parameter_file,
 )
 from cmpsp_ros.parameters.roads import road_keys

@@ -222,7 +222,7 @@ def _many_robots(count: int) -> None:
         task = bar.add_task(f'{count} robots', total=None)
         crowd = many_robots.measure(count, lambda seconds: bar.update(task, completed=seconds))
     console.print(many_robots.table(crowd).rich())
-    if crowd.skipped or crowd.late:
+    if crowd.skipped or crowd.late or crowd.stops:
         raise typer.Exit(1)
 
 

@@ -24,6 +24,9 @@ from cmpsp_ros.studies.bench.memory import resident
 from cmpsp_ros.studies.bench.tables import Table
 
 _PRESET: Final = 'case3'
+_CHANGES: Final = ('odom_rate=20.0',)
+"""Less odometry than by default: what costs time here is to send and hear messages."""
+
 _KINDS: Final = ('guidance_node', 'sim_node')
 _TICKS: Final = os.sysconf('SC_CLK_TCK')
 
@@ -53,6 +56,7 @@ class Crowd:
         instants: Control instants of all robots.
         skipped: Of them, those without a decision.
         late: Decisions that were heard of after the next instant.
+        stops: How often a node stopped its robot because odometry did not come.
         delays: Time from the stamp of odometry to when its decision was heard of ``(D,)`` [s]: by
             the one process that listens to all.
         own: Time that each took in its node ``(D,)`` [s].
@@ -65,6 +69,7 @@ class Crowd:
     instants: int
     skipped: int
     late: int
+    stops: int
     delays: NDArray[np.float64]
     own: NDArray[np.float64]
     miss: float
@@ -81,7 +86,7 @@ def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> C
     Raises:
         BenchError: A process failed, or a run came to no end.
     """
-    alone = load_scenario(_PRESET, [], lockstep=False)
+    alone = load_scenario(_PRESET, _CHANGES, lockstep=False)
     robots = [replace(alone, namespace=f'/r{number}') for number in range(1, count + 1)]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder)
@@ -100,6 +105,7 @@ def table(crowd: Crowd) -> Table:
         ['control instants', str(crowd.instants)],
         ['without a decision', str(crowd.skipped)],
         ['decided after the next instant', str(crowd.late)],
+        ['stops without odometry', str(crowd.stops)],
         ['odometry to decision heard, p50 / p99 / max', _times(delays)],
         ['in the node, p50 / p99 / max', _times(own)],
         ['largest miss of a goal', f'{crowd.miss:.3g} m'],
@@ -117,12 +123,16 @@ def table(crowd: Crowd) -> Table:
 def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], None]) -> Crowd:
     delays: list[float] = []
     own: list[float] = []
+    stops: list[str] = []
     ends: dict[str, tuple[int, float]] = {}
 
     def notice(robot: Scenario, seen: Seen) -> None:
         decision = seen.decision
         if decision['finished'] == 'true':
             ends.setdefault(robot.namespace, (int(decision['step']), float(decision['miss'])))
+            return
+        if decision['halted'] == 'true':
+            stops.append(seen.reason)
             return
         delays.append(time.time() - int(decision['stamp']) / 1e9)
         own.append(float(decision['step_ms']) / 1e3)
@@ -144,6 +154,7 @@ def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], N
         instants * len(robots),
         sum(instants - steps for steps, _ in ends.values()),
         sum(each > settings.control_period for each in delays),
+        len(stops),
         np.array(delays),
         np.array(own),
         max(miss for _, miss in ends.values()),

@@ -12,10 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.bags.tracks import seen_at
 from cmpsp_ros.demo.summary import window
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.arcs import arc_ends
@@ -27,20 +29,27 @@ _PLANS = 4
 _PER_ARC = 8
 _ROOM = 0.8
 
+# Width of the picture, and what is below the road [in].
+_WIDTH, _BELOW = 8.0, 1.2
+
 ROAD, EDGE, OBSTACLE = '#e6e6e6', '#8c8c8c', '#c8402f'
 """Colours of what every picture of a run has."""
 
 _DRIVEN = '#1a1a1a'
+_MOVING = '#b03a8c'
 _MARGIN = '#e69f00'
 _GOAL = '#0b7a3b'
 _WHEELS = ('#0072b2', '#d55e00')
 
 
 def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
-    """Road, obstacles with the margin kept, the path driven and the plan at a few instants."""
+    """Road, obstacles with the margin kept, the path driven and the plan at a few instants.
+
+    What moves is drawn where the robot came nearest to it.
+    """
     first, last = window(run, settings)
     driven = dense(run.driven.between(first, last))
-    figure = Figure(figsize=(8.0, 8.0), layout='constrained')
+    figure = Figure(layout='constrained')
     axes = figure.add_subplot()
     draw_road(axes, settings.road, ROAD, EDGE)
     kept = at_samples(settings)
@@ -55,7 +64,6 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         if not plans:
             break
         plan = plans[part * len(plans) // _PLANS]
-        _draw_moving(axes, run, settings, plan.stamp, color)
         axes.plot(
             *plan.points.T,
             '.-',
@@ -65,26 +73,42 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
             zorder=4,
             label=f'plan at {(plan.stamp - first) / 1e9:.1f} s',
         )
+    _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
     axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
     if len(goals):
         name = 'goal' if len(goals) == 1 else 'goals'
         axes.plot(*goals.T, '*', color=_GOAL, ms=15, ls='', zorder=6, label=name)
+    for goal in settings.goals:
+        axes.annotate(goal.name, goal.position, (7, 7), textcoords='offset points', zorder=6)
     points = np.vstack([driven, goals, *(plan.points for plan in plans)])
-    _frame(axes, points, settings)
-    axes.legend(handles=[*axes.get_legend_handles_labels()[0], *_keys(settings)], loc='best')
+    width, height = _frame(axes, points, settings)
+    figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW)
+    handles = [*axes.get_legend_handles_labels()[0], *_keys(settings)]
+    figure.legend(handles=handles, loc='outside lower center', ncols=4)
     figure.savefig(path, dpi=120)
 
 
-def _draw_moving(
-    axes: Axes, run: Run, settings: GuidanceSettings, stamp: int, color: Array
-) -> None:
-    """What moved, where it was at an instant [ns]."""
-    for each in seen_at(run.tracks, stamp, settings.moving_obstacles.timeout):
-        center = each.x, each.y
-        axes.add_patch(Circle(center, each.radius, color=color, alpha=0.5, lw=0, zorder=3))
-        axes.annotate(str(each.id), center, ha='center', va='center', zorder=6)
+def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
+    """The way of what moved, and where it was when the robot came nearest, between two instants."""
+    timeout = settings.moving_obstacles.timeout
+    nearest: dict[int, tuple[float, int]] = {}
+    for each in encounters(run.driven.between(first, last), run.tracks, 0.0, timeout):
+        index = int(each.clearance.argmin())
+        found = float(each.clearance[index]), int(each.stamps[index])
+        nearest[each.track.id] = min(found, nearest.get(each.track.id, found))
+    for number, (_, stamp) in nearest.items():
+        way = np.array([(each.x, each.y) for each in run.tracks if each.id == number])
+        axes.plot(*way.T, color=_MOVING, ls='-.', lw=0.8, zorder=2)
+        (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.id == number)
+        center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
+        label = 'what moves, where it was nearest' if number == min(nearest) else None
+        axes.add_patch(Circle(center, there.radius, color=_MOVING, lw=0, zorder=4, label=label))
+        axes.plot(*zip(center, robot, strict=True), color=_MOVING, lw=1.0, zorder=4)
+        axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)
+        when = f'{(stamp - first) / NANOSECONDS:.1f} s'
+        axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
 
 
 def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
@@ -121,12 +145,13 @@ def dense(driven: Driven) -> Array:
     return np.vstack([arc_ends(poses, twists, since)[:, :2], driven.poses[-1:, :2]])
 
 
-def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> None:
-    """Show what happened and the road's width around it, at one scale."""
+def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> tuple[float, float]:
+    """Show what happened and the road's width around it, at one scale; how far that is [m]."""
     room = _ROOM * settings.road.width
     (left, bottom), (right, top) = points.min(axis=0) - room, points.max(axis=0) + room
     axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
+    return right - left, top - bottom
 
 
 def _keys(settings: GuidanceSettings) -> list[Patch]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import os
+import re
 import signal
 import struct
 import sys
@@ -295,6 +297,7 @@ def test_a_course_past_what_moves_in_lockstep(start_demo, spawn, tmp_path):
     for command in ('replay', 'audit'):
         judged = spawn([sys.executable, '-m', 'cmpsp_ros.cli', command, folder / 'bag'])
         assert judged.wait(LIMIT) == 0, judged.stdout + judged.stderr
+    check_views(spawn, folder)
     # Without what moves the robot drives another way: it would have met each of them.
     alone = start_demo(
         'course', '--lockstep', '--output', tmp_path / 'alone',
@@ -305,6 +308,26 @@ def test_a_course_past_what_moves_in_lockstep(start_demo, spawn, tmp_path):
     nearest = distances(blind, run.tracks)
     assert set(nearest) == {0, 1, 2}
     assert all(each < 0.0 for each in nearest.values()), nearest
+
+
+def check_views(spawn, folder):
+    """What report and tables show of goals and of what moves."""
+    for command, name in (('report', 'report.html'), ('export', 'tables')):
+        arguments = [command, folder / 'bag', '--output', folder / name]
+        shown = spawn([sys.executable, '-m', 'cmpsp_ros.cli', *arguments])
+        assert shown.wait(LIMIT) == 0, shown.stderr
+    page = (folder / 'report.html').read_text(encoding='utf-8')
+    (told,) = re.findall(r'(?s)<script[^>]* id="data">(.*?)</script>', page)
+    (bag,) = json.loads(told)['bags']
+    labels = ['a at 9 s', 'b at 17 s', 'c at 26 s', 'd at 36 s', 'e at 52 s', 'goal at 60 s']
+    assert [each[3] for each in bag['goals']] == labels
+    assert [each[0] for each in bag['goals']] == [0.0, 9.0, 17.0, 26.0, 36.0, 52.0]
+    assert [each['radius'][0] for each in bag['moving']] == [0.25, 0.25, 0.3]
+    with (folder / 'tables' / 'decisions.csv').open(newline='') as file:
+        goals = [row['goal'] for row in csv.DictReader(file)]
+    assert list(dict.fromkeys(goals)) == ['a', 'b', 'c', 'd', 'e', 'goal']
+    with (folder / 'tables' / 'moving.csv').open(newline='') as file:
+        assert {row['id'] for row in csv.DictReader(file)} == {'0', '1', '2'}
 
 
 def recorded_settings(folder):

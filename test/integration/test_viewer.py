@@ -16,11 +16,12 @@ from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Point
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.bags.report.palette import RUNGS
-from cmpsp_ros.nodes.topics import DECISION, MARKERS
+from cmpsp_ros.nodes.topics import DECISION, MARKERS, PLAN_MARKERS
 
 pytestmark = pytest.mark.integration
 
@@ -154,6 +155,33 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
     assert (folder / 'viewer.log').exists()
     with pytest.raises(urllib.error.URLError):
         page.news()
+
+
+def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros, browse):
+    _, page = start_view()
+    markers = ros.node.create_publisher(PLAN_MARKERS.type, '/guidance/plan_markers', 10)
+    decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
+    disc = Marker(ns='moving_obstacles', id=3, type=Marker.CYLINDER)
+    disc.pose.position.x, disc.pose.position.y, disc.scale.x = 1.0, 2.0, 0.6
+    arrow = Marker(ns='moving_velocities', id=3, type=Marker.ARROW)
+    arrow.points = [Point(x=1.0, y=2.0), Point(x=1.5, y=2.25)]
+    plan = Marker(ns='plan', type=Marker.LINE_STRIP)
+    facts = {'rung': 'nominal', 'goal': 'b', 'goal_x': '0.5', 'goal_y': '-1.0', 'goal_time': '17'}
+    decision = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
+
+    def shown():
+        markers.publish(MarkerArray(markers=[plan, disc, arrow]))
+        decisions.publish(decision)
+        news = page.news()
+        return news if news.get('moving') and news.get('decision') else None
+
+    news = wait_until(shown, LIMIT)
+    assert news['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'to': [1.5, 2.25]}]
+    assert news['decision']['goal'] == {'name': 'b', 'at': [0.5, -1.0], 'time': 17.0}
+    dom, complaints = browse(page)
+    assert complaints == []
+    assert 'data-moving="1"' in dom
+    assert 'id="goal">b at 17.0 s<' in dom
 
 
 @pytest.fixture

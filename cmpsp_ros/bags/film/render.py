@@ -29,6 +29,7 @@ _STILL, _MOVING = (640, 480), (480, 320)
 _STILLS, _RATE = 4, 10
 _FAINT = 0.3
 _WAY_POINTS = 200
+_WAY_RATE = 10
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
 _DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
@@ -66,7 +67,8 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     count = max(2, math.ceil(length * _RATE)) if moving else _STILLS
     times = seconds or np.linspace(0.0, length, count).tolist()
     stamps = [first + to_nanoseconds(each) for each in times]
-    way = [driven.at(int(each))[:2] for each in np.linspace(first, last, _WAY_POINTS)]
+    corners = max(_WAY_POINTS, math.ceil(length * _WAY_RATE))
+    way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = aims(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
     model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))

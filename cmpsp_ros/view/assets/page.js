@@ -169,15 +169,19 @@ function drawMarker(pen, marker, to, scale) {
     stroke(pen, marker.points, to, color, Math.max(marker.size * scale, 1), dashes);
   } else if (marker.kind === 'disc' && marker.at.every(isNumber) && isNumber(marker.size)) {
     pen.beginPath();
-    pen.arc(...to(marker.at), Math.abs(marker.size / 2 * scale), 0, 2 * Math.PI);
+    const least = marker.of === 'goal' ? 5 : 0;
+    pen.arc(...to(marker.at), Math.max(Math.abs(marker.size / 2 * scale), least), 0, 2 * Math.PI);
     pen.fillStyle = color;
     pen.fill();
   } else if (marker.kind === 'text' && marker.at.every(isNumber)) {
-    pen.fillStyle = '#fff';
+    // Names of obstacles are in them, those of goals beside them.
+    const beside = marker.of === 'goal_names';
+    const [x, y] = to(marker.at);
+    pen.fillStyle = beside ? '#1b1f27' : '#fff';
     pen.font = '600 14px system-ui, sans-serif';
-    pen.textAlign = 'center';
+    pen.textAlign = beside ? 'left' : 'center';
     pen.textBaseline = 'middle';
-    pen.fillText(marker.text, ...to(marker.at));
+    pen.fillText(marker.text, beside ? x + 12 : x, beside ? y - 14 : y);
   }
 }
 

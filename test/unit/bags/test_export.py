@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import struct
 import sys
 
 import numpy as np
@@ -14,6 +15,7 @@ from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.export import export
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.tracks import FLOATS
 
 THIRD = 1 / 3
 ODOMETRY = 'nav_msgs/msg/Odometry'
@@ -22,6 +24,8 @@ STAMPED = 'geometry_msgs/msg/TwistStamped'
 JOINTS = 'sensor_msgs/msg/JointState'
 STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
 PATH = 'nav_msgs/msg/Path'
+CLOUD = 'sensor_msgs/msg/PointCloud2'
+POSE = 'geometry_msgs/msg/PoseStamped'
 
 
 def make(name, *args):
@@ -74,6 +78,22 @@ def decision(**values):
 def plan(*points):
     poses = [make('geometry_msgs/msg/PoseStamped', header(9), pose(*each)) for each in points]
     return make(PATH, header(8), poses)
+
+
+def cloud(*points):
+    """Obstacles that move: (id, x, y, vx, vy, radius) each."""
+    field = jazzy().types['sensor_msgs/msg/PointField']
+    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(FLOATS)]
+    data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
+    size = len(points)
+    return make(
+        CLOUD, header(4), 1, size, [*fields, field('id', 40, 5, 1)], False, 44, 44 * size,
+        np.frombuffer(data, np.uint8), True,
+    )  # fmt: skip
+
+
+def goal_pose(*place):
+    return make(POSE, header(3), pose(*place))
 
 
 @pytest.fixture
@@ -155,6 +175,32 @@ def test_csv(bag, tmp_path):
         ('0', '0.0', '9'),
         ('1', '1.0', '9'),
     ]
+
+
+def test_goals_obstacles_that_move_and_roads(write, tmp_path):
+    known = {'goal': 'b', 'goal_x': '0.5', 'goal_time': '17.0', 'told': '2', 'missed': 'true'}
+    bag = write(
+        ('/guidance/decision', STATUS, decision(stamp='5', **known)),
+        ('/goal_pose', POSE, goal_pose(THIRD, 2.0, 0.5)),
+        ('/moving_obstacles', CLOUD, cloud((7, 1.0, 2.0, 0.1, -0.2, 0.3), (8, 3, 4, 0, 0, 0.5))),
+        # What the nodes refuse, a radius below 0, is in no table.
+        ('/moving_obstacles', CLOUD, cloud((9, 1.0, 2.0, 0.1, -0.2, -0.3))),
+        ('/road', PATH, plan((0.0, 0.0, 0.0), (1.0, THIRD, 0.0))),
+    )
+    folder = tmp_path / 'tables'
+    counts = {path.name: count for path, count in export(bag, folder).items()}
+    assert counts == {'decisions.csv': 1, 'goals.csv': 1, 'moving.csv': 2, 'road.csv': 2}
+    (said,) = rows(folder / 'decisions.csv')
+    columns = ('goal', 'goal_x [m]', 'goal_time [s]', 'told', 'missed')
+    assert [said[each] for each in columns] == ['b', '0.5', '17.0', '2', 'True']
+    (goal,) = rows(folder / 'goals.csv')
+    assert (float(goal['x [m]']), goal['frame'], goal['stamp [ns]']) == (THIRD, 'map', '3')
+    assert float(goal['heading [rad]']) == pytest.approx(0.5)
+    first, second = rows(folder / 'moving.csv')
+    assert (first['id'], first['stamp [ns]'], second['radius [m]']) == ('7', '4', '0.5')
+    assert (first['vx [m/s]'], first['vy [m/s]']) == ('0.1', '-0.2')
+    points = rows(folder / 'road.csv')
+    assert [(each['point'], float(each['y [m]'])) for each in points] == [('0', 0.0), ('1', THIRD)]
 
 
 def test_parquet(bag, tmp_path):

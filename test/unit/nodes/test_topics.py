@@ -33,6 +33,9 @@ def make(monkeypatch):
     rclpy.try_shutdown()
 
 
+FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
+
+
 def opened(node, direction):
     listed = {
         'out': node.get_publisher_names_and_types_by_node,
@@ -63,7 +66,7 @@ def in_table(node, direction, *, stamped=False, clock=True):
 
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
-    more = 'moving_obstacles.capacity:=2', "others.namespaces:=['/r2']"
+    more = ('moving_obstacles.capacity:=2', "others.namespaces:=['/r2']", *FROM_TOPIC)
     node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', *more)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, stamped=stamped)
@@ -84,7 +87,7 @@ def test_simulator_opens_what_the_table_says(make, clock):
         'moving_obstacles.cart.velocity:=[0.5, 0.0]',
         'moving_obstacles.cart.radius:=0.3',
     )
-    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *moves)
+    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *moves, *FROM_TOPIC)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, clock=clock)
 

@@ -73,7 +73,7 @@ def test_the_nearest_place_of_a_road_is_that_of_a_search_through_all(part, acros
     t = (at - line.knots[i])[:, None] ** np.arange(4)
     away = np.hypot((line.pieces[i, :4] * t).sum(1) - x, (line.pieces[i, 4:8] * t).sum(1) - y)
     space = road.space(0.0)
-    found = functions.find(space, x, y, math.nan)
+    found = functions.find(space, x, y, math.nan, math.nan)
     assert found == pytest.approx(at[np.argmin(away)], abs=1e-3)
     assert abs(functions.measure(space, 0, x, y, found)[1]) == pytest.approx(away.min(), abs=3e-4)
     assert abs(off) == pytest.approx(away.min(), abs=3e-4)
@@ -109,13 +109,13 @@ def test_slopes_are_those_of_finite_differences(name, part, across):
 
 def test_each_branch_of_a_crossing_is_kept_to():
     space = ROADS['eight'].space(0.0)
-    first = functions.find(space, 0.0, 0.0, math.atan2(8.0, 8.0))
-    second = functions.find(space, 0.0, 0.0, math.atan2(8.0, -8.0))
+    first = functions.find(space, 0.0, 0.0, math.atan2(8.0, 8.0), math.nan)
+    second = functions.find(space, 0.0, 0.0, math.atan2(8.0, -8.0), math.nan)
     half = ROADS['eight'].length / 2.0
     assert min(first, 2.0 * half - first) == pytest.approx(0.0, abs=1e-6)
     assert second == pytest.approx(half, abs=1e-6)
     # Across the crossing, step by step: the other branch is nearer in between, and not taken.
-    progress = functions.find(space, -0.8, -0.7, 0.75)
+    progress = functions.find(space, -0.8, -0.7, 0.75, math.nan)
     for step in np.linspace(0.0, 1.0, 9):
         x, y = -0.8 + 1.6 * step, -0.7 + 1.4 * step
         before, (progress, off, *_) = progress, functions.measure(space, 0, x, y, progress)

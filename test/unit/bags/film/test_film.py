@@ -48,9 +48,12 @@ def drawing(bag):
 def test_the_scene_has_road_obstacles_goal_way_and_robot():
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
     way = np.array([[0.0, -9.25], [1.0, -9.0], [1.0, -9.0], [2.0, -8.5]])
-    model = mujoco.MjModel.from_xml_string(scene(settings, way))
+    text = scene(settings, way, [settings.goal, (1.0, 2.0)], moving=[3, 7])
+    model = mujoco.MjModel.from_xml_string(text)
     assert model.body('robot').id == 1
     assert model.nq == 7 + 2
+    assert [model.body(f'moving {number}').mocapid[0] for number in (3, 7)] == [0, 1]
+    assert model.geom('goal 1').pos[:2].tolist() == [1.0, 2.0]
     kinds, size, place = model.geom_type, model.geom_size, model.geom_pos
     in_world = model.geom_bodyid == 0
     discs = (kinds == mujoco.mjtGeom.mjGEOM_CYLINDER) & in_world

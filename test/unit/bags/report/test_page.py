@@ -132,9 +132,11 @@ def test_charts_hold_what_was_driven(report, drive):
     assert (bag['x'][0], bag['y'][0]) == pytest.approx(drive.odometry[0].pose[:2])
     assert len(bag['plans']) == 50
     assert bag['plans'][5]['x'][:2] == pytest.approx(drive.decisions[5].plan.poses[:2, 0].tolist())
-    path, plan, robot, goal = data['figures']['path']['data']
+    path, plan, robot, moving, aim, goal = data['figures']['path']['data']
     assert path['x'] == bag['x']
     assert (plan['x'], len(robot['x']), goal['x']) == ([], 1, [10.0])
+    assert (moving['x'], aim['x'], bag['moving']) == ([], [], [])
+    assert bag['goals'] == [[0.0, 10.0, 0.0, 'the goal']]
     right, left, *_ = data['figures']['wheels']['data']
     assert right['y'] == pytest.approx([each.wheel_speeds[0] for each in drive.decisions])
     assert left['line']['dash'] == 'dash'

@@ -93,17 +93,17 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
     """The way of what moved, and where it was when the robot came nearest, between two instants."""
     timeout = settings.moving_obstacles.timeout
-    nearest: dict[int, tuple[float, int]] = {}
+    nearest: dict[str, tuple[float, int]] = {}
     for each in encounters(run.driven.between(first, last), run.tracks, 0.0, timeout):
         index = int(each.clearance.argmin())
         found = float(each.clearance[index]), int(each.stamps[index])
-        nearest[each.track.id] = min(found, nearest.get(each.track.id, found))
-    for number, (_, stamp) in nearest.items():
-        way = np.array([(each.x, each.y) for each in run.tracks if each.id == number])
+        nearest[each.name] = min(found, nearest.get(each.name, found))
+    for index, (name, (_, stamp)) in enumerate(nearest.items()):
+        way = np.array([(each.x, each.y) for each in run.tracks if each.name == name])
         axes.plot(*way.T, color=_MOVING, ls='-.', lw=0.8, zorder=2)
-        (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.id == number)
+        (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.name == name)
         center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
-        label = 'what moves, where it was nearest' if number == min(nearest) else None
+        label = 'what moves, where it was nearest' if index == 0 else None
         axes.add_patch(Circle(center, there.radius, color=_MOVING, lw=0, zorder=4, label=label))
         axes.plot(*zip(center, robot, strict=True), color=_MOVING, lw=1.0, zorder=4)
         axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)

@@ -159,7 +159,7 @@ def _get_ready(
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     # The recorder is known here; whom it records may hear of it a little later.
-    observer.wait_until(lambda: False, _SETTLE)
+    observer.wait_until(lambda: False, _SETTLE * len(robots))
     for each, node in guidance:
         _ask(node, 'cannot be activated', partial(observer.activate, timeout, each.namespace))
 

@@ -243,16 +243,15 @@ def test_four_robots_whose_ways_cross(start_demo, spawn, tmp_path):
 
 
 def test_several_robots_share_no_clock_and_no_place(start_demo, tmp_path):
-    refused = start_demo('fleet', '--lockstep', '--output', tmp_path / 'run')
+    folder = tmp_path / 'run'
+    refused = start_demo('fleet', '--lockstep', '--output', folder)
     assert refused.wait(LIMIT) == 1
     assert '/r2: lockstep: found true, wanted false' in ' '.join(refused.stderr.split())
-    near = start_demo(
-        'fleet', '--set', 'initial_pose=[0.0, 0.0, 0.0]', '--output', tmp_path / 'run'
-    )
+    near = start_demo('fleet', '--set', 'initial_pose=[0.0, 0.0, 0.0]', '--output', folder)
     assert near.wait(LIMIT) == 1
     said = ' '.join(near.stderr.split())
     assert '/r1: initial_pose: found 0 m from /r2, wanted 0.3 m or more' in said
-    assert not (tmp_path / 'run').exists()
+    assert not folder.exists()
 
 
 # A recorder that a busy machine starves at the start does not hear the first decisions.

@@ -55,7 +55,7 @@ def in_table(node, direction, *, stamped=False, clock=True):
             continue
         if each.name == '/clock' and not clock:
             continue
-        full = each.name.replace('~', f'/{node.get_name()}')
+        full = each.name.replace('~', f'/{node.get_name()}').replace('<namespace>', '/r2')
         package = each.type.__module__.partition('.')[0]
         found.add((full if full[0] == '/' else f'/{full}', f'{package}/msg/{each.type.__name__}'))
     return found
@@ -63,8 +63,8 @@ def in_table(node, direction, *, stamped=False, clock=True):
 
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
-    more = 'moving_obstacles.capacity:=2'
-    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', more)
+    more = 'moving_obstacles.capacity:=2', "others.namespaces:=['/r2']"
+    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', *more)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, stamped=stamped)
 

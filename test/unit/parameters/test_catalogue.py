@@ -28,5 +28,6 @@ def test_what_needs_a_restart():
         'realtime.priority', 'realtime.cpu',
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
         'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
+        'others.namespaces',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip

@@ -161,7 +161,7 @@ def test_several_bags_are_laid_over_each_other(report, drive):
     assert driven[0]['line']['color'] != driven[1]['line']['color']
     (differs,) = re.findall(r'<tr class="differs"><td>([^<]*)', text)
     assert differs == 'safety.margin'
-    assert '1 of 18 checks failed' in page.text
+    assert '1 of 19 checks failed' in page.text
     assert 'Audit clean' in page.text
 
 

@@ -77,7 +77,7 @@ class Corridor:
                     raise RoadError(point, f'a width of {width:.9g} m', 'more than 0 m')
         self._check_curves()
 
-    @property
+    @cached_property
     def width(self) -> float:
         """From edge to edge where it is greatest [m]."""
         return max(map(sum, zip(self.left, self.right, strict=True)))

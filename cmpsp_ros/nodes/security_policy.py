@@ -20,7 +20,9 @@ from cmpsp_ros.nodes.topics import (
     GUIDANCE_MOVING,
     GUIDANCE_ODOM,
     MARKERS,
+    OTHER_PLANS,
     PLAN,
+    PLAN_MARKERS,
     SIM_WHEELS,
     TOPICS,
     Topic,
@@ -103,7 +105,8 @@ def policy(namespace: str = '/') -> str:
 
 
 def _name(topic: Topic) -> str:
-    return topic.name.replace('~', topic.node)
+    """In a policy; other robots may be in any namespace."""
+    return topic.name.replace('~', topic.node).replace('<namespace>', '/*')
 
 
 def _of_table(node: str) -> Rights:
@@ -136,6 +139,7 @@ def _recorder() -> Rights:
     found = _of_table('recorder')
     absolute = {each.name for each in TOPICS if each.name.startswith('/')}
     found.subscribe |= {each if each in absolute else each[1:] for each in own_topics('/')}
+    found.subscribe.add(_name(OTHER_PLANS))
     found.subscribe |= set(ALWAYS)
     found.request |= {'/*/list_parameters', '/*/get_parameters'}
     return found
@@ -143,7 +147,7 @@ def _recorder() -> Rights:
 
 def _viewer() -> Rights:
     found = Rights('viewer')
-    heard = (GUIDANCE_ODOM, DECISION, PLAN, MARKERS, SIM_WHEELS, CLOCK)
+    heard = (GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIM_WHEELS, CLOCK)
     found.subscribe |= {_name(each) for each in heard}
     found.request.add('guidance/get_parameters')
     return found

@@ -28,7 +28,10 @@ ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
 OPTIONAL = {('sim', 'publish', '/tf')} | {
     (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)
     for each in TOPICS
-    if (name := f'/{each.name.replace("~", each.node).removeprefix("/")}')
+    if (
+        name := '/'
+        + each.name.replace('~', each.node).replace('<namespace>', '*').removeprefix('/')
+    )
 }
 
 

@@ -363,8 +363,9 @@ class GuidanceNode(LifecycleNode):
         elif state != ACTIVE:
             level, message = DiagnosticStatus.OK, f'The node is {state}.'
         elif decision is None:
-            awaited = 'a road on the topic road' if self._road.waits else 'odometry'
-            level, message = DiagnosticStatus.WARN, f'Waiting for {awaited}.'
+            level, message = DiagnosticStatus.WARN, 'Waiting for odometry.'
+            if self._road.waits:
+                message = 'Waiting for a road on the topic road.'
         else:
             level, message = level_of(decision), decision.reason
         if state == ACTIVE and (warnings := self._warnings()):

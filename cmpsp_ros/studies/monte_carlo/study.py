@@ -9,7 +9,7 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Final
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
@@ -21,8 +21,12 @@ from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, sce
 PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4
 
-# The paper's first guess is made for the paper's start.
-_ALWAYS: Final = {'initial_guess.type': 'road', 'obstacles.names': []}
+# The paper's first guess is made for the paper's start, and fewer iterations go with it.
+_ALWAYS: Final = {
+    'initial_guess.type': 'road',
+    'obstacles.names': [],
+    'solver.initial_iterations': SolverSettings().initial_iterations,
+}
 
 
 @dataclass(frozen=True)

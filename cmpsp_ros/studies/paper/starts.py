@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rich.table import Table
 
-from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
+from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import cases, table1, table2
@@ -124,4 +124,5 @@ def _unlimited() -> Iterator[tuple[str, GuidanceSettings, tuple[float, float, fl
 
 
 def _limited(settings: GuidanceSettings, limit: float) -> GuidanceSettings:
-    return replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
+    robot = replace(settings.robot, max_wheel_speed=limit)
+    return replace(settings, robot=robot, solver=SolverSettings())

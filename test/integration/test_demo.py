@@ -219,6 +219,8 @@ def test_obstacles_that_move_in_lockstep(start_demo, spawn, tmp_path):
         assert ('identical: ' if command == 'replay' else 'clear of what moves') in said
 
 
+# In real time: a busy machine may keep odometry from a robot for so long that it stops.
+@pytest.mark.flaky(reruns=2)
 def test_four_robots_whose_ways_cross(start_demo, spawn, tmp_path):
     folder, robots = tmp_path / 'run', ['/r1', '/r2', '/r3', '/r4']
     running = start_demo('fleet', '--output', folder)
@@ -336,11 +338,11 @@ def recorded_settings(folder):
 
 
 def distances(driven, tracks):
-    """Least distance of a path from each obstacle, by number, as it was told of [m]."""
+    """Least distance of a path from each obstacle, by name, as it was told of [m]."""
     nearest = {}
     for each in encounters(driven, tracks, 0.0, 1.0):
-        known = nearest.get(each.track.id, math.inf)
-        nearest[each.track.id] = min(known, float(each.clearance.min()))
+        known = nearest.get(each.name, math.inf)
+        nearest[each.name] = min(known, float(each.clearance.min()))
     return nearest
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
+from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus
@@ -30,6 +30,8 @@ def settings(obstacles=(), limit=math.inf, guess=PAPER, **changes):
         goal=(10.0, 0.0),
         obstacles=obstacles,
         initial_guess=guess,
+        # As in the presets.
+        solver=SolverSettings() if guess == ROAD else SolverSettings(initial_iterations=6),
     )
     return replace(given, **changes)
 
@@ -41,7 +43,7 @@ CASES = {
 }
 
 
-def with_plans(given, candidates, initial_iterations=36):
+def with_plans(given, candidates, initial_iterations=6):
     """The same settings with so many plans to choose from; 1 and 2 iterations are the paper's."""
     solver = replace(given.solver, candidates=candidates, initial_iterations=initial_iterations)
     return replace(given, solver=solver)

@@ -92,7 +92,7 @@ def test_a_wheel_that_lags_is_mostly_a_delay():
     # The mean speed of a lagging wheel is that of a delayed one.
     untold = Drive(CASE_3, wheel_lag=0.1)
     told = Drive(replace(CASE_3, command_delay=0.1), wheel_lag=0.1)
-    assert untold.miss > 0.04
+    assert untold.miss > 0.03
     assert told.miss < 2e-3
     assert told.clearance > 0.03
 

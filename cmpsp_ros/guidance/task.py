@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.keep_clear import along_path, at_samples
+from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.between_samples import at_ends
 from cmpsp_ros.robot.clear_space import ClearSpace
@@ -64,7 +64,6 @@ class Task:
         self.heading = math.nan if heading is None else heading
         self.outputs = POINT if heading is None else LINE if settings.follow else POSE
         self.penalty_terminal = np.full(self.outputs, _GOAL_PENALTY)
-        self._end = None if settings.follow else _end(settings)
 
     def standing(self, guess: Array, durations: Array) -> ClearSpace:
         """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
@@ -79,9 +78,7 @@ class Task:
         for duration in sorted(_rounded_up(each) for each in durations[longer].tolist()):
             arcs = durations > max(period, duration - 0.01)
             space = space.with_some(at_ends(np.logical_or, arcs), self._standing(duration))
-        if self._end is None:
-            return space
-        return space.with_some(np.arange(len(durations) + 1) == len(durations), self._end)
+        return space
 
     def _standing(self, longest: float) -> ClearSpace:
         if longest not in self._spaces:
@@ -135,19 +132,6 @@ class Task:
         centers[:, discs.slots[inside]] = found[0][:, inside]
         radii[:, discs.slots[inside]] = found[1][:, inside]
         return centers, radii
-
-
-def _end(settings: GuidanceSettings) -> ClearSpace | None:
-    """What the last sample keeps to where the goal is nearer to something than samples may be.
-
-    The goal itself is as near as any point of the path may be, and nothing comes after it. The
-    audit sees whether the arc that leads there is clear.
-    """
-    goal = np.array([[*settings.goal, settings.goal_heading or 0.0]])
-    path = along_path(settings)
-    if (path.at(goal) < 0.0).any() or (at_samples(settings).at(goal) >= 0.0).all():
-        return None
-    return path
 
 
 def _rounded_up(duration: float) -> float:

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings
+from scenarios import CASES, FIRST, SECOND, settings
 
-from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.keep_clear import along_path, at_samples
+from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import Safety, SolverSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.robot.annulus_functions import AnnulusSpace
 from cmpsp_ros.robot.corridor import Corridor
 from cmpsp_ros.robot.corridor_functions import CorridorSpace
-from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus, OpenFloor
 
 GUESS = np.tile([45.0, 44.0], (11, 1))
@@ -84,32 +82,3 @@ def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
     at_samples_alone = replace(CASES['case 2'], safety=Safety(between_samples=False))
     space = Task(at_samples_alone).space(GUESS, durations)
     np.testing.assert_array_equal(space.radii, [FIRST.radius, SECOND.radius])
-
-
-NEAR = Obstacle('near', (10.323, -0.143), 0.283)
-
-
-def test_the_last_sample_may_be_as_near_as_the_path_where_the_goal_is():
-    """Seven centimetres from an obstacle, where samples have to keep more."""
-    given = settings((NEAR,), 51.0)
-    samples, path = at_samples(given), along_path(given)
-    away = np.hypot(0.323, 0.143)
-    assert path.radii[0] < away < samples.radii[0]
-    space = Task(given).space(GUESS, np.full(10, 0.2))
-    assert space.radii[:, 0].tolist() == [samples.radii[0]] * 10 + [path.radii[0]]
-    assert space.annulus.outer.tolist() == [samples.annulus.outer[0]] * 10 + [path.annulus.outer[0]]
-
-
-@pytest.mark.parametrize('margin', [0.0, 0.05])
-def test_a_goal_near_an_obstacle_is_passed_and_the_obstacle_missed(margin):
-    given = settings((NEAR,), 51.0, ROAD, safety=Safety(margin=margin))
-    run = closed_loop(given)
-    assert run.miss() < 1e-6
-    assert clearance(run.path, given) >= margin
-    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
-
-
-def test_a_goal_nearer_than_the_margin_is_no_reason_to_give_it_up():
-    given = settings((NEAR,), 51.0, safety=Safety(margin=0.08))
-    space, samples = Task(given).space(GUESS, np.full(10, 0.2)), at_samples(given)
-    np.testing.assert_array_equal(space.radii, samples.radii)

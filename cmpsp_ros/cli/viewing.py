@@ -11,7 +11,7 @@ def view(
     namespace: Annotated[str, typer.Option(help='Of the nodes to show, as in /r1.')] = '',
     port: Annotated[int, typer.Option(min=0, max=65535, help='Of the page; 0: any.')] = 8765,
     host: Annotated[
-        str, typer.Option(help='Address to listen on; on another than this, anybody can look.')
+        str, typer.Option(help='Address to listen on; on another than this a token is asked for.')
     ] = '127.0.0.1',
 ) -> None:
     """Show a running system on a page for a browser, live and offline, until SIGINT or SIGTERM.

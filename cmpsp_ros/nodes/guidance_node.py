@@ -18,6 +18,7 @@ from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.nodes.catch_up import catch_up
 from cmpsp_ros.nodes.clock_watch import ClockWatch
 from cmpsp_ros.nodes.compiling import prepare_aloud
 from cmpsp_ros.nodes.garbage import GarbageCollection
@@ -27,7 +28,6 @@ from cmpsp_ros.nodes.health import Health, Report, StepTimes
 from cmpsp_ros.nodes.lifecycle import guard_change_state
 from cmpsp_ros.nodes.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.parameters import declare
-from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.rivals import TRUST, Rivals
 from cmpsp_ros.nodes.road_messages import RoadInput
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.settings import GuidanceSettings
     from cmpsp_ros.parameters.table import Values
 
-_WATCH_PERIOD = 0.05
+_WATCH_PERIOD = 0.025
 _GUIDED = 'Another node guides this robot: {}.'
 
 UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
@@ -84,12 +84,6 @@ class GuidanceNode(LifecycleNode):
         self._health = Health(self, self._report)
         if autostart and self.trigger_configure() == SUCCESS:
             self._activate_when_known()
-
-    @property
-    def prompt(self) -> Prompt | None:
-        """Odometry comes first while the node is active; simulated time is heard before it."""
-        simulated = self.get_clock().ros_time_is_active
-        return self._prompt if self._state == ACTIVE and not simulated else None
 
     def stop(self) -> None:
         """Leave the active state, with a zero twist, before the process ends."""
@@ -125,16 +119,14 @@ class GuidanceNode(LifecycleNode):
         self._outputs = GuidanceOutputs(self, self._values, self._settings)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
-        # Before odometry: of two messages that wait the executor takes this one first.
         self._obstacles = ObstacleInput(self, self._settings)
         self._road = RoadInput(self, self._values)
         self._inputs = (
-            odometry := GUIDANCE_ODOM.listen_on(self, self._on_odometry),
+            GUIDANCE_ODOM.listen_on(self, self._on_odometry),
             GOAL_POSE.listen_on(self, self._on_goal),
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
-        self._prompt = Prompt(odometry, self.context, after=self._obstacles.subscriptions)
         self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)
@@ -195,6 +187,7 @@ class GuidanceNode(LifecycleNode):
         self._times = StepTimes()
         self._clock_watch = ClockWatch()
         self._heard_at: int | None = None
+        self._silent_at: int | None = None
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._decision: Decision | None = None
@@ -284,11 +277,15 @@ class GuidanceNode(LifecycleNode):
         if self._garbage.overdue:
             self._use_slack()
         if self._is_silent():
-            # A clock that jumps wakes this timer before the odometry that came with it.
-            self._prompt.hear(0.0)
-            if self._state == ACTIVE and self._is_silent():
-                timeout = self._settings.odom_timeout
-                self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+            catch_up(self._inputs[0])
+        if self._state != ACTIVE or not self._is_silent():
+            self._silent_at = None
+        elif self._silent_at is None:
+            # A clock that jumps wakes this timer before the odometry that comes with it.
+            self._silent_at = self._now()
+        elif self._now() > self._silent_at:
+            timeout = self._settings.odom_timeout
+            self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
 
     def _is_silent(self) -> bool:
         if self._heard_at is None:

@@ -15,7 +15,6 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 
-from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.runtime import StartupError, run
 from cmpsp_ros.nodes.topics import SIM_ODOM, SIM_STAMPED_COMMAND
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
     from geometry_msgs.msg import TwistStamped
 
 _NS = 1_000_000_000
-_TIMER_TIME = 0.002
-"""Time from the end of a timer's callback to the next, at least [s]."""
 _DECISION = '/guidance/decision'
 
 
@@ -65,7 +62,7 @@ class LatencyProbe(Node):
         self._heard_ns: dict[int, int] = {}
         self._own_ms: dict[int, float] = {}
         self._odometry = SIM_ODOM.publish_on(self)
-        self._commands = Prompt(SIM_STAMPED_COMMAND.listen_on(self, self._on_command), self.context)
+        SIM_STAMPED_COMMAND.listen_on(self, self._on_command)
         self.create_subscription(DiagnosticStatus, _DECISION, self._on_decision, 100)
 
         # The first motion compiles the kinematics, which must not count as time that passes.
@@ -79,7 +76,6 @@ class LatencyProbe(Node):
 
     def _on_timer(self) -> None:
         self._publish_due()
-        self._commands.hear((self._next_ns - self._clock_ns()) / _NS - _TIMER_TIME)
         # Armed anew for every instant: a period of its own would drift against the grid.
         self._timer.timer_period_ns = max(1, self._next_ns - self._clock_ns())
         self._timer.reset()

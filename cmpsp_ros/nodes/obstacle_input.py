@@ -9,6 +9,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.odometry import stamp_of
 from cmpsp_ros.guidance.other_plans import OtherPlan, plan_of
 from cmpsp_ros.guidance.tracks import TrackError, Tracks, check_age, tracks_of
+from cmpsp_ros.nodes.catch_up import catch_up
 from cmpsp_ros.nodes.topics import GUIDANCE_MOVING, plans_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,6 @@ class ObstacleInput:
 
     Attributes:
         settings: All settings of the guidance law, as they are now.
-        subscriptions: Where it listens; none where plans have no room.
     """
 
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
@@ -42,11 +42,11 @@ class ObstacleInput:
         self._plans: Tracks[OtherPlan] = Tracks()
         # When each was heard of last; those that never were are none to miss.
         self._heard: dict[str, OtherPlan] = {}
-        self.subscriptions: tuple[Subscription, ...] = ()
+        self._subscriptions: tuple[Subscription, ...] = ()
         known, own = settings.moving_obstacles, node.get_namespace()
         if known.capacity:
-            self.subscriptions += (GUIDANCE_MOVING.listen_on(node, self._hear),)
-        self.subscriptions += tuple(
+            self._subscriptions += (GUIDANCE_MOVING.listen_on(node, self._hear),)
+        self._subscriptions += tuple(
             plans_of(each).listen_on(node, partial(self._hear_plan, each))
             for each in known.others
             if each != own
@@ -54,8 +54,10 @@ class ObstacleInput:
 
     def at(self, stamp: int) -> tuple[Seen, ...]:
         """What is known at a time [ns]: obstacles by their numbers, then robots by their names."""
-        if not self.subscriptions:
+        if not self._subscriptions:
             return ()
+        for each in self._subscriptions:
+            catch_up(each)
         timeout = self.settings.moving_obstacles.timeout
         return (*self._tracks.at(stamp, timeout), *self._plans.at(stamp, timeout))
 
@@ -74,7 +76,7 @@ class ObstacleInput:
 
     def close(self) -> None:
         """Close the topics."""
-        for each in self.subscriptions:
+        for each in self._subscriptions:
             self._node.destroy_subscription(each)
 
     def _hear(self, message: PointCloud2) -> None:

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock as RclpyClock
 from rclpy.clock import ClockType
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, qos_check_compatible
@@ -30,7 +31,7 @@ from cmpsp_ros.nodes.recorder_options import read_options
 from cmpsp_ros.nodes.runtime import StartupError, run
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.clock import ROSClock
     from rclpy.subscription import Subscription
@@ -266,12 +267,17 @@ def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
         Exit code: 0 after a signal, 1 when recording came to an end by itself.
 
     """
-    return run(partial(Recorder, namespace, parameters), name='recorder', args=[])
+    return _run(partial(Recorder, namespace, parameters), args=[])
+
+
+def _run(make_node: Callable[[], Recorder], args: Sequence[str] | None = None) -> int:
+    # The default one would call back for every message, in spite of the inbox.
+    return run(make_node, name='recorder', args=args, make_executor=SingleThreadedExecutor)
 
 
 def main() -> None:
     """Run the recorder as a process."""
-    sys.exit(run(Recorder, name='recorder'))
+    sys.exit(_run(Recorder))
 
 
 if __name__ == '__main__':

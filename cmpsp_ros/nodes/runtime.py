@@ -16,33 +16,22 @@ from typing import TYPE_CHECKING, Any
 
 import rclpy
 from rclpy.duration import Duration
-from rclpy.executors import (
-    ExternalShutdownException,
-    ShutdownException,
-    SingleThreadedExecutor,
-    TimeoutException,
-)
+from rclpy.executors import ExternalShutdownException
+from rclpy.experimental import EventsExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from rclpy.executors import Executor
     from rclpy.impl.rcutils_logger import RcutilsLogger
     from rclpy.node import Node
-
-    from cmpsp_ros.nodes.prompt import Prompt
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 WAKE_PERIOD = 0.05
-"""Longest wait for work [s]: the wait set does not notice signals, so this bounds the answer."""
-
-REST_PERIOD = 0.02
-"""Longest wait [s] of all else in a node that hears one subscription before it."""
-
-REST_COUNT = 100
-"""Callbacks of all else, at most, between two looks at that subscription."""
+"""Longest wait for work [s]: an executor does not notice signals, so this bounds the answer."""
 
 DELIVERY_LIMIT = 0.5
 """Longest wait at the end for subscribers to confirm what was published last [s]."""
@@ -52,7 +41,13 @@ class StartupError(ValueError):
     """A node cannot start with what it was given; the message says what and why."""
 
 
-def run(make_node: Callable[[], Node], *, name: str, args: Sequence[str] | None = None) -> int:
+def run(
+    make_node: Callable[[], Node],
+    *,
+    name: str,
+    args: Sequence[str] | None = None,
+    make_executor: Callable[[], Executor] = EventsExecutor,
+) -> int:
     """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order.
 
     To be called in the main thread, as the last thing a process does: both signals stay ignored
@@ -60,10 +55,12 @@ def run(make_node: Callable[[], Node], *, name: str, args: Sequence[str] | None 
 
     Args:
         make_node: The node's class, or any callable that returns a node. A `stop` method of the
-            node, when there is one, is called once before the node is destroyed. While it has a
-            `prompt` that is not None, the subscription of this `Prompt` comes before all else.
+            node, when there is one, is called once before the node is destroyed.
         name: Name of the logger for as long as there is no node.
         args: Command line; `sys.argv` when absent.
+        make_executor: Class of the executor. By default one that calls back in the order in which
+            things happen: others make the set of all they wait for anew each time that they wake,
+            which takes longer than the middleware takes to bring the message.
 
     Returns:
         Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` out of
@@ -82,13 +79,18 @@ def run(make_node: Callable[[], Node], *, name: str, args: Sequence[str] | None 
         _ignore_signals()
         return 1
     try:
-        return _live(make_node, stopping, logger)
+        return _live(make_node, make_executor, stopping, logger)
     finally:
         _ignore_signals()
         rclpy.try_shutdown()
 
 
-def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: RcutilsLogger) -> int:
+def _live(
+    make_node: Callable[[], Node],
+    make_executor: Callable[[], Executor],
+    stopping: threading.Event,
+    logger: RcutilsLogger,
+) -> int:
     """Construct, spin, stop and destroy the node; returns the exit code."""
     try:
         node = make_node()
@@ -99,17 +101,12 @@ def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: Rcut
         _log_fatal(logger, error)
         return 1
     logger = node.get_logger()
-    executor = SingleThreadedExecutor()
+    executor = make_executor()
     executor.add_node(node)
     healthy = True
     try:
         while not stopping.is_set():
-            prompt: Prompt | None = getattr(node, 'prompt', None)
-            if prompt is None:
-                executor.spin_once(timeout_sec=WAKE_PERIOD)
-            else:
-                prompt.hear(REST_PERIOD)
-                _serve_rest(executor)
+            executor.spin_once(timeout_sec=WAKE_PERIOD)
     except ExternalShutdownException:
         pass
     except Exception as error:
@@ -122,17 +119,6 @@ def _live(make_node: Callable[[], Node], stopping: threading.Event, logger: Rcut
     # Each is tried, whatever became of the one before.
     failed = [end for end in ends if end is not None and not _ends_well(end, logger)]
     return 0 if healthy and not failed else 1
-
-
-def _serve_rest(executor: SingleThreadedExecutor) -> None:
-    """Call back for all that is ready now."""
-    for _ in range(REST_COUNT):
-        try:
-            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
-        except (TimeoutException, ShutdownException):
-            return
-        handler()
-        handler.result()
 
 
 def _deliver(node: Node) -> None:

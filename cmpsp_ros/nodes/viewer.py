@@ -79,7 +79,9 @@ class Viewer(Node):
         self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self._board.show('namespace', self.get_namespace())
         self._server.start()
-        self.get_logger().info(f'open {self._server.address} in a browser')
+        # Not by the logger, which tells the token to all who listen to /rosout.
+        sys.stderr.write(f'open {self._server.address} in a browser\n')
+        sys.stderr.flush()
 
     def stop(self) -> None:
         """Close the page's port."""

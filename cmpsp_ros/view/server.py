@@ -1,20 +1,22 @@
 """The page and what it asks for, over HTTP.
 
-The server answers on loopback unless told otherwise, changes nothing, and is asked by its own page
-alone: no other site may read it, not even by a name that leads to this machine.
+The server answers on loopback unless told otherwise, and then asks for a token. It changes nothing,
+and is asked by its own page alone: no other site may read it, not even by a name that leads to this
+machine.
 """
 
 from __future__ import annotations
 
-import ipaddress
 import json
 import threading
+from collections.abc import Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any, ClassVar, Final
 from urllib.parse import parse_qs, urlsplit
 
+from cmpsp_ros.view.access import Access
 from cmpsp_ros.view.board import Board, Known
 from cmpsp_ros.view.errors import ViewError
 
@@ -34,6 +36,8 @@ _HEADERS: Final = {
     'Cross-Origin-Resource-Policy': 'same-origin',
     'Cache-Control': 'no-store',
 }
+_NOTHING: Final[Mapping[str, str]] = {}
+_LOCKED: Final = b'Open the address with the token, which the viewer wrote when it began.\n'
 _IDLE_TIMEOUT: Final = 30.0
 
 
@@ -49,9 +53,10 @@ class ViewServer:
             port: Port to listen on; 0 for any that is free.
 
         Raises:
-            ViewError: It cannot be listened on.
+            ViewError: It cannot be listened on, or the token of the environment is not fit.
         """
-        handler = type('_Handler', (_Handler,), {'board': board, 'hosts': _hosts(host)})
+        self._access = Access(host)
+        handler = type('_Handler', (_Handler,), {'board': board, 'access': self._access})
         try:
             self._server = ThreadingHTTPServer((host, port), handler)
         except (OSError, OverflowError) as error:
@@ -63,9 +68,10 @@ class ViewServer:
 
     @property
     def address(self) -> str:
-        """Where a browser finds the page."""
+        """Where a browser finds the page, with the token where there is one."""
         host, port = self._server.server_address[:2]
-        return f'http://{host!s}:{port}/'
+        token = self._access.token
+        return f'http://{host!s}:{port}/' + (f'?token={token}' if token else '')
 
     def start(self) -> None:
         """Begin to answer."""
@@ -79,23 +85,11 @@ class ViewServer:
         self._server.server_close()
 
 
-def _hosts(host: str) -> frozenset[str] | None:
-    """Names by which the page may be asked for; None for all.
-
-    A foreign site can give its own name this machine's address, and would then be the same site.
-    """
-    try:
-        is_loopback = ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        is_loopback = host == 'localhost'
-    return frozenset({host, 'localhost', '127.0.0.1'}) if is_loopback else None
-
-
 class _Handler(BaseHTTPRequestHandler):
     """Answers one browser."""
 
     board: ClassVar[Board]
-    hosts: ClassVar[frozenset[str] | None]
+    access: ClassVar[Access]
     protocol_version = 'HTTP/1.1'
     timeout = _IDLE_TIMEOUT
     server_version = 'cmpsp'
@@ -103,11 +97,16 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Send a part of the page, or what is new."""
-        if not self._is_for_us():
-            self._send(HTTPStatus.FORBIDDEN, b'Not by this name.\n', 'text/plain')
-            return
         url = urlsplit(self.path)
-        if url.path == '/news':
+        if not self.access.is_by_name(self.headers.get('Host', '')):
+            self._send(HTTPStatus.FORBIDDEN, b'Not by this name.\n', 'text/plain')
+        elif url.path == '/' and self.access.enters(url.query):
+            # On to the page without the token, which so stays out of sight and of histories.
+            enter = {'Location': '/', 'Set-Cookie': self.access.cookie()}
+            self._send(HTTPStatus.SEE_OTHER, b'', 'text/plain', enter)
+        elif not self.access.knows(self.headers.get('Cookie', '')):
+            self._send(HTTPStatus.UNAUTHORIZED, _LOCKED, 'text/plain')
+        elif url.path == '/news':
             self._send_news(url.query)
         elif url.path in _PAGES:
             name, kind = _PAGES[url.path]
@@ -118,10 +117,6 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (named by http.server)
         """Say nothing: a page asks many times a second."""
 
-    def _is_for_us(self) -> bool:
-        name = urlsplit(f'//{self.headers.get("Host", "")}').hostname
-        return self.hosts is None or name in self.hosts
-
     def _send_news(self, query: str) -> None:
         try:
             known = _known(query)
@@ -131,9 +126,11 @@ class _Handler(BaseHTTPRequestHandler):
         news = json.dumps(self.board.news(known), allow_nan=False, separators=(',', ':'))
         self._send(HTTPStatus.OK, news.encode(), 'application/json')
 
-    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+    def _send(
+        self, status: HTTPStatus, body: bytes, kind: str, more: Mapping[str, str] = _NOTHING
+    ) -> None:
         self.send_response(status)
-        for name, value in _HEADERS.items():
+        for name, value in (*_HEADERS.items(), *more.items()):
             self.send_header(name, value)
         self.send_header('Content-Type', kind)
         self.send_header('Content-Length', str(len(body)))

@@ -14,8 +14,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
+from cmpsp_ros.nodes.catch_up import catch_up
 from cmpsp_ros.nodes.lifecycle import guard_change_state
-from cmpsp_ros.nodes.prompt import Prompt
 from cmpsp_ros.nodes.runtime import StartupError, run
 
 pytestmark = pytest.mark.integration
@@ -54,16 +54,21 @@ class Listener(Node):
 
 
 class Attentive(Node):
-    """Hears commands before all else, and has a timer beside."""
+    """Hears all commands that wait before their turn, whenever its timer falls due."""
 
     def __init__(self):
         super().__init__('attentive')
-        subscription = self.create_subscription(Twist, 'cmd_vel', self.on_command, 1000)
-        self.prompt = Prompt(subscription, self.context)
-        self.create_timer(0.05, lambda: print('timer', flush=True))
+        self.commands = self.create_subscription(Twist, 'cmd_vel', self.on_command, 1000)
+        self.create_timer(0.05, self.on_timer)
+
+    def on_timer(self):
+        catch_up(self.commands)
+        print('timer', flush=True)
 
     def on_command(self, message):
         print(f'heard {message.linear.x:g}', flush=True)
+        if message.linear.x == 0.0:
+            time.sleep(0.1)
         if message.linear.x < 0.0:
             raise ZeroDivisionError('no way')
 
@@ -123,7 +128,9 @@ def start(spawn):
 def fatal_lines(process):
     """Return the messages of level FATAL; there must be no traceback beside them."""
     assert 'Traceback' not in process.stderr
-    return [line.split(']: ', 1)[1] for line in process.stderr.splitlines() if '[FATAL]' in line]
+    said = [line.split(']: ', 1)[1] for line in process.stderr.splitlines() if '[FATAL]' in line]
+    # The executor names the kind of callback out of which an exception came.
+    return [each for each in said if not each.startswith('Exception in ')]
 
 
 @pytest.mark.parametrize('times', [1, 2])
@@ -227,7 +234,7 @@ def test_idle_process_leaves_the_core_alone(start, wait_until, node):
     assert ticks() - before < 20, 'hundredths of a second in one second'
 
 
-def test_one_subscription_comes_first_and_all_else_is_served(start, ros):
+def test_caught_up_with_nothing_is_heard_twice_nor_lost(start, ros):
     process = start(Attentive)
     publisher = ros.node.create_publisher(Twist, 'cmd_vel', 1000)
     ros.spin_until(publisher.get_subscription_count)

@@ -13,6 +13,9 @@ from cmpsp_ros.view.board import Board
 from cmpsp_ros.view.errors import ViewError
 from cmpsp_ros.view.server import ViewServer
 
+ELSEWHERE = '127.1'
+"""Leads to loopback, and is no address that is known to."""
+
 
 @pytest.fixture
 def board():
@@ -20,11 +23,23 @@ def board():
 
 
 @pytest.fixture
-def get(board):
-    """Ask for a path; the answer and its body."""
-    server = ViewServer(board, '127.0.0.1', 0)
+def interface():
+    """Where the server listens."""
+    return '127.0.0.1'
+
+
+@pytest.fixture
+def server(board, interface):
+    server = ViewServer(board, interface, 0)
     server.start()
-    port = int(re.fullmatch(r'http://127\.0\.0\.1:(\d+)/', server.address)[1])
+    yield server
+    server.close()
+
+
+@pytest.fixture
+def get(server):
+    """Ask for a path; the answer and its body."""
+    port = int(re.match(r'http://127\.0\.0\.1:(\d+)/', server.address)[1])
     connections = []
 
     def get(path, method='GET', **headers):
@@ -36,7 +51,6 @@ def get(board):
     yield get
     for each in connections:
         each.close()
-    server.close()
 
 
 @pytest.mark.parametrize(
@@ -102,6 +116,62 @@ def test_a_foreign_name_for_this_machine_is_refused(get, host):
 @pytest.mark.parametrize('host', ['localhost', 'localhost:8765', '127.0.0.1:1'])
 def test_names_of_this_machine_are_not(get, host):
     assert get('/news', Host=host)[0].status == 200
+
+
+def test_on_loopback_nothing_has_to_be_known(server):
+    assert server.address.endswith('/')
+
+
+@pytest.mark.parametrize('interface', [ELSEWHERE])
+def test_elsewhere_nothing_is_told_without_the_token(get, server):
+    token = server.address.partition('?token=')[2]
+    assert len(token) >= 20
+    wrong = (
+        {},
+        {'Cookie': 'cmpsp_view_token=wrong'},
+        {'Cookie': f'token={token}'},
+        {'Cookie': ';='},
+    )
+    for headers in wrong:
+        for path in ('/', '/?token=', '/?token=wrong', '/page.js', f'/news?token={token}', '/none'):
+            answer, body = get(path, **headers)
+            assert answer.status == 401
+            assert b'token' in body
+            assert token.encode() not in body
+            assert answer.headers['Set-Cookie'] is None
+
+
+@pytest.mark.parametrize('interface', [ELSEWHERE])
+def test_elsewhere_the_address_with_the_token_leads_in(get, server, board):
+    board.show('place', [1.0])
+    path = server.address.partition('/?')[2]
+    answer, _ = get(f'/?{path}')
+    assert (answer.status, answer.headers['Location']) == (303, '/')
+    cookie, *limits = answer.headers['Set-Cookie'].split('; ')
+    assert {'HttpOnly', 'SameSite=Strict'} <= set(limits)
+    assert get('/', Cookie=cookie)[0].status == 200
+    answer, body = get('/news', Cookie=f'other=1; {cookie}', Host='robot.local:8765')
+    assert answer.status == 200
+    assert json.loads(body)['place'] == [1.0]
+
+
+def test_each_server_has_a_token_of_its_own_unless_told_one(board, monkeypatch):
+    def address():
+        server = ViewServer(board, ELSEWHERE, 0)
+        server.close()
+        return server.address
+
+    assert len({address().partition('?token=')[2] for _ in range(3)}) == 3
+    monkeypatch.setenv('CMPSP_VIEW_TOKEN', 'of-this_robot-7')
+    assert address().endswith('?token=of-this_robot-7')
+
+
+@pytest.mark.parametrize('token', ['short', 'with a space', 'wörtlich12', 'long-enough;but'])
+def test_a_token_that_is_none_is_refused_and_not_told(board, monkeypatch, token):
+    monkeypatch.setenv('CMPSP_VIEW_TOKEN', token)
+    with pytest.raises(ViewError, match=r'CMPSP_VIEW_TOKEN: found .*, 8 or more letters') as error:
+        ViewServer(board, ELSEWHERE, 0)
+    assert token not in str(error.value)
 
 
 def test_a_port_that_is_taken_is_named(board):

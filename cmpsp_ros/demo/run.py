@@ -92,7 +92,12 @@ def drive(
 
 @contextmanager
 def started(
-    robots: Sequence[Scenario], folder: Path, view_port: int | None = None, *, record: bool = True
+    robots: Sequence[Scenario],
+    folder: Path,
+    view_port: int | None = None,
+    *,
+    record: bool = True,
+    apart: float = 0.0,
 ) -> Iterator[tuple[Observer, Sequence[Child]]]:
     """Start the nodes of one robot or several, and activate guidance; all are stopped at the end.
 
@@ -102,6 +107,7 @@ def started(
         view_port: Port of a page that shows the run, live, of several robots the first; without it
             there is none.
         record: Whether there is a bag.
+        apart: Time between one robot's setting out and the next one's [s].
 
     Raises:
         DemoError: A node failed.
@@ -112,6 +118,7 @@ def started(
             for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
                 children.append(Child.start(name, arguments, folder, namespace))
             _get_ready(observer, children, robots, record=record)
+            _set_out(observer, children, robots, apart)
             yield observer, children
         finally:
             # Guidance first, so that its last zero twist is still driven, recorded and shown.
@@ -139,11 +146,10 @@ def _get_ready(
     children: Sequence[Child],
     robots: Sequence[Scenario],
     *,
-    record: bool = True,
+    record: bool,
 ) -> None:
-    """Wait until nothing of the run can be missed, and activate the guidance nodes."""
+    """Configure the guidance nodes, and wait until nothing of the run can be missed."""
     timeout = _START_TIMEOUT * len(robots)
-    guidance = list(zip(robots, children[-len(robots) :], strict=True))
     topics = [f'{each.namespace}{topic}' for each in robots for topic in _recorded(each)]
 
     def is_heard() -> bool:
@@ -154,14 +160,30 @@ def _get_ready(
         known = all(int(each) >= 1 + record for each in heard)
         return known and (not record or observer.is_recorded(topics))
 
-    for each, node in guidance:
+    for each, node in _guidance(robots, children):
         _ask(node, 'refuses to start', partial(observer.configure, timeout, each.namespace))
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     # The recorder is known here; whom it records may hear of it a little later.
     observer.wait_until(lambda: False, _SETTLE * len(robots))
-    for each, node in guidance:
-        _ask(node, 'cannot be activated', partial(observer.activate, timeout, each.namespace))
+
+
+def _set_out(
+    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario], apart: float
+) -> None:
+    """Activate the guidance nodes."""
+    for number, (each, node) in enumerate(_guidance(robots, children)):
+        if number:
+            observer.wait_until(lambda: False, apart)
+        activate = partial(observer.activate, _START_TIMEOUT * len(robots), each.namespace)
+        _ask(node, 'cannot be activated', activate)
+
+
+def _guidance(
+    robots: Sequence[Scenario], children: Sequence[Child]
+) -> Iterator[tuple[Scenario, Child]]:
+    """Robots and their guidance nodes, which were started last."""
+    return zip(robots, children[-len(robots) :], strict=True)
 
 
 def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:

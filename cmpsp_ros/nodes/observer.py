@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class Observer:
         self._context = Context()
         self._context.init(domain_id=domain_id)
         self._node = Node('observer', context=self._context, start_parameter_services=False)
-        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         listen = self._node.create_subscription
         listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)

@@ -127,6 +127,9 @@ class GuidanceNode(LifecycleNode):
             self.create_service(RESET.type, RESET.name, self._on_reset),
             self.create_timer(_WATCH_PERIOD, self._watch),
         )
+        # The first message of a process has rclpy look through all modules for who wrote it, which
+        # takes longer than a control step may.
+        self.get_logger().info('configured')
         self._garbage.settle()
         self._state = INACTIVE
         return super().on_configure(state)

@@ -159,6 +159,9 @@ class SimNode(Node):
             self._publish_truth(change)
 
     def _publish_truth(self, motion: Motion) -> None:
+        # Nobody but who records or looks on listens, and it would be half of this node's work.
+        if not self._truth.get_subscription_count() + self._wheels.get_subscription_count():
+            return
         message = self._odometry(motion.stamp_ns, motion.pose, motion.twist)
         self._truth.publish(message)
         wheels = JointState(header=message.header, name=self.values['robot.joint_names'])

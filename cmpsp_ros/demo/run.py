@@ -87,19 +87,14 @@ def drive(
         progress(robot.settings.final_time - float(seen.decision['time_left']))
 
     with started(robots, folder, view_port) as (observer, children):
-        watch(observer, children, robots, tell)
+        guide(observer, children, robots, tell)
 
 
 @contextmanager
 def started(
-    robots: Sequence[Scenario],
-    folder: Path,
-    view_port: int | None = None,
-    *,
-    record: bool = True,
-    apart: float = 0.0,
+    robots: Sequence[Scenario], folder: Path, view_port: int | None = None, *, record: bool = True
 ) -> Iterator[tuple[Observer, Sequence[Child]]]:
-    """Start the nodes of one robot or several, and activate guidance; all are stopped at the end.
+    """Start and configure the nodes of one robot or several; all are stopped at the end.
 
     Args:
         robots: What to run, each in its namespace; of several each has one.
@@ -107,7 +102,6 @@ def started(
         view_port: Port of a page that shows the run, live, of several robots the first; without it
             there is none.
         record: Whether there is a bag.
-        apart: Time between one robot's setting out and the next one's [s].
 
     Raises:
         DemoError: A node failed.
@@ -118,7 +112,6 @@ def started(
             for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
                 children.append(Child.start(name, arguments, folder, namespace))
             _get_ready(observer, children, robots, record=record)
-            _set_out(observer, children, robots, apart)
             yield observer, children
         finally:
             # Guidance first, so that its last zero twist is still driven, recorded and shown.
@@ -160,30 +153,12 @@ def _get_ready(
         known = all(int(each) >= 1 + record for each in heard)
         return known and (not record or observer.is_recorded(topics))
 
-    for each, node in _guidance(robots, children):
+    for each, node in zip(robots, children[-len(robots) :], strict=True):
         _ask(node, 'refuses to start', partial(observer.configure, timeout, each.namespace))
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     # The recorder is known here; whom it records may hear of it a little later.
     observer.wait_until(lambda: False, _SETTLE * len(robots))
-
-
-def _set_out(
-    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario], apart: float
-) -> None:
-    """Activate the guidance nodes."""
-    for number, (each, node) in enumerate(_guidance(robots, children)):
-        if number:
-            observer.wait_until(lambda: False, apart)
-        activate = partial(observer.activate, _START_TIMEOUT * len(robots), each.namespace)
-        _ask(node, 'cannot be activated', activate)
-
-
-def _guidance(
-    robots: Sequence[Scenario], children: Sequence[Child]
-) -> Iterator[tuple[Scenario, Child]]:
-    """Robots and their guidance nodes, which were started last."""
-    return zip(robots, children[-len(robots) :], strict=True)
 
 
 def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
@@ -202,41 +177,49 @@ def _recorded(robot: Scenario) -> tuple[str, ...]:
     return (*_RECORDED, *(('/moving_obstacles',) if robot.values['moving_obstacles.names'] else ()))
 
 
-def watch(
+def guide(
     observer: Observer,
     children: Sequence[Child],
     robots: Sequence[Scenario],
     notice: Callable[[Scenario, Seen], None],
+    apart: float = 0.0,
 ) -> None:
-    """Follow the decisions up to those that say that the final times have passed.
+    """Have the robots set out, and follow them up to the decisions that their time has passed.
 
     Args:
         observer: As from `started`.
         children: As from `started`.
         robots: What runs.
         notice: Told of each decision when it is heard.
+        apart: Time between one robot's setting out and the next one's [s].
 
     Raises:
-        DemoError: A node has ended, or decides no more.
+        DemoError: A node cannot be activated, has ended, or decides no more.
     """
-    begun = time.monotonic()
-    latest = {each.namespace: ('', begun) for each in robots}
+    named = {each.namespace: each for each in robots}
+    heard: dict[str, float] = {}
+
+    def on_decision(namespace: str, seen: Seen) -> None:
+        heard[namespace] = time.monotonic()
+        notice(named[namespace], seen)
 
     def is_over() -> bool:
         for child in children:
             child.check()
-        for each in robots:
-            seen, (stamp, since) = observer.robots[each.namespace], latest[each.namespace]
-            if seen.decision and seen.decision['stamp'] != stamp:
-                latest[each.namespace] = seen.decision['stamp'], time.monotonic()
-                notice(each, seen)
-            elif time.monotonic() - since > _STALL_TIMEOUT:
-                whose = f' of {each.namespace}' if each.namespace else ''
+        for namespace, since in heard.items():
+            if time.monotonic() - since > _STALL_TIMEOUT:
+                whose = f' of {namespace}' if namespace else ''
                 raise DemoError(
                     f'no decision{whose} for {_STALL_TIMEOUT:.0f} s;'
-                    f' the last was: {seen.reason or "none"}'
+                    f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
         decisions = (seen.decision for seen in observer.robots.values())
         return all(each.get('finished') == 'true' for each in decisions)
 
+    observer.on_decision = on_decision
+    for robot, node in zip(robots, children[-len(robots) :], strict=True):
+        activate = partial(observer.activate, _START_TIMEOUT * len(robots), robot.namespace)
+        _ask(node, 'cannot be activated', activate)
+        heard.setdefault(robot.namespace, time.monotonic())
+        observer.wait_until(lambda: False, apart)
     observer.wait_until(is_over, math.inf)

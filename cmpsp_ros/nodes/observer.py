@@ -48,11 +48,13 @@ class Observer:
 
     Attributes:
         robots: What has been heard of each robot, by its namespace.
+        on_decision: Called with each decision when it is heard, and the namespace of the robot.
     """
 
     def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
         """Join a domain, to listen to the robots of these namespaces."""
         self.robots = {each: Seen() for each in namespaces}
+        self.on_decision: Callable[[str, Seen], None] = lambda _namespace, _seen: None
         self._context = Context()
         self._context.init(domain_id=domain_id)
         self._node = Node('observer', context=self._context, start_parameter_services=False)
@@ -61,9 +63,9 @@ class Observer:
         listen = self._node.create_subscription
         listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
         self._transitions = {}
-        for each, seen in self.robots.items():
+        for each in self.robots:
             node = f'{each}/guidance'
-            listen(DiagnosticStatus, f'{node}/decision', partial(_on_decision, seen), 100)
+            listen(DiagnosticStatus, f'{node}/decision', partial(self._on_decision, each), 100)
             client = self._node.create_client(ChangeState, f'{node}/change_state')
             self._transitions[each] = client
 
@@ -141,7 +143,8 @@ class Observer:
                 seen.health = {each.key: each.value for each in status.values}
                 seen.level, seen.message = status.level, status.message
 
-
-def _on_decision(seen: Seen, message: DiagnosticStatus) -> None:
-    seen.decision = {each.key: each.value for each in message.values}
-    seen.reason = message.message
+    def _on_decision(self, namespace: str, message: DiagnosticStatus) -> None:
+        seen = self.robots[namespace]
+        seen.decision = {each.key: each.value for each in message.values}
+        seen.reason = message.message
+        self.on_decision(namespace, seen)

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.encounters import encounters
@@ -57,7 +58,10 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         edge, around = outline(obstacle, obstacle.radius), outline(obstacle, radius)
         axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))
         axes.add_patch(Polygon(around, fill=False, color=_MARGIN, ls='--', zorder=3))
-        axes.annotate(obstacle.name, center, color='white', ha='center', va='center', zorder=6)
+        axes.annotate(
+            obstacle.name, center, color='white', ha='center', va='center', zorder=6,
+            path_effects=[withStroke(linewidth=3.0, foreground=OBSTACLE)],
+        )  # fmt: skip
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
     for part, color in enumerate(colors):

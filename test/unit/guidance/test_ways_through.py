@@ -148,9 +148,26 @@ def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
         # A guess that is too slow to come by has not chosen yet.
         assert all(a in (0, b) for a, b in zip(taken, way.signature, strict=True))
         if found:
-            away = np.linalg.norm(path[:, None, :2] - centers(given), axis=2)
             # Pursuit cuts corners where the gap is narrow; the iterations mend it.
-            assert (away > [each.radius - 0.2 for each in found]).all()
+            size = np.array([each.radius for each in found])
+            assert (room(given, path) > -np.minimum(0.15, 0.9 * size)).all()
+
+
+def room(given, path):
+    """Distance of a path's samples from each obstacle [m]."""
+    away = np.linalg.norm(path[:, None, :2] - centers(given), axis=2)
+    return away - [each.radius for each in given.obstacles]
+
+
+def test_few_guesses_cut_a_corner():
+    rng, cuts = np.random.default_rng(1), []
+    for _ in range(100):
+        bearings = -1.25 + 1.15 * np.arange(rng.integers(1, 7)) / 6.0
+        found = [at(each, rng.uniform(9.0, 11.0), rng.uniform(0.1, 0.5)) for each in bearings]
+        given = settings(tuple(found), 51.0, ROAD)
+        cuts += [-room(given, path).min() for path in search(given)[2]]
+    assert np.mean(np.array(cuts) > 0.0) < 0.05
+    assert max(cuts) < 0.12
 
 
 def test_the_same_search_gives_the_same_bits():

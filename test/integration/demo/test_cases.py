@@ -1,0 +1,109 @@
+"""The cases of the paper by `cmpsp demo`, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from demo_folder import LIMIT, TOPICS, check_bag, check_folder, commands
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.run import read_run
+
+pytestmark = pytest.mark.integration
+
+
+@pytest.mark.parametrize('preset', ['case1', 'case2', 'case3', 'case3_45'])
+def test_preset_in_lockstep(start_demo, tmp_path, preset):
+    folder = tmp_path / 'run'
+    running = start_demo(preset, '--lockstep', '--output', folder)
+    code = running.wait(LIMIT)
+    summary = check_folder(folder, preset)
+    assert check_bag(folder) >= TOPICS
+    assert 'Traceback' not in running.stderr
+    assert summary['reached'] == (code == 0)
+    assert f'{preset}: 50 steps' in running.stdout
+    if preset == 'case3_45' and code:
+        assert code == 1
+        assert 'the goal was missed by' in running.stderr
+        return
+    assert code == 0, running.stderr
+    assert summary['miss_m'] < 1e-6
+    assert summary['miss_m'] == pytest.approx(at_final_time(folder), abs=1e-9)
+
+
+def test_a_robot_that_people_own_in_lockstep(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('case3_wide', '--robot', 'jackal', '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = json.loads((folder / 'summary.json').read_text())
+    assert summary['preset'] == 'case3_wide with jackal'
+    assert summary['max_wheel_speed_rad_s'] <= 20.408
+    assert summary['clearance_m'] >= 0.0
+    assert summary['miss_m'] < 1e-6
+
+
+def at_final_time(folder):
+    """Distance of the last truth at the final time from the goal [m]."""
+    with Bag(folder / 'bag') as bag:
+        for _, message in bag.messages('/sim/truth'):
+            if message.header.stamp.sec == 10 and message.header.stamp.nanosec == 0:
+                place = message.pose.pose.position
+                return ((place.x - 10.0) ** 2 + place.y**2) ** 0.5
+    return None
+
+
+def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_demo, tmp_path):
+    folder, runs = tmp_path / 'deep' / 'run', []
+    for flags in ([], ['--force']):
+        running = start_demo('case3', '--lockstep', '--output', folder, *flags)
+        assert running.wait(LIMIT) == 0, running.stderr
+        runs.append((commands(folder)[0], read_run(folder / 'bag')))
+        if not flags:
+            inode = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
+            (folder / 'notes.txt').write_text('mine')
+            refused = start_demo('case3', '--lockstep', '--output', folder)
+            assert refused.wait(LIMIT) == 1
+            assert f'{folder}: found an existing folder' in ' '.join(refused.stderr.split())
+            assert '--force' in refused.stderr
+            unchanged = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
+            assert unchanged == inode
+    (first, one), (second, two) = runs
+    assert first[:51] == second[:51]
+    assert [each.points.tolist() for each in one.plans] == [e.points.tolist() for e in two.plans]
+    assert (folder / 'notes.txt').read_text() == 'mine'
+    (folder / 'notes.txt').unlink()
+    check_folder(folder, 'case3')
+
+
+def test_case_3_in_real_time(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('case3', '--output', folder)
+    assert running.wait(LIMIT) == 0, running.stderr
+    summary = check_folder(folder, 'case3')
+    assert check_bag(folder) >= TOPICS - {'/clock'}
+    assert summary['reached']
+    assert summary['miss_m'] < 0.01
+    assert summary['deadline_misses'] == 0
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'said'),
+    [
+        (['case3', '--set', 'weights.road_centre=3.0'], ['weights.road_centre', 'road_center?']),
+        (['case3', '--set', 'initial_pose=[8.0,-6.0,0.0]'], ['initial_pose', 'obstacle a', '0.7']),
+        (['case3', '--set', 'goal.position=[5.0,0.0]'], ['goal.position', '5 m from', '9 to 11']),
+        (['case3', '--set', 'final_time'], ['final_time', 'key=value']),
+        (['case4'], ['case4', 'did you mean', 'case3']),
+    ],
+)
+def test_what_cannot_be_run_is_said_before_anything_starts(start_demo, tmp_path, arguments, said):
+    folder = tmp_path / 'run'
+    running = start_demo(*arguments, '--lockstep', '--output', folder)
+    assert running.wait(LIMIT) == 1
+    text = ' '.join(running.stderr.split())
+    for words in ['found', 'wanted', *said]:
+        assert words in text
+    assert 'Traceback' not in text
+    assert running.stdout == ''
+    assert not folder.exists()

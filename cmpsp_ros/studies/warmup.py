@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable
+from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -12,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.preparation import prepare
+from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp import Options, from_functions, solve
 from cmpsp_ros.mpsp.compile_watch import compilations
 from cmpsp_ros.mpsp.kernel_folder import kernel_folder, old_folders, wanted_place
@@ -19,6 +22,11 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.studies.pool import new_pool
+
+_GIGABYTE: Final = 1 << 30
+_NEEDED: Final = 2
+"""Memory that a process takes while it compiles [GB]."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +50,7 @@ class Outcome:
 
     Attributes:
         folder: Where the machine code is; None when there is no place for it.
-        parts: What was run, in this order.
+        parts: What was run, as it was done.
         removed: Folders of other versions that are gone.
     """
 
@@ -67,10 +75,11 @@ class Outcome:
 def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
     """Run everything that is compiled, and remove what other versions have left.
 
-    Nothing is run where there is no folder to keep its machine code in.
+    Kinds of roads and obstacles have code of their own, and processes share them. Nothing is run
+    where there is no folder to keep machine code in.
 
     Args:
-        progress: Told the name of each part before it begins.
+        progress: Told what is under way.
 
     Raises:
         ParameterError: The presets cannot be read.
@@ -78,21 +87,51 @@ def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
     if kernel_folder() is None:
         return Outcome(None, (), ())
     parts = []
-    for name, run in WORK.items():
-        progress(name)
-        began = time.perf_counter()
-        with compilations() as compiled:
-            run()
-        parts.append(Part(name, len(compiled), time.perf_counter() - began))
+    work = {'the method': None, **_kinds()}
+    pool = new_pool(min(_workers(), len(work)))
+    try:
+        left = {pool.submit(_do, name, presets): name for name, presets in work.items()}
+        progress(', '.join(left.values()))
+        for done in as_completed(left.copy()):
+            parts.append(done.result())
+            del left[done]
+            progress(', '.join(left.values()))
+    finally:
+        pool.shutdown(cancel_futures=True)
     removed = old_folders()
     for each in removed:
         shutil.rmtree(each, ignore_errors=True)
     return Outcome(kernel_folder(), tuple(parts), tuple(removed))
 
 
-def _guidance() -> None:
+def _workers() -> int:
+    """How many processes have a core each, and memory."""
+    memory = os.sysconf('SC_AVPHYS_PAGES') * os.sysconf('SC_PAGE_SIZE') // _GIGABYTE
+    return max(1, min(os.cpu_count() or 1, memory // _NEEDED))
+
+
+def _kinds() -> dict[str, tuple[GuidanceSettings, ...]]:
+    """The presets, by what decides on the code that they need."""
+    found: dict[str, tuple[GuidanceSettings, ...]] = {}
     for preset in preset_names():
-        prepare(guidance_settings(TABLE.resolve(load_parameter_file(preset))))
+        values = TABLE.resolve(load_parameter_file(preset))
+        settings = guidance_settings(values)
+        around = settings.moving_obstacles
+        moving = ' with what moves' if around.capacity or around.others else ''
+        name = f'road {values["road.type"]}{moving}'
+        found[name] = (*found.get(name, ()), settings)
+    return found
+
+
+def _do(name: str, presets: tuple[GuidanceSettings, ...] | None) -> Part:
+    began = time.perf_counter()
+    with compilations() as compiled:
+        if presets is None:
+            _method()
+        else:
+            for each in presets:
+                prepare(each)
+    return Part(name, len(compiled), time.perf_counter() - began)
 
 
 def _method() -> None:
@@ -109,7 +148,3 @@ def _method() -> None:
     for qp in (RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT, 'daqp', 'hildreth'):
         options = Options(penalty_terminal=np.array([100.0]), penalty_path=np.array([100.0]), qp=qp)
         solve(problem, np.zeros((4, 1)), options, max_iterations=2)
-
-
-WORK: Final[dict[str, Callable[[], None]]] = {'guidance': _guidance, 'method': _method}
-"""What is run, by name: a kernel that none of these reaches is compiled when it is first used."""

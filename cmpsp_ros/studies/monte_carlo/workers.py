@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import connection, get_context, parent_process
 from pathlib import Path
 from typing import Final
 
@@ -17,6 +13,7 @@ from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
+from cmpsp_ros.studies.pool import new_pool
 
 CHUNK: Final = 8
 """Runs handed to a process at a time."""
@@ -62,8 +59,7 @@ def _shared(
     workers: int,
     progress: Callable[[int], None],
 ) -> Iterator[Outcome]:
-    # A fork would copy the locks of the numerical libraries' threads.
-    pool = ProcessPoolExecutor(workers, get_context('spawn'), initializer=_prepare)
+    pool = new_pool(workers)
     try:
         chunks = [
             pool.submit(_make_chunk, study, numbers[first : first + CHUNK], folder)
@@ -75,20 +71,6 @@ def _shared(
             progress(len(outcomes))
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _prepare() -> None:
-    """Leave the keyboard's interrupt to the parent, and do not outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = parent_process()
-    if parent is not None:
-        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
-
-
-def _end_with(sentinel: int) -> None:
-    # A worker whose parent was killed would wait for work for ever.
-    connection.wait([sentinel])
-    os._exit(1)
 
 
 def _make_chunk(study: Study, numbers: Sequence[int], folder: Path) -> list[Outcome]:

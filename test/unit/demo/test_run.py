@@ -52,14 +52,14 @@ def child(tmp_path):
 
 def test_a_node_that_does_not_answer_is_no_node_that_refuses(child):
     with pytest.raises(DemoError, match=r'no answer within 30 s; it said:\ncompiling, once'):
-        _get_ready(Stubborn(None), [child()], [CASE3])
+        _get_ready(Stubborn(None), [child()], [CASE3], record=True)
 
 
 def test_a_node_that_has_ended_is_told_as_such(child):
     with pytest.raises(DemoError, match='guidance_node ended with exit code 3'):
-        _get_ready(Stubborn(None), [child('raise SystemExit(3)')], [CASE3])
+        _get_ready(Stubborn(None), [child('raise SystemExit(3)')], [CASE3], record=True)
 
 
 def test_a_node_that_refuses_says_why(child):
     with pytest.raises(DemoError, match=r'refuses to start:\ncompiling'):
-        _get_ready(Stubborn(False), [child()], [CASE3])
+        _get_ready(Stubborn(False), [child()], [CASE3], record=True)

@@ -1,0 +1,28 @@
+"""Processes that share work on this machine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import connection, get_context, parent_process
+
+
+def new_pool(workers: int) -> ProcessPoolExecutor:
+    """Processes that leave the keyboard to their parent, and end when it does, however it ends."""
+    # A fork would copy the locks of the numerical libraries' threads.
+    return ProcessPoolExecutor(workers, get_context('spawn'), initializer=_begin)
+
+
+def _begin() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    # A worker whose parent was killed would wait for work for ever.
+    connection.wait([sentinel])
+    os._exit(1)

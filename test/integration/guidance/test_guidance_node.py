@@ -69,6 +69,18 @@ def test_every_state_is_entered_left_and_shown(start_node, client):
     assert 'Traceback' not in running.stderr
 
 
+def test_topics_come_and_go_while_odometry_comes(start_node, client):
+    """The executor is told of each message, of topics that are closed by then too."""
+    running = start_node('guidance_node', {'autostart': False, 'moving_obstacles.capacity': 4})
+    client.drive()
+    for _ in range(20):
+        for change in ('configure', 'activate', 'deactivate', 'cleanup'):
+            assert client.change_state(change)
+    assert client.state == 'unconfigured'
+    running.signal(signal.SIGINT)
+    assert running.wait() == 0, running.stderr
+
+
 @pytest.mark.parametrize('state', ['unconfigured', 'inactive', 'active'])
 def test_after_a_shutdown_by_service_a_signal_ends_the_process(start_node, client, state):
     running = start_node('guidance_node', {'autostart': state == 'active'})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
@@ -19,6 +20,7 @@ from cmpsp_ros.nodes.topics import (
     COMMAND,
     DECISION,
     MARKERS,
+    OF_A_RUN,
     PLAN,
     PLAN_MARKERS,
     STAMPED_COMMAND,
@@ -46,9 +48,11 @@ class GuidanceOutputs:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
         self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
-        self._command = node.create_lifecycle_publisher(
-            self._topic.type, self._topic.name, self._topic.qos
-        )
+        command = self._topic
+        if node.get_parameter('use_sim_time').value:
+            # Where time stands still no command grows stale, and all are to be recorded.
+            command = replace(command, depth=OF_A_RUN)
+        self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
         self._wheels = WHEELS.publish_on(node)
         self._decisions = DECISION.publish_on(node)
         self._path = PLAN.publish_on(node)

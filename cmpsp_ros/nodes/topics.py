@@ -78,8 +78,11 @@ class Topic:
         return node.create_subscription(self.type, self.name, callback, self.qos)
 
 
-# In lockstep a run takes a second or two: who records it on a busy machine lags far behind.
-_OF_A_RUN = 1000
+OF_A_RUN = 1000
+"""Depth for topics that are recorded.
+
+In lockstep a run takes a second or two: who records it on a busy machine lags far behind.
+"""
 
 _STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; stamped as the odometry it answers'
 
@@ -144,6 +147,7 @@ WHEELS = Topic(
     '~/wheel_speeds',
     JointState,
     'commanded speed of right and left wheel [rad/s]; names from `robot.joint_names`',
+    depth=OF_A_RUN,
 )
 DECISION = Topic(
     'guidance',
@@ -152,6 +156,7 @@ DECISION = Topic(
     DiagnosticStatus,
     'each control step: rung, why, miss, margins, slack, iterations, active rows, times; floats'
     ' read back exactly',
+    depth=OF_A_RUN,
 )
 PLAN = Topic(
     'guidance',
@@ -159,6 +164,7 @@ PLAN = Topic(
     '~/predicted_path',
     Path,
     'the plan, or one pose where the robot stands; while somebody listens',
+    depth=OF_A_RUN,
 )
 MARKERS = Topic(
     'guidance',
@@ -211,7 +217,7 @@ SIM_ODOM = Topic(
     'odom',
     Odometry,
     'at `odom_rate` on an exact time grid, with all errors of `noise`',
-    depth=_OF_A_RUN,
+    depth=OF_A_RUN,
 )
 SIM_MOVING = Topic(
     'sim',
@@ -220,7 +226,7 @@ SIM_MOVING = Topic(
     PointCloud2,
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
     ' among the names, from 0',
-    depth=_OF_A_RUN,
+    depth=OF_A_RUN,
 )
 SIM_ROAD = Topic(
     'sim',
@@ -237,12 +243,12 @@ TRUTH = Topic(
     '~/truth',
     Odometry,
     'the ground truth: no errors, none lost, and one more whenever the wheels change speed',
-    depth=_OF_A_RUN,
+    depth=OF_A_RUN,
 )
 SIM_WHEELS = Topic(
-    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=_OF_A_RUN
+    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=OF_A_RUN
 )
-CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`')
+CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`', depth=OF_A_RUN)
 SIM_RESET = Topic(
     'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time goes on', depth=0
 )

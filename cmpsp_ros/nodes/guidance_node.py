@@ -280,7 +280,8 @@ class GuidanceNode(LifecycleNode):
         if self._garbage.overdue:
             self._use_slack()
         if self._is_silent():
-            catch_up(self._inputs[0])
+            odometry, *_ = self._inputs
+            catch_up(odometry)
         if self._state != ACTIVE or not self._is_silent():
             self._silent_at = None
         elif self._silent_at is None:

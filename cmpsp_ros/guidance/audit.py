@@ -38,7 +38,7 @@ _SAMPLE_TOLERANCE = 1e-3
 # A command that was good when it was given is judged again from odometry that has been rounded.
 _WAY_TOLERANCE = 1e-6
 
-_FOUND = 7
+_FOUND = 9
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,8 @@ class Verdict:
         margin: Least clearance over the first control period [m].
         worst_margin: Least clearance over the whole plan [m].
         nearest: What the whole plan comes nearest to.
+        edge_margin: Least clearance of the whole plan from the road's edges [m].
+        obstacle_margin: The same from obstacles and what moves; infinite without any [m].
     """
 
     passed: bool
@@ -58,9 +60,14 @@ class Verdict:
     margin: float
     worst_margin: float
     nearest: str
+    edge_margin: float
+    obstacle_margin: float
 
     def followed_by(self, later: Verdict) -> Verdict:
-        """The verdict on this way and what follows it: both must pass."""
+        """The verdict on this way and what follows it: both must pass.
+
+        Margins from edges and from obstacles are of what follows, which can still be changed.
+        """
         first = self if not self.passed or later.passed else later
         nearer = self if self.worst_margin < later.worst_margin else later
         return Verdict(
@@ -69,6 +76,8 @@ class Verdict:
             min(self.margin, later.margin),
             nearer.worst_margin,
             nearer.nearest,
+            later.edge_margin,
+            later.obstacle_margin,
         )
 
 
@@ -107,7 +116,7 @@ class Audit:
             near: Progress of a place near the pose, not a number where none is known [m].
         """
         robot = self._robot
-        fastest, margin, worst_margin, nearest, shortfall, short, tightest = self._swept(
+        fastest, margin, worst_margin, nearest, shortfall, short, tightest, *of_kinds = self._swept(
             pose, controls, durations, moving, near
         )
         if not math.isfinite(fastest):
@@ -125,7 +134,8 @@ class Audit:
                 f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
                 f' to {self._name(int(short), moving)}.'
             )
-        return Verdict(not reason, reason, margin, worst_margin, self._name(int(nearest), moving))
+        name = self._name(int(nearest), moving)
+        return Verdict(not reason, reason, margin, worst_margin, name, *of_kinds)
 
     def check_way(
         self,
@@ -169,7 +179,7 @@ class Audit:
         moving: MovingDiscs,
         near: float,
     ) -> Verdict:
-        _, margin, _, nearest, shortfall, short, tightest = self._swept(
+        _, margin, _, nearest, shortfall, short, tightest, *of_kinds = self._swept(
             pose, wheel_speeds, duration, moving, near
         )
         if not math.isfinite(margin):
@@ -180,7 +190,8 @@ class Audit:
                 f'The commands given before come {-tightest:.3g} m too close'
                 f' to {self._name(int(short), moving)}.'
             )
-        return Verdict(not reason, reason, margin, margin, self._name(int(nearest), moving))
+        name = self._name(int(nearest), moving)
+        return Verdict(not reason, reason, margin, margin, name, *of_kinds)
 
     def _swept(
         self, pose: Array, controls: Array, durations: Array, moving: MovingDiscs, near: float
@@ -249,7 +260,8 @@ def _sweep(
     Args:
         found: Filled with the largest wheel speed; the least clearance of the first step and of
             the whole plan, and what it is from; by how much the first step falls short of what it
-            must keep, what it comes too close to, and its clearance from that. Shape ``(7,)``.
+            must keep, what it comes too close to, and its clearance from that; the least clearance
+            of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
         worst: Scratch, shape ``(2 + M + D,)``.
         pose: Where it begins.
         controls: Wheel speeds.
@@ -315,6 +327,9 @@ def _sweep(
         total += worst[what]
     # Not a number if any of them is not.
     found[2], found[3] = worst[nearest] + 0.0 * total, nearest
+    found[7], found[8] = min(worst[0], worst[1]), math.inf
+    for what in range(EDGES, worst.shape[0]):
+        found[8] = min(found[8], worst[what])
 
 
 @allocation_free
@@ -354,4 +369,4 @@ def _note(found: Array, worst: Array, k: int, what: int, clearance: float, betwe
 
 
 def _refused(reason: str) -> Verdict:
-    return Verdict(False, reason, -np.inf, -np.inf, 'nothing')
+    return Verdict(False, reason, -math.inf, -math.inf, 'nothing', -math.inf, -math.inf)

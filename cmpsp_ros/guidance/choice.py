@@ -7,9 +7,9 @@ one for each of the most promising ways is kept and improved beside the one that
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,14 @@ from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.candidate import Candidate, Start
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.gaps import Signature
+from cmpsp_ros.guidance.guesses import Guesses, standing
 from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import along_road, initial_guess
-from cmpsp_ros.guidance.meeting import Met, meet
+from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.merit_of_plan import Judge, Merit
+from cmpsp_ros.guidance.moment import Moment
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
-from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.guidance.ways_through import in_words, signature_of, ways_through
+from cmpsp_ros.guidance.signature import in_words, signature_of
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.road import Annulus
 
@@ -62,27 +62,6 @@ class _Contender:
     strikes: int = 0
 
 
-@dataclass(frozen=True)
-class _Moment:
-    """What all plans of one control step have in common."""
-
-    start: Start
-    held: Array
-    horizon: Horizon
-    plan: Plan | None
-    settings: GuidanceSettings
-
-    @property
-    def at_rest(self) -> bool:
-        """Whether no plan is under way."""
-        return self.plan is None
-
-    @cached_property
-    def met(self) -> Met:
-        """What moves, where it is met on the way."""
-        return meet(self.settings, self.start, self.plan, self.horizon)
-
-
 class Choice:
     """Improves plans and says which to follow."""
 
@@ -100,7 +79,7 @@ class Choice:
         self._most = settings.solver.candidates if known else 1
         self._planner = Planner(settings)
         self._spare = [Planner(settings) for _ in range(max(1, self._most - 1))]
-        self._task, self._judge = Task(settings), Judge(settings)
+        self._guesses, self._judge = Guesses(settings, self._most), Judge(settings)
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
         self._centers = ClearSpace.of(settings.road, settings.obstacles, 0.0).centers
@@ -144,10 +123,10 @@ class Choice:
             horizon: Horizon of the plans wanted.
         """
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
-        moment = _Moment(start, held, horizon, plan, self._settings)
+        moment = Moment(start, held, horizon, plan, self._settings)
         if plan is None:
             self._planner.forget()
-            guess, *others = self._first_guesses(moment)
+            guess, *others = self._guessed(self._guesses.first, moment)
         else:
             guess, others = shift(plan.controls, plan.horizon, horizon), None
         warm = self._improved(self._planner, guess, moment)
@@ -158,28 +137,12 @@ class Choice:
             return warm
         return self._polished(self._chosen(warm, moment, others, review=review), moment)
 
-    def _first_guesses(self, moment: _Moment) -> list[Array]:
-        """Where to begin without a plan: as the settings say, and by the ways that there are."""
-        start, durations = moment.start, moment.horizon.durations
-        given = initial_guess(self._settings, start.pose, durations, start.near)
-        if self._most == 1:
-            return [given]
-        if self._settings.initial_guess.type == 'road':
-            return self._fresh_guesses(moment, self._most)
-        return [given, *self._fresh_guesses(moment, self._most - 1)]
-
-    def _fresh_guesses(
-        self, moment: _Moment, most: int, without: Collection[Signature] = ()
-    ) -> list[Array]:
-        """By the most promising ways; along the centre line where there is no choice of them."""
+    def _guessed(self, make: Callable[..., list[Array]], *arguments: Any) -> list[Array]:
+        """Guesses, and the time that they take."""
         began = self._timer()
-        pose, durations = moment.start.pose, moment.horizon.durations
-        road, ways = along_road(self._settings, pose, durations), []
-        if self._names or moment.met.names:
-            space = moment.met.taken_from(self._task.standing(road, durations))
-            ways = ways_through(self._settings, space, pose, durations, most, without)
+        guesses = make(*arguments)
         self.phases['solve'] += (self._timer() - began) * _MILLISECONDS
-        return [way.guess for way in ways] or [road]
+        return guesses
 
     def _is_wanted(self, warm: Candidate) -> bool:
         """Whether to look for new plans; seldom, where that has not helped for a while."""
@@ -198,7 +161,7 @@ class Choice:
         """Whether to change over at all from a plan that is under way."""
         return self._review or not warm.usable or self._troubled > _TRANSIENT
 
-    def _or_fresh(self, warm: Candidate, moment: _Moment) -> Candidate:
+    def _or_fresh(self, warm: Candidate, moment: Moment) -> Candidate:
         """Where the plan has a flaw, the one along the centre line if that has none.
 
         Whatever moves may come too close at first: where the robot stands anyway, a plan from
@@ -211,9 +174,9 @@ class Choice:
         best = self._better(warm, guess, moment)
         if best.usable or not moment.at_rest:
             return best
-        return self._better(best, _standing(horizon), moment)
+        return self._better(best, standing(horizon), moment)
 
-    def _better(self, known: Candidate, guess: Array, moment: _Moment) -> Candidate:
+    def _better(self, known: Candidate, guess: Array, moment: Moment) -> Candidate:
         """The plan followed, or one from another guess, if that is better."""
         planner = self._free_planner()
         fresh = self._improved(planner, guess, moment)
@@ -225,7 +188,7 @@ class Choice:
         return fresh
 
     def _chosen(
-        self, warm: Candidate, moment: _Moment, guesses: list[Array] | None, *, review: bool
+        self, warm: Candidate, moment: Moment, guesses: list[Array] | None, *, review: bool
     ) -> Candidate:
         followed, may_leave = self._contender(self._planner, warm, moment), self._may_leave(warm)
         # Room for a fresh plan, whatever is known already.
@@ -250,7 +213,7 @@ class Choice:
         self._remark = self._said(best, count, moment, changed=changed)
         return best.candidate
 
-    def _said(self, best: _Contender, count: int, moment: _Moment, *, changed: bool) -> str:
+    def _said(self, best: _Contender, count: int, moment: Moment, *, changed: bool) -> str:
         if count == 1:
             return ''
         words = in_words(best.signature, [*self._names, *moment.met.names])
@@ -266,20 +229,26 @@ class Choice:
         return kept
 
     def _fresh(
-        self, known: list[_Contender], moment: _Moment, guesses: list[Array] | None
+        self, known: list[_Contender], moment: Moment, guesses: list[Array] | None
     ) -> list[_Contender]:
         """Plans from scratch, by ways that no sound plan takes yet where no guesses are given."""
         if guesses is None:
             sound = {each.signature for each in known if not each.merit.flawed}
             room = self._most - len(known)
-            guesses = self._fresh_guesses(moment, room, sound)[:room]
+            guesses = self._guessed(self._guesses.fresh, moment, room, sound)[:room]
         fresh = [self._new(guess, moment) for guess in guesses]
-        if not moment.at_rest or any(each.candidate.usable for each in (*known, *fresh)):
+        every = [*known, *fresh]
+        if not moment.at_rest or not all(each.merit.flawed for each in every):
             return fresh
-        # Whatever moves may come too close at first: standing still does not.
-        return [*fresh, self._new(_standing(moment.horizon), moment)]
+        # Whatever moves ahead may need more room than there is: turning where it stands does not.
+        turning = self._guessed(self._guesses.turning, moment)
+        fresh += [self._new(guess, moment) for guess in turning]
+        if any(each.candidate.usable for each in every):
+            return fresh
+        # Or it may come too close at first: standing still does not.
+        return [*fresh, self._new(standing(moment.horizon), moment)]
 
-    def _new(self, guess: Array, moment: _Moment) -> _Contender:
+    def _new(self, guess: Array, moment: Moment) -> _Contender:
         planner = self._free_planner()
         return self._contender(planner, self._improved(planner, guess, moment), moment)
 
@@ -299,24 +268,25 @@ class Choice:
         going_on = {id(each.planner) for each in (best, *self._beside)}
         self._spare += [each.planner for each in contenders if id(each.planner) not in going_on]
 
-    def _continued(self, contender: _Contender, moment: _Moment) -> _Contender:
+    def _continued(self, contender: _Contender, moment: Moment) -> _Contender:
         plan = contender.candidate.plan
         guess = shift(plan.controls, plan.horizon, moment.horizon)
         candidate = self._improved(contender.planner, guess, moment)
-        found = self._contender(contender.planner, candidate, moment)
-        return replace(found, strikes=contender.strikes)
+        return self._contender(contender.planner, candidate, moment, contender.strikes)
 
-    def _contender(self, planner: Planner, candidate: Candidate, moment: _Moment) -> _Contender:
+    def _contender(
+        self, planner: Planner, candidate: Candidate, moment: Moment, strikes: int = 0
+    ) -> _Contender:
         began = self._timer()
         centers = np.concatenate([self._centers, moment.met.centers])
         signature = signature_of(
             self._settings.annulus, centers, candidate.plan.poses, self._settings.goal
         )
-        merit = self._judge.merit(candidate, moment.held, moment.start.moving)
+        merit = self._judge.merit(candidate, moment.held)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
-        return _Contender(planner, candidate, merit, signature)
+        return _Contender(planner, candidate, merit, signature, strikes)
 
-    def _polished(self, chosen: Candidate, moment: _Moment) -> Candidate:
+    def _polished(self, chosen: Candidate, moment: Moment) -> Candidate:
         """The plan chosen, with the iterations that the others need not have."""
         first = chosen.improvement.iterations
         left = self._settings.solver.initial_iterations - first
@@ -328,7 +298,7 @@ class Choice:
         count = first + polished.improvement.iterations
         return replace(polished, improvement=replace(polished.improvement, iterations=count))
 
-    def _iterations(self, moment: _Moment) -> int:
+    def _iterations(self, moment: Moment) -> int:
         """How many every plan is given at first."""
         solver = self._settings.solver
         if not moment.at_rest:
@@ -337,7 +307,7 @@ class Choice:
         return initial if self._most == 1 else min(initial, SCREENING)
 
     def _improved(
-        self, planner: Planner, guess: Array, moment: _Moment, iterations: int = 0
+        self, planner: Planner, guess: Array, moment: Moment, iterations: int = 0
     ) -> Candidate:
         began = self._timer()
         improvement = planner.improve(
@@ -369,8 +339,3 @@ class Choice:
         planner = self._spare.pop() if self._spare else Planner(self._settings)
         planner.forget()
         return planner
-
-
-def _standing(horizon: Horizon) -> Array:
-    """Wheel speeds of a robot that stands still, shape ``(N + 1, 2)`` [rad/s]."""
-    return np.zeros((len(horizon.edges), 2))

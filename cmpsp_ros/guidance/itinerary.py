@@ -170,7 +170,8 @@ class Itinerary:
         elif self._index:
             begin = goals[self._index - 1].time
         goal = self.goal = goals[self._index]
-        self.settings = given.towards(goal, begin) if goal.name else given
+        drives_on = goal is not goals[-1]
+        self.settings = given.towards(goal, begin, drives_on=drives_on) if goal.name else given
         self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
         no_road = isinstance(given.road, OpenFloor)
         self._is_known = self.is_last or goal.heading is not None or no_road

@@ -94,6 +94,8 @@ class GuidanceLaw:
         self._reckoned = replace(self._settings, slip=slip)
         self._itinerary.reconfigure(self._reckoned)
         self._audit = Audit(self._reckoned)
+        kept = self._settings.robot_radius + self._settings.safety.margin
+        self._with_margin = Audit(replace(self._reckoned, robot_radius=kept))
         self._choice = Choice(self._itinerary.settings, self._audit, self._timer)
 
     def is_due(self, stamp: int) -> bool:
@@ -137,8 +139,7 @@ class GuidanceLaw:
             self._progress.aim(itinerary.settings)
             known = self._turn(start, horizon) if turned else self._plan or self._waiting
             decision = self._decide(stamp, pose, start, horizon, known)
-        if itinerary.is_last:
-            self._stop_in_time(start, decision.plan, last)
+        self._decide_in_time(start, decision.plan, last)
         self._account.step += 1
         self._begin_period(stamp, pose, decision.wheel_speeds)
         return self._sent(decision, tracks)
@@ -226,19 +227,28 @@ class GuidanceLaw:
         """Whether the last plan left no more commands for the time that is left [ns]."""
         return self._delay > 0 and self._plan is not None and left < self._period // 2
 
-    def _stop_in_time(self, start: Start, plan: Plan | None, last: int) -> None:
-        """Decide once more if the last command may not outlast the final time.
+    def _decide_in_time(self, start: Start, plan: Plan | None, last: int) -> None:
+        """Decide once more if the last command on the way to a goal may not outlast its time.
 
-        By itself it does, by as long as a stop takes to come into effect.
+        By itself it does, by as long as the next one takes to come into effect: a stop, or the
+        first on the way to another goal.
         """
         if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
             return
-        outlasting = np.array([(self._due - self._latest) / NANOSECONDS])
-        if (
-            self._latest < last
-            and not self._audit.check(start.pose, plan.controls, outlasting, start.moving).passed
-        ):
+        if self._latest < last and not self._may_outlast(start, plan.controls, self._due):
             self._due = last
+
+    def _may_outlast(self, start: Start, controls: Array, until: int) -> bool:
+        """Whether commands may go on until one that is given at an instant [ns] takes effect.
+
+        No plan has looked at the way beyond its end: it keeps the margin that plans keep, or is
+        not driven.
+        """
+        outlasting = np.array([(until - self._latest) / NANOSECONDS])
+        verdict = self._with_margin.check(
+            start.pose, controls[:1], outlasting, start.moving, start.near
+        )
+        return verdict.passed
 
     def _go_on(self, stamp: int, pose: Array, start: Start, last: int) -> Decision:
         """Let the last plan go on, past its end too, where a new command comes too late.
@@ -249,7 +259,12 @@ class GuidanceLaw:
         end = last if self._latest < last else self._due
         horizon = Horizon(np.array([self._latest, end], dtype=np.int64))
         shifted = self._shifted(start, horizon)
-        if self._plan is None or shifted is None:
+        beyond = self._latest >= last
+        if (
+            self._plan is None
+            or shifted is None
+            or (beyond and not self._may_outlast(start, shifted[0].controls, end))
+        ):
             reason = 'No plan can go on until a stop takes effect.'
             return self._halt(stamp, pose, reason, moving=start.moving)
         plan, verdict = shifted

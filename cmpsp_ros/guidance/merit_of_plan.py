@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.candidate import Candidate
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.mpsp.compiled import allocation_free
 
 Array = NDArray[np.float64]
 
@@ -33,8 +31,6 @@ _MORE, _LESS = 0.015, 0.01
 # As far as an active constraint of a linearisation may be off.
 _TOUCH = 1e-3
 
-_NO_ROAD = 1e6
-
 
 @dataclass(frozen=True)
 class Merit:
@@ -42,8 +38,8 @@ class Merit:
 
     Attributes:
         usable: Whether the plan may be followed at all.
-        obstacle: How deep it is in an obstacle [m]; 0 for none.
-        edge: How far it is off the road [m]; 0 for not.
+        obstacle: How deep it is in an obstacle or the margin kept from it [m]; 0 for not.
+        edge: How far it is off the road or in the margin kept from its edges [m]; 0 for not.
         miss: How far from the goal it ends [m]; 0 within the tolerance.
         elastic: Whether its last iteration needed slack.
         turns: How often it winds around itself.
@@ -104,33 +100,26 @@ class Judge:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take limits, road, obstacles and weights from the settings."""
         self._settings = settings
-        boundless = Annulus(inner_radius=-_NO_ROAD, outer_radius=_NO_ROAD)
-        self._road = Audit(replace(settings, obstacles=()))
-        self._obstacles = Audit(replace(settings, road=boundless))
+        # Who takes a bit of the margin for the goal's sake is unsafe before it touches anything.
+        self._kept = settings.safety.margin
 
     def aim(self, settings: GuidanceSettings) -> None:
         """Take another goal; nothing else of the settings may differ."""
         self._settings = settings
 
-    def merit(
-        self, candidate: Candidate, held: Array, moving: MovingDiscs = NOTHING_MOVES
-    ) -> Merit:
+    def merit(self, candidate: Candidate, held: Array) -> Merit:
         """Merit of a candidate.
 
         Args:
             candidate: The plan, improved and audited.
             held: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
-            moving: What moves, from the plan's beginning on.
         """
-        plan, settings = candidate.plan, self._settings
-        swept = plan.poses[0], plan.controls, plan.horizon.durations
+        plan, verdict, settings = candidate.plan, candidate.verdict, self._settings
         miss = math.dist(plan.poses[-1, :2], settings.goal)
         return Merit(
             candidate.usable,
-            _depth(self._obstacles.check(*swept, moving).worst_margin)
-            if settings.obstacles or len(moving)
-            else 0.0,
-            _depth(self._road.check(*swept).worst_margin),
+            _depth(verdict.obstacle_margin - self._kept),
+            _depth(verdict.edge_margin - self._kept),
             0.0 if miss <= settings.goal_tolerance else miss,
             candidate.improvement.elastic,
             self._turns(plan.poses),
@@ -159,21 +148,38 @@ class Judge:
 
         What is disturbed costs time, and nothing in the cost keeps any.
         """
-        horizon, speeds = plan.horizon, np.abs(plan.controls[:-1])
-        needed = float(np.maximum(speeds[:, 0], speeds[:, 1]) @ horizon.durations)
+        horizon = plan.horizon
+        needed = _turned(plan.controls, horizon.durations)
         left = float(horizon.edges[-1] - horizon.edges[0]) / NANOSECONDS
         return 1.0 - needed / self._settings.robot.max_wheel_speed / left
 
     def _cost(self, poses: Array, controls: Array, held: Array) -> float:
         road, weights = self._settings.annulus, self._settings.weights
-        off = np.hypot(poses[:, 0] - road.center[0], poses[:, 1] - road.center[1])
-        cost = weights.road_center * float(((off - road.center_radius) ** 2).sum())
+        cost = weights.road_center * _off_center(poses, *road.center, road.center_radius)
         if weights.control_effort > 0.0:
             cost += weights.control_effort * float((controls**2).sum())
         if weights.control_rate > 0.0:
             changes = np.diff(controls, axis=0, prepend=held[None])
             cost += weights.control_rate * float((changes**2).sum())
         return cost / 2.0
+
+
+@allocation_free
+def _turned(controls: Array, durations: Array) -> float:
+    """Angle that the faster wheel of each step turns, in all [rad]."""
+    total = 0.0
+    for k in range(durations.shape[0]):
+        total += max(abs(controls[k, 0]), abs(controls[k, 1])) * durations[k]
+    return total
+
+
+@allocation_free
+def _off_center(poses: Array, x: float, y: float, radius: float) -> float:
+    """Squared distances from a circle, in all [m^2]."""
+    total = 0.0
+    for k in range(poses.shape[0]):
+        total += (math.hypot(poses[k, 0] - x, poses[k, 1] - y) - radius) ** 2
+    return total
 
 
 def _depth(margin: float) -> float:

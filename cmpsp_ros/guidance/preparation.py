@@ -10,12 +10,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
+from cmpsp_ros.guidance.candidate import Candidate
 from cmpsp_ros.guidance.goals import place_of, way_along
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, ways_left
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
+from cmpsp_ros.guidance.merit_of_plan import Judge
+from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.signature import signature_of
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import ways_through
 from cmpsp_ros.mpsp.iteration import CMPSP
@@ -46,6 +51,7 @@ def prepare(settings: GuidanceSettings) -> None:
     _meet_trouble(settings)
     _meet_difficulties(settings)
     _look_for_ways(settings)
+    _compare_plans(settings)
     way_along(settings.road, settings.road.middle(), settings.goal)
     place_of(settings.road, settings.road.middle(), math.nan)
     for each in _reachable(settings):
@@ -113,3 +119,18 @@ def _look_for_ways(settings: GuidanceSettings) -> None:
     opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
     space = Task(opposite).space(along_road(opposite, pose, durations), durations)
     ways_through(opposite, space, pose, durations)
+
+
+def _compare_plans(settings: GuidanceSettings) -> None:
+    """Tell a plan's way and its merit, which is done where there are several."""
+    road = settings.road
+    if not isinstance(road, Annulus):
+        return
+    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
+    horizon, pose, held = remaining(0, period, final), road.middle(), np.zeros(2)
+    guess = along_road(settings, pose, horizon.durations)
+    improvement = Planner(settings).improve(pose, held, guess, horizon, iterations=1)
+    plan = improvement.plan
+    verdict = Audit(settings).check(pose, plan.controls, horizon.durations)
+    Judge(settings).merit(Candidate(improvement, verdict), held)
+    signature_of(road, pose[None, :2].copy(), plan.poses, settings.goal)

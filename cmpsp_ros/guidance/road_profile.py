@@ -44,6 +44,26 @@ def relax(low: Array, high: Array, ends: tuple[float, float], middle: float, ste
     return radii
 
 
+def draw_taut(low: Array, high: Array, ends: tuple[float, float], step: float) -> Array:
+    """Shortest ways between bounds, as a string lies that is drawn taut.
+
+    Where nothing holds it ``r'' = r``, to first order in how far it is off the road's direction.
+
+    Args:
+        low: Bounds at stations along the arc, one row a way, shape ``(W, K)`` [m].
+        high: The same.
+        ends: Where all of them begin and end [m].
+        step: Angle from one station to the next [rad].
+
+    Returns:
+        Distances from the road's centre, shape ``(W, K)`` [m].
+    """
+    radii = low.copy()
+    radii[:, 0], radii[:, -1] = ends
+    _relax(radii, low, high, 0.0, step**2)
+    return radii
+
+
 @allocation_free
 def _relax(radii: Array, low: Array, high: Array, middle: float, pull: float) -> None:
     for way in range(radii.shape[0]):

@@ -134,6 +134,7 @@ class GuidanceSettings:
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
         hold: Whether the robot is kept at the goal after the final time.
+        drives_on: Whether another goal comes after this one, where it is one of several.
         nominal_speed: Speed along the road to a goal that is told without a time; 0 for eight
             tenths of the top speed, or 1 m/s without a wheel limit [m/s].
         follow: How to follow the road, where that is the task; there is no goal then.
@@ -159,6 +160,7 @@ class GuidanceSettings:
     final_time: float = 10.0
     waypoints: tuple[Goal, ...] = ()
     hold: bool = False
+    drives_on: bool = False
     nominal_speed: float = 0.0
     follow: Follow | None = None
     control_period: float = 0.2
@@ -197,12 +199,15 @@ class GuidanceSettings:
         top = self.robot.max_speed
         return self.nominal_speed or (_PART_OF_TOP * top if math.isfinite(top) else _WITHOUT_TOP)
 
-    def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
+    def towards(
+        self, goal: Goal, begin: float = 0.0, *, drives_on: bool = False
+    ) -> GuidanceSettings:
         """The same with one goal alone.
 
         Args:
             goal: The goal.
             begin: When the way to it begins [s].
+            drives_on: Whether another goal comes after it.
         """
         return replace(
             self,
@@ -210,6 +215,7 @@ class GuidanceSettings:
             goal_heading=goal.heading,
             final_time=goal.time - begin,
             waypoints=(),
+            drives_on=drives_on,
         )
 
     def miss(self, pose: Array) -> float:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.keep_clear import at_goal, at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robot.between_samples import at_ends
 from cmpsp_ros.robot.clear_space import ClearSpace
@@ -64,6 +64,7 @@ class Task:
         self.heading = math.nan if heading is None else heading
         self.outputs = POINT if heading is None else LINE if settings.follow else POSE
         self.penalty_terminal = np.full(self.outputs, _GOAL_PENALTY)
+        self._ends: dict[float, ClearSpace | None] = {}
 
     def standing(self, guess: Array, durations: Array) -> ClearSpace:
         """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
@@ -78,7 +79,16 @@ class Task:
         for duration in sorted(_rounded_up(each) for each in durations[longer].tolist()):
             arcs = durations > max(period, duration - 0.01)
             space = space.with_some(at_ends(np.logical_or, arcs), self._standing(duration))
-        return space
+        end = self._end(max(period, _rounded_up(float(durations[-1]))))
+        if end is None:
+            return space
+        return space.with_some(np.arange(len(durations) + 1) == len(durations), end)
+
+    def _end(self, duration: float) -> ClearSpace | None:
+        """What the last sample keeps to instead, after a step so long [s]."""
+        if duration not in self._ends:
+            self._ends[duration] = at_goal(self.settings, duration)
+        return self._ends[duration]
 
     def _standing(self, longest: float) -> ClearSpace:
         if longest not in self._spaces:

@@ -8,15 +8,17 @@ the obstacles leave free of the road at stations along its arc, and each becomes
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.gaps import SPACING, Disc, Signature, free, search, stretches_of
-from cmpsp_ros.guidance.road_profile import follow, lengths, relax
+from cmpsp_ros.guidance.initial_guess import SHORTEST_LOOKAHEAD
+from cmpsp_ros.guidance.road_profile import draw_taut, follow, lengths, relax
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.signature import arc_to
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.road import Annulus
 
@@ -39,7 +41,8 @@ class Way:
         signature: On which side it passes each obstacle.
         guess: Wheel speeds that follow it, shape ``(N + 1, 2)`` [rad/s].
         radii: Its distance from the road's centre at stations along the arc ``(K,)`` [m].
-        cost: Squared distance to the centre line along it, and what it is too long [m^3].
+        cost: Squared distance to the centre line along it, and what it is too long even when drawn
+            taut [m^3].
     """
 
     signature: Signature
@@ -74,7 +77,7 @@ def ways_through(
         ValueError: The road does not lie between two circles.
     """
     road = settings.annulus
-    begin, total = _arc(road, pose, settings.goal)
+    begin, total = arc_to(road, pose, settings.goal)
     length = abs(total) * road.center_radius
     if length < 2.0 * SPACING:
         return []
@@ -88,6 +91,10 @@ def ways_through(
     stretches = stretches_of(gaps, discs, turned, ends)
     trails = search(stretches, discs, ends[0], road.center_radius)
     if not trails:
+        # From a pocket, such as between an obstacle and an edge, the way leads back and around.
+        stretches[0] = replace(stretches[0], gaps=gaps[0])
+        trails = search(stretches, discs, ends[0], road.center_radius)
+    if not trails:
         return []
     stations = [each.stations for each in stretches]
     corridors = np.repeat([trail.gaps for trail in trails], stations, axis=1)
@@ -97,6 +104,10 @@ def ways_through(
     on_road = (min(max(ends[0], inner), outer), min(max(ends[1], inner), outer))
     profiles = relax(low, high, on_road, road.center_radius, turned[1])
     reach = settings.model.max_speed * float(durations.sum())
+    # Where time is scarce the centre line does not matter.
+    scarce = lengths(profiles, turned[1]).sum(axis=1) > reach
+    if scarce.any():
+        profiles[scarce] = draw_taut(low[scarce], high[scarce], on_road, turned[1])
     costs = _costs(profiles, turned[1], road.center_radius, reach)
     signatures = [tuple(int(-side) * each for each in trail.signature) for trail in trails]
     wanted = [i for i, each in enumerate(signatures) if each not in without]
@@ -112,47 +123,39 @@ def ways_through(
     ]
 
 
-def signature_of(
-    road: Annulus, centers: Array, poses: Array, goal: tuple[float, float]
-) -> Signature:
-    """On which side a path passes each obstacle between its beginning and the goal.
+def turning_first(settings: GuidanceSettings, way: Way, pose: Array, durations: Array) -> Array:
+    """A guess that turns on the spot towards where a way leads, and follows it from there.
+
+    `Way.guess` turns while it drives, and needs room for that.
 
     Args:
-        road: The road.
-        centers: Of the obstacles, shape ``(M, 2)`` [m].
-        poses: Along the path, shape ``(N + 1, 3)`` [m, m, rad].
-        goal: Where the road leads to (x, y) [m].
+        settings: All settings of the guidance law.
+        way: The way.
+        pose: Where it begins, shape ``(3,)`` [m, m, rad].
+        durations: Length of every step, shape ``(N,)`` [s].
 
     Returns:
-        0 for an obstacle that lies beside neither the path nor its beginning's way to the goal.
+        Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
     """
-    if not len(centers):
-        return ()
-    begin, total = _arc(road, poses[0], goal)
-    side = math.copysign(1.0, total)
-    offset = poses[:, :2] - road.center
-    bearing = np.unwrap(np.arctan2(offset[:, 1], offset[:, 0]))
-    turned = side * (bearing - bearing[0])
-    radius = np.hypot(offset[:, 0], offset[:, 1])
-    found = []
-    for x, y in (centers - road.center).tolist():
-        at = side * _wrapped(math.atan2(y, x) - begin)
-        beyond = np.flatnonzero((turned[1:] >= at) & (turned[:-1] < at))
-        if not 0.0 < at <= abs(total) or not len(beyond):
-            found.append(0)
-            continue
-        k = int(beyond[0])
-        part = (at - turned[k]) / (turned[k + 1] - turned[k])
-        here = radius[k] + part * (radius[k + 1] - radius[k])
-        found.append(int(side) if here < math.hypot(x, y) else int(-side))
-    return tuple(found)
-
-
-def in_words(signature: Signature, names: Sequence[str]) -> str:
-    """A signature for messages; empty where nothing is passed."""
-    sides = {1: 'left', -1: 'right'}
-    parts = [f'{sides[way]} of {name}' for way, name in zip(signature, names, strict=True) if way]
-    return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
+    robot, road = settings.model, settings.annulus
+    begin, total = arc_to(road, pose, settings.goal)
+    stations = np.linspace(0.0, abs(total), len(way.radii))
+    there = SHORTEST_LOOKAHEAD / float(way.radii[0])
+    radius = float(np.interp(there, stations, way.radii))
+    bearing = begin + math.copysign(min(there, abs(total)), total)
+    x = road.center[0] + radius * math.cos(bearing) - pose[0]
+    y = road.center[1] + radius * math.sin(bearing) - pose[1]
+    turn = _wrapped(math.atan2(y, x) - float(pose[2]))
+    fastest = robot.max_speed / robot.half_track * settings.control_period
+    most = min(settings.solver.heading_trust_region or math.pi / 2.0, fastest)
+    steps = min(math.ceil(abs(turn) / most), len(durations) - 1)
+    if steps == 0:
+        return way.guess
+    time = float(durations[:steps].sum())
+    rim = turn / time * robot.half_track / robot.wheel_radius
+    turned = np.array([pose[0], pose[1], pose[2] + turn])
+    rest = follow(settings, turned, durations[steps:], begin, total, way.radii)
+    return np.concatenate([np.tile([rim, -rim], (steps, 1)), rest])
 
 
 def _straddled(settings: GuidanceSettings) -> float:
@@ -183,13 +186,6 @@ def _costs(profiles: Array, step: float, middle: float, reach: float) -> list[fl
         squares * step * middle + _TOO_LONG * np.maximum(0.0, length - reach)
     ).tolist()
     return costs
-
-
-def _arc(road: Annulus, pose: Array, goal: tuple[float, float]) -> tuple[float, float]:
-    """Bearing of a pose from the road's centre, and the way round to the goal's [rad]."""
-    x, y = road.center
-    begin = math.atan2(pose[1] - y, pose[0] - x)
-    return begin, _wrapped(math.atan2(goal[1] - y, goal[0] - x) - begin)
 
 
 def _wrapped(angle: float) -> float:

@@ -193,9 +193,8 @@ def _active_rows(room: Workspace) -> int:
 @allocation_free
 def _count(of: Array) -> int:
     count = 0
-    for k in range(of.shape[0]):
-        for j in range(of.shape[1]):
-            count += int(of[k, j] != 0.0)
+    for number in of.reshape(of.size):
+        count += int(number != 0.0)
     return count
 
 

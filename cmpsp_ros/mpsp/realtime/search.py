@@ -103,9 +103,9 @@ def copy(source: Trajectory, target: Trajectory) -> None:
 
 @allocation_free
 def _copy(source: Array, target: Array) -> None:
-    for k in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            target[k, j] = source[k, j]
+    numbers, copies = source.reshape(source.size), target.reshape(target.size)
+    for i in range(numbers.shape[0]):
+        copies[i] = numbers[i]
 
 
 @allocation_free

@@ -1,7 +1,8 @@
 """How far a point is from the optimality conditions, by data that no solver has touched.
 
 The largest of several numbers may lose one that is not a number; their sum cannot. So both are
-kept of everything that is looked at.
+kept of everything that is looked at: of each stage by itself, since a processor works on several
+stages side by side only where one need not wait for the last one's sum.
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ def _stationarity(
         p[i] = rho[i] = 0.0
     worst, largest, total = 0.0, 0.0, 0.0
     for k in range(N, -1, -1):
+        worst_here, largest_here, total_here = 0.0, 0.0, 0.0
         for a in range(r):
             cost, pull, bound = qp.L_U[k, a], 0.0, multipliers.bounds[k, a]
             for i in range(n):
@@ -88,9 +90,11 @@ def _stationarity(
                 for i in range(n):
                     cost += qp.B[k, i, a] * p[i]
                     pull += qp.B[k, i, a] * rho[i]
-            worst = max(worst, abs(cost + pull + bound))
-            largest = max(largest, abs(cost), abs(pull), abs(bound))
-            total += cost + pull + bound
+            worst_here = max(worst_here, abs(cost + pull + bound))
+            largest_here = max(largest_here, abs(cost), abs(pull), abs(bound))
+            total_here += cost + pull + bound
+        worst, largest = max(worst, worst_here), max(largest, largest_here)
+        total += total_here
         for i in range(n):
             p_next[i], rho_next[i] = p[i], rho[i]
         for i in range(n):
@@ -135,40 +139,55 @@ def _rows(qp: StageQP, penalty: Penalty, dU: Array, dX: Array, multipliers: Mult
             gap = max(gap, abs(abs(miss) * weight - miss * multiplier))
             total += weight
     for k in range(N + 1):
-        for j in range(qp.g.shape[1]):
-            value, weight, multiplier = qp.g[k, j], penalty.path[k, j], multipliers.path[k, j]
-            sign = max(sign, abs(multiplier) if value == -math.inf else -multiplier)
-            if value == -math.inf:
-                continue
-            for i in range(n):
-                value += qp.g_X[k, j, i] * dX[k, i]
-            for a in range(r):
-                value += qp.g_U[k, j, a] * dU[k, a]
-            total += value + multiplier
-            if weight == math.inf:
-                violation = max(violation, value)
-                gap = max(gap, abs(multiplier * value))
-            else:
-                slack = max(value, 0.0)
-                total += weight
-                sign = max(sign, multiplier - weight)
-                gap = max(gap, abs(multiplier * (value - slack)))
-                gap = max(gap, abs(slack * (weight - multiplier)))
-        for a in range(r):
-            multiplier = multipliers.bounds[k, a]
-            above, below = dU[k, a] - qp.upper[k, a], qp.lower[k, a] - dU[k, a]
-            violation = max(violation, above, below)
-            total += multiplier if qp.lower[k, a] <= qp.upper[k, a] else math.nan
-            if multiplier != 0.0:
-                gap = max(gap, abs(multiplier * (above if multiplier > 0.0 else below)))
-        if k == 0:
+        violation_here, sign_here, gap_here, total_here = _rows_of_stage(
+            qp, penalty, dU, dX, multipliers, k
+        )
+        violation, sign = max(violation, violation_here), max(sign, sign_here)
+        gap = max(gap, gap_here)
+        total += total_here
+    return violation, sign, gap, total
+
+
+@inlined
+def _rows_of_stage(
+    qp: StageQP, penalty: Penalty, dU: Array, dX: Array, multipliers: Multipliers, k: int
+) -> Any:
+    n, r = dimension(qp.state), dimension(qp.control)
+    violation, sign, gap, total = 0.0, 0.0, 0.0, 0.0
+    for j in range(qp.g.shape[1]):
+        value, weight, multiplier = qp.g[k, j], penalty.path[k, j], multipliers.path[k, j]
+        sign = max(sign, abs(multiplier) if value == -math.inf else -multiplier)
+        if value == -math.inf:
             continue
         for i in range(n):
-            multiplier = multipliers.trust[k, i]
-            outside = abs(dX[k, i]) - qp.trust_radius[i]
-            violation = max(violation, outside)
-            total += dX[k, i] + multiplier if qp.trust_radius[i] >= 0.0 else math.nan
-            if multiplier != 0.0:
-                side = 1.0 if multiplier > 0.0 else -1.0
-                gap = max(gap, abs(multiplier * (side * dX[k, i] - qp.trust_radius[i])))
+            value += qp.g_X[k, j, i] * dX[k, i]
+        for a in range(r):
+            value += qp.g_U[k, j, a] * dU[k, a]
+        total += value + multiplier
+        if weight == math.inf:
+            violation = max(violation, value)
+            gap = max(gap, abs(multiplier * value))
+        else:
+            slack = max(value, 0.0)
+            total += weight
+            sign = max(sign, multiplier - weight)
+            gap = max(gap, abs(multiplier * (value - slack)))
+            gap = max(gap, abs(slack * (weight - multiplier)))
+    for a in range(r):
+        multiplier = multipliers.bounds[k, a]
+        above, below = dU[k, a] - qp.upper[k, a], qp.lower[k, a] - dU[k, a]
+        violation = max(violation, above, below)
+        total += multiplier if qp.lower[k, a] <= qp.upper[k, a] else math.nan
+        if multiplier != 0.0:
+            gap = max(gap, abs(multiplier * (above if multiplier > 0.0 else below)))
+    if k == 0:
+        return violation, sign, gap, total
+    for i in range(n):
+        multiplier = multipliers.trust[k, i]
+        outside = abs(dX[k, i]) - qp.trust_radius[i]
+        violation = max(violation, outside)
+        total += dX[k, i] + multiplier if qp.trust_radius[i] >= 0.0 else math.nan
+        if multiplier != 0.0:
+            side = 1.0 if multiplier > 0.0 else -1.0
+            gap = max(gap, abs(multiplier * (side * dX[k, i] - qp.trust_radius[i])))
     return violation, sign, gap, total

@@ -64,11 +64,9 @@ def judged(task: Task) -> dict[str, Any]:
         return {'answer': OUT_OF_REACH}
     # First what the guidance law keeps to, then samples alone with a little to spare.
     guarded = replace(task.settings, robot=_slowed(task), command_delay=0.0)
-    spaces = {
-        FEASIBLE: guarded,
-        UNGUARDED: replace(guarded, safety=Safety(_UNGUARDED_MARGIN, between_samples=False)),
-    }
-    for answer, settings in spaces.items():
+    unguarded = replace(guarded, safety=Safety(_UNGUARDED_MARGIN, between_samples=False))
+    spaces = ((FEASIBLE, guarded, guarded.safety.margin), (UNGUARDED, unguarded, 0.0))
+    for answer, settings, wanted in spaces:
         for place, start in enumerate(_starts(settings, pose)):
             try:
                 found = judge(settings, pose, start)
@@ -78,7 +76,7 @@ def judged(task: Task) -> dict[str, Any]:
                 continue
             path = _driven(guarded, pose, found.wheel_speeds)
             clearance = float(path.clearance(between_samples=True).min())
-            if path.miss <= _MISS and clearance >= -_ROUNDING:
+            if path.miss <= _MISS and clearance >= wanted - _ROUNDING:
                 return {
                     'answer': answer,
                     'start': place,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.keep_clear import at_goal, at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
@@ -58,7 +58,7 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
         ) from error
     steps = round(settings.final_time / settings.control_period)
     robot, road, space = settings.robot, settings.annulus, at_samples(settings)
-    edges = space.annulus
+    end = at_goal(settings) or space
     opti = casadi.Opti()
     U, X = opti.variable(2, steps), opti.variable(3, steps + 1)
     opti.subject_to(X[:, 0] == pose)
@@ -78,8 +78,10 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
         away = X[:2, k + 1] - np.array(road.center)
         radius = casadi.sqrt(casadi.sumsqr(away))
         cost += (radius - road.center_radius) ** 2
+        here = end if k + 1 == steps else space
+        edges = here.annulus
         opti.subject_to(opti.bounded(float(edges.inner[0]), radius, float(edges.outer[0])))
-        for center, kept in zip(space.centers, space.radii, strict=True):
+        for center, kept in zip(here.centers, here.radii, strict=True):
             opti.subject_to(casadi.sumsqr(X[:2, k + 1] - center) >= float(kept) ** 2)
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
     if np.isfinite(robot.max_wheel_speed):

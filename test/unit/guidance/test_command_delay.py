@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, MS, PERIOD, START, settings
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.facts import severity
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.plant import Plant, PlantSettings
@@ -133,6 +135,34 @@ def test_where_the_last_command_may_not_outlast_the_final_time_a_stop_is_given_i
     outlasts = 1.6 * delay < 0.15
     given = final if outlasts else final - round(delay * 1e9)
     assert stops[0].stamp == min(at for at in run.poses if at >= given)
+
+
+@pytest.mark.parametrize(('time', 'delay'), [(2.4, 0.11), (2.5, 0.2), (2.6, 0.11)])
+def test_the_last_command_on_the_way_to_a_waypoint_does_not_lead_into_what_is_behind(time, delay):
+    place, heading = (3.83, -9.24), 0.3
+    behind = (place[0] + 0.42 * math.cos(heading), place[1] + 0.42 * math.sin(heading))
+    given = settings(
+        (Obstacle('wall', behind, 0.3),),
+        51.0,
+        ROAD,
+        command_delay=delay,
+        waypoints=(Goal(place, time, heading, 'first'),),
+    )
+    run = Drive(given, actuation_delay=delay)
+    assert run.clearance > 0.03
+    assert math.dist(run.poses[round(time * 1e9)][:2], place) < 0.05
+    assert run.miss < 1e-6
+
+
+def test_behind_the_goal_the_margin_is_kept_as_well():
+    """Without a margin the last command may outlast the final time here."""
+    wall = Obstacle('wall', (10.0, 0.45), 0.3)
+    near = settings((wall,), 51.0, command_delay=0.06)
+    bare = Drive(near, beyond=1000 * MS, actuation_delay=0.06)
+    kept = Drive(replace(near, safety=Safety(margin=0.1)), beyond=1000 * MS, actuation_delay=0.06)
+    assert 0.0 < bare.clearance < 0.1 - 1e-2
+    assert kept.clearance > 0.1 - 1e-2
+    assert kept.miss < 2e-2
 
 
 def test_the_way_under_commands_given_is_swept_too(fault):

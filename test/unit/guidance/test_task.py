@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, SECOND, settings
+from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings
 
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.keep_clear import along_path, at_samples
 from cmpsp_ros.guidance.settings import Safety, SolverSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.robot.annulus_functions import AnnulusSpace
 from cmpsp_ros.robot.corridor import Corridor
 from cmpsp_ros.robot.corridor_functions import CorridorSpace
+from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.robot.road import Annulus, OpenFloor
 
 GUESS = np.tile([45.0, 44.0], (11, 1))
@@ -82,3 +84,49 @@ def test_without_a_wheel_limit_the_guess_says_what_room_its_arcs_need():
     at_samples_alone = replace(CASES['case 2'], safety=Safety(between_samples=False))
     space = Task(at_samples_alone).space(GUESS, durations)
     np.testing.assert_array_equal(space.radii, [FIRST.radius, SECOND.radius])
+
+
+NEAR = Obstacle('near', (10.323, -0.143), 0.283)
+
+
+def test_the_last_sample_may_be_as_near_as_the_path_where_the_goal_is():
+    """Seven centimetres from an obstacle, where samples have to keep more."""
+    given = settings((NEAR,), 51.0)
+    samples, path = at_samples(given), along_path(given)
+    away = np.hypot(0.323, 0.143)
+    assert path.radii[0] < away < samples.radii[0]
+    space = Task(given).space(GUESS, np.full(10, 0.2))
+    assert space.radii[:, 0].tolist() == [samples.radii[0]] * 10 + [path.radii[0]]
+    assert set(space.annulus.outer.tolist()) == set(samples.annulus.outer.tolist())
+
+
+def test_after_a_longer_last_step_the_goal_counts_as_near_from_farther_away():
+    given = settings((replace(NEAR, radius=0.22),), 51.0)
+    durations = np.full(10, 0.2)
+    assert Task(given).space(GUESS, durations).radii.shape == (1,)
+    durations[-1] = 0.29
+    space, longer = Task(given).space(GUESS, durations), at_samples(given, 0.29)
+    np.testing.assert_array_equal(space.radii[-2:, 0], [longer.radii[0], 0.22])
+
+
+def test_another_goal_is_looked_at_afresh():
+    given = settings((NEAR,), 51.0)
+    task = Task(given)
+    assert task.space(GUESS, np.full(10, 0.2)).radii.shape == (11, 1)
+    task.aim(replace(given, goal=(9.6, 0.5)))
+    assert task.space(GUESS, np.full(10, 0.2)).radii.shape == (1,)
+
+
+@pytest.mark.parametrize('margin', [0.0, 0.05])
+def test_a_goal_near_an_obstacle_is_passed_and_the_obstacle_missed(margin):
+    given = settings((NEAR,), 51.0, ROAD, safety=Safety(margin=margin))
+    run = closed_loop(given)
+    assert run.miss() < 1e-6
+    assert clearance(run.path, given) >= margin
+    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+
+
+def test_a_goal_nearer_than_the_margin_is_no_reason_to_give_it_up():
+    given = settings((NEAR,), 51.0, safety=Safety(margin=0.08))
+    space, samples = Task(given).space(GUESS, np.full(10, 0.2)), at_samples(given)
+    np.testing.assert_array_equal(space.radii, samples.radii)

@@ -7,12 +7,15 @@ import pytest
 from hypothesis import given as for_all
 from hypothesis import settings as profile
 from hypothesis import strategies as st
-from scenarios import FIRST, ROAD, SECOND, START, settings
+from scenarios import FIRST, ROAD, SECOND, START, clearance, settings
 
 from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance.signature import in_words, signature_of
 from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.guidance.ways_through import MOST_WAYS, in_words, signature_of, ways_through
+from cmpsp_ros.guidance.ways_through import MOST_WAYS, turning_first, ways_through
 from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.robot.way import shortest_way
 
 DURATIONS = np.full(50, 0.2)
 
@@ -168,6 +171,60 @@ def test_few_guesses_cut_a_corner():
         cuts += [-room(given, path).min() for path in search(given)[2]]
     assert np.mean(np.array(cuts) > 0.0) < 0.05
     assert max(cuts) < 0.12
+
+
+def length(way, given, start):
+    """Of a way along the arc [m]."""
+    first, last = (math.atan2(each[1], each[0]) for each in (start, given.goal))
+    bearings = np.linspace(first, first + math.remainder(last - first, math.tau), len(way.radii))
+    x, y = way.radii * np.cos(bearings), way.radii * np.sin(bearings)
+    return float(np.hypot(np.diff(x), np.diff(y)).sum())
+
+
+@pytest.mark.parametrize('start', [(-2.9, 9.3, 1.1), (-2.9, -9.1, 0.0), (0.0, 10.9, 0.0)])
+def test_a_way_for_which_there_is_hardly_time_is_drawn_taut(start):
+    given = settings((), 51.0, ROAD)
+    shortest = shortest_way(given.road, start[:2], given.goal)
+    ample = settings((), 102.0, ROAD)
+    scarce = settings((), 1.02 * shortest / 10.0 / given.robot.wheel_radius, ROAD)
+    _, [relaxed], _ = search(ample, start)
+    _, [taut], [path] = search(scarce, start)
+    assert length(taut, given, start) < 1.02 * shortest < length(relaxed, given, start)
+    assert clearance(path, scarce) > 0.0
+
+
+def test_out_of_a_pocket_a_way_leads_back_and_around():
+    """Between an obstacle and the inner edge, where not even a path between samples fits on."""
+    start = (-8.970, 1.744, 1.546)
+    ahead, beyond = ((-9.194, 2.572), 0.669), ((-7.127, 7.245), 0.477)
+    found = tuple(Obstacle(f'o{i}', *each) for i, each in enumerate((ahead, beyond)))
+    given = settings(found, 51.0, ROAD, safety=Safety(margin=0.05))
+    _, ways, _ = search(given, start)
+    assert {way.signature for way in ways} == {(1, 1), (1, -1)}
+    assert all(way.radii[1] > 10.1 for way in ways)
+
+
+@pytest.mark.parametrize('heading', [-2.0, -0.3, 0.0, 0.8, 3.0])
+def test_a_guess_that_turns_first_stays_where_it_is_until_it_faces_the_way(heading):
+    given, start = settings((FIRST, SECOND), 51.0, ROAD), np.array([0.0, -9.25, heading])
+    for way in search(given, start)[1]:
+        guess = turning_first(given, way, start, DURATIONS)
+        assert guess.shape == way.guess.shape
+        path = given.robot.roll_out(start, guess, DURATIONS)
+        moved = np.hypot(*(path[:, :2] - start[:2]).T)
+        leaves = int((moved > 1e-9).argmax()) - 1
+        assert np.abs(np.diff(path[: leaves + 1, 2])).max(initial=0.0) <= 0.6 + 1e-9
+        # From there on it hardly turns.
+        assert abs(path[leaves + 1, 2] - path[leaves, 2]) < 0.3
+        # The way begins along the road, and 0 is the road's direction there.
+        assert abs(math.remainder(path[leaves, 2], math.tau)) < 0.8
+
+
+def test_a_turn_on_the_spot_is_no_faster_than_the_wheels():
+    given, start = settings((FIRST,), 2.0, ROAD), np.array([0.0, -9.25, 3.0])
+    way = search(given, start)[1][0]
+    guess = turning_first(given, way, start, DURATIONS)
+    assert np.abs(guess).max() <= 2.0 * (1.0 + 1e-9)
 
 
 def test_the_same_search_gives_the_same_bits():

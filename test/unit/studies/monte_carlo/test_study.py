@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -234,6 +235,15 @@ def test_the_judge_finds_a_way_where_there_is_one(tmp_path):
     (tmp_path / judges.NAME).write_text('[1]')
     with pytest.raises(StudyError, match=r'judged\.json'):
         judges.kept(tmp_path)
+
+
+def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
+    task = Study('disturbed', 1).run(502)
+    near = min(math.dist(task.settings.goal, o.center) - o.radius for o in task.settings.obstacles)
+    assert 0.05 < near < 0.08
+    found = judges.judged(task)
+    assert found['answer'] == judges.FEASIBLE
+    assert found['clearance_m'] >= 0.05 - 1e-6
 
 
 def next_arrived():

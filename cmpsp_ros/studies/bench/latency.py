@@ -21,6 +21,8 @@ class Latency:
         total: From just before odometry is published to the callback with the command that answers
             it, of every control step [ms].
         own: Of that, from the guidance node's callback to its publishing, by its own clock [ms].
+        first: Which of the steps are the first of their run, when the robot stands and plans are
+            made from nothing, shape of `total`.
         jitter: Change of the total from one control step of a run to the next [ms].
         miss: Largest distance from the goal at the final time, of all runs [m].
         resident_active: Resident set of the guidance node when it becomes active [MB].
@@ -30,10 +32,16 @@ class Latency:
     runs: int
     total: Array
     own: Array
+    first: NDArray[np.bool_]
     jitter: Array
     miss: float
     resident_active: float
     resident_end: float
+
+    @property
+    def under_way(self) -> Spread:
+        """The total, but for first steps [ms]."""
+        return Spread.of(self.total[~self.first])
 
     @property
     def rest(self) -> Spread:

@@ -51,6 +51,7 @@ def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambd
         runs,
         np.concatenate([each.total for each in done]),
         np.concatenate([each.own for each in done]),
+        np.concatenate([each.first for each in done]),
         np.concatenate([each.jitter for each in done]),
         max(each.miss for each in done),
         done[-1].resident_active,
@@ -81,7 +82,8 @@ def _run(values: Values, folder: Path) -> Latency:
                 child.stop()
     found = json.loads(output.read_text(encoding='utf-8'))
     total, own = np.array(found['total_ms']), np.array(found['own_ms'])
-    return Latency(1, total, own, np.diff(total), found['miss_m'], at_first, at_last)
+    first = np.arange(len(total)) == 0
+    return Latency(1, total, own, first, np.diff(total), found['miss_m'], at_first, at_last)
 
 
 def _activate(observer: Observer, children: list[Child]) -> None:

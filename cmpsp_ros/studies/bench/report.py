@@ -105,13 +105,15 @@ def content(results: Results) -> dict[str, Any]:
         - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
           `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
           [m], `violation` [m] and `wheel_speed` [rad/s].
-        - `tails_us`: by method a `spread` and the `ratio` of its 99.9th percentile to its median.
+        - `tails_us`: by method a `spread` and the `ratio` of its 99.9th percentile to its median,
+          and `spread_again` and `ratio_again` of one and the same step.
+        - `plans_us`: by number of plans `first` and `second`, each a spread.
         - `horizons_us`: by method `steps`, `times` and the fitted `exponent`, which may be null.
         - `general`: by size a list of `states`, `controls`, `iterations`, `active`, `time` [us]
           and `flops`.
         - `not_compared`: reasons by method.
         - `latency_ms`: null, or `runs`, the samples `total` and `own`, their spreads and that of
-          the rest, `jitter`, and `miss` [m].
+          the rest and without first steps, `jitter`, and `miss` [m].
         - `resident_mb`: this process, and the guidance node when active and at the end.
 
         A spread has `count`, `median`, `p99`, `p999` and `largest`; percentiles for which there
@@ -138,8 +140,20 @@ def content(results: Results) -> dict[str, Any]:
             'timed': {each.name: _timed(each, comparison.timed[0]) for each in comparison.timed},
         },
         'tails_us': {
-            each.name: {'spread': asdict(each.spread), 'ratio': each.ratio}
+            each.name: {
+                'spread': asdict(each.spread),
+                'ratio': each.ratio,
+                'spread_again': asdict(each.spread_again),
+                'ratio_again': each.ratio_again,
+            }
             for each in results.tails
+        },
+        'plans_us': {
+            str(each.count): {
+                'first': asdict(Spread.of(each.first)),
+                'second': asdict(Spread.of(each.second)),
+            }
+            for each in results.plans
         },
         'horizons_us': {
             each.name: {'steps': each.steps, 'times': each.times, 'exponent': each.exponent}
@@ -157,6 +171,7 @@ def content(results: Results) -> dict[str, Any]:
             'spread_total': asdict(Spread.of(latency.total)),
             'spread_own': asdict(Spread.of(latency.own)),
             'spread_rest': asdict(latency.rest),
+            'spread_under_way': asdict(latency.under_way),
             'jitter': latency.jitter.tolist(),
         },
         'resident_mb': resident,

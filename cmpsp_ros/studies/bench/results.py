@@ -10,6 +10,7 @@ from pathlib import Path
 from cmpsp_ros.studies.bench.general import General
 from cmpsp_ros.studies.bench.horizons import HORIZONS, Growth
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.many_plans import Plans
 from cmpsp_ros.studies.bench.presets import PresetTiming
 from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.timing import Comparison
@@ -65,6 +66,7 @@ class Results:
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
         tails: Many control steps of the project's own methods.
+        plans: Control steps with several plans side by side.
         growth: Methods over horizons.
         general: Programs of other sizes than the robot's.
         missing: Why other methods took no part, by name.
@@ -77,6 +79,7 @@ class Results:
     presets: list[PresetTiming]
     comparison: Comparison
     tails: list[Tail]
+    plans: list[Plans]
     growth: list[Growth]
     general: list[General]
     missing: dict[str, str]

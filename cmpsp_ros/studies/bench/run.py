@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cmpsp_ros.studies.bench import general, presets
+from cmpsp_ros.studies.bench import general, many_plans, presets
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.horizons import grow
 from cmpsp_ros.studies.bench.latency import Latency
@@ -21,6 +21,9 @@ from cmpsp_ros.studies.bench.timing import compare
 
 _LATENCY_RUNS = 3
 """Runs in real time, ten seconds each: enough for a 99th percentile."""
+
+_PLAN_RUNS = 10
+"""Of two steps each, for every run of a preset."""
 
 Progress = Callable[[str, int], Callable[[], None]]
 """Told a part of the work and how many pieces it has; what it returns is called after each."""
@@ -44,6 +47,8 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     # First what needs more than this process, so that what fails there fails soon.
     latency = _latency(order, progress) if order.latency else None
     timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
+    many = _PLAN_RUNS * order.runs
+    of_plans = many_plans.measure(many, progress=progress('plans', many + 1))
     task = Task.case3()
     ours: list[Method] = [make(task) for make in OURS]
     others, missing = peers(task) if order.peers else ([], {})
@@ -62,6 +67,7 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
         presets=timings,
         comparison=comparison,
         tails=of_tails,
+        plans=of_plans,
         growth=grow(task, able, order.horizons, order.runs, told),
         general=general.measure(order.runs, progress('other sizes', order.runs)),
         missing=missing,

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from cmpsp_ros.studies.bench.condensed_method import CondensedDaqp
 from cmpsp_ros.studies.bench.guidance_methods import FullStep, Law
 from cmpsp_ros.studies.bench.results import Results
@@ -16,6 +18,7 @@ _BESIDE = {CondensedDaqp.name: (0.1, 0.2), 'sqpmethod + piqp': (0.04, 0.03)}
 _FULL = 2.5
 _EXPONENT = 1.5
 _TAIL = 3.0
+_EIGHT = 1.0
 
 
 @dataclass(frozen=True)
@@ -47,8 +50,13 @@ def targets(results: Results) -> Iterator[Target]:
     exponents = {each.name: each.exponent for each in results.growth}
     yield Target(f'{bare}: exponent of N from 100 steps on', _EXPONENT, exponents.get(bare))
     ratios = {each.name: each.ratio for each in results.tails}
+    again = {each.name: each.ratio_again for each in results.tails}
     for name in (bare, full, Law.name):
-        yield Target(f'{name}: 99.9th percentile / median', _TAIL, ratios.get(name))
+        what = f'{name}: 99.9th percentile / median'
+        yield Target(what, _TAIL, ratios.get(name))
+        yield Target(f'{what}, first step alone', _TAIL, again.get(name))
+    times = {each.count: float(np.median(each.second)) / 1e3 for each in results.plans}
+    yield Target('control step with eight plans: median [ms]', _EIGHT, times.get(8))
     yield from _of_latency(results)
 
 
@@ -60,11 +68,13 @@ def _beside(results: Results, name: str, below: str, first: float, loop: float) 
 
 
 def _of_latency(results: Results) -> Iterator[Target]:
-    median = p99 = own = None
+    median = p99 = under_way = own = None
     if results.latency is not None:
         total = Spread.of(results.latency.total)
         median, p99 = total.median, total.p99
+        under_way = results.latency.under_way.p99
         own = Spread.of(results.latency.own).median
     yield Target('odometry to command over DDS: median [ms]', 1.2, median)
     yield Target('odometry to command over DDS: p99 [ms]', 4.0, p99)
+    yield Target('odometry to command, first steps aside: p99 [ms]', 4.0, under_way)
     yield Target('of that the node itself: median [ms]', 0.3, own)

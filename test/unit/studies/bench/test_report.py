@@ -16,7 +16,8 @@ from cmpsp_ros.studies.bench.tables import tables
 @pytest.fixture
 def with_latency(results):
     own = np.linspace(1.0, 2.0, 120)
-    found = Latency(3, own + 0.5, own, np.diff(own), 0.002, 200.0, 201.0)
+    first = np.arange(len(own)) == 0
+    found = Latency(3, own + 0.5, own, first, np.diff(own), 0.002, 200.0, 201.0)
     return replace(results, latency=found, order=replace(results.order, latency=True))
 
 
@@ -43,6 +44,8 @@ def test_a_file_has_the_data_alone(results, tmp_path):
     assert read['methods']['timed']['condensed + daqp']['first_ratio'] == 1.0
     assert read['command'] == 'cmpsp bench case3 --runs 2 --tail 10 --peers'
     assert read['tails_us']['riccati active set']['spread']['count'] == 12
+    assert read['tails_us']['riccati active set']['spread_again']['count'] == 12
+    assert list(read['plans_us']) == ['1', '2', '4', '8']
     assert [each['states'] for each in read['general']] == [3, 6, 12]
     assert {'holds', 'found', 'at_most', 'what'} == read['targets'][0].keys()
     assert {'processor', 'cores', 'kernel', 'Python', 'numba'} <= read['machine'].keys()

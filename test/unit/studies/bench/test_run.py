@@ -45,7 +45,8 @@ def test_progress_is_told():
 
     run(Order(['case1'], runs=1, tail=4, steps=3, horizons=(3,)), progress)
     assert told == [
-        'presets 1', 'presets', 'methods 8', *['methods'] * 8, 'tail 2', 'tail', 'tail',
+        'presets 1', 'presets', 'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
+        'tail 2', 'tail', 'tail',
         'horizons 1', 'horizons', 'other sizes 1', 'other sizes',
     ]  # fmt: skip
 

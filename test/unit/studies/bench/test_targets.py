@@ -7,6 +7,7 @@ import pytest
 
 from cmpsp_ros.studies.bench.horizons import Growth
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.many_plans import Plans
 from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.targets import targets
 from cmpsp_ros.studies.bench.timing import Timed
@@ -21,12 +22,16 @@ def known(task, results):
     times = {'condensed + daqp': 100.0, BARE: 8.0, FULL: 24.0, 'sqpmethod + piqp': 400.0}
     timed = [Timed(name, outcome, np.full((3, 2), time)) for name, time in times.items()]
     own = np.full(200, 0.25)
+    # Three of 200 are more than the 99th percentile leaves out.
+    first = np.arange(200) < 3
+    total = np.where(first, 9.0, 1.25)
     return replace(
         results,
         comparison=replace(results.comparison, timed=timed),
         growth=[Growth(BARE, [100, 200], [1.0, 3.0], 1.58)],
-        tails=[Tail(BARE, np.full(2000, 8.0))],
-        latency=Latency(1, own + 1.0, own, np.diff(own), 0.0, 100.0, 100.0),
+        tails=[Tail(BARE, np.full(2000, 8.0), np.full(2000, 9.0))],
+        plans=[Plans(1, np.ones(3), np.ones(3)), Plans(8, np.ones(3), np.full(3, 1100.0))],
+        latency=Latency(1, total, own, first, np.diff(own), 0.0, 100.0, 100.0),
     )
 
 
@@ -40,9 +45,14 @@ def test_what_holds_and_what_does_not(known):
         (pytest.approx(3.0), False),
         (1.58, False),
         (1.0, True),
+        (1.0, True),
         (None, None),
         (None, None),
+        (None, None),
+        (None, None),
+        (1.1, False),
         (1.25, False),
+        (9.0, False),
         (1.25, True),
         (0.25, True),
     ]
@@ -56,5 +66,5 @@ def test_each_says_what_it_is(known):
 
 def test_what_was_not_measured(known):
     bare = replace(known.comparison, timed=known.comparison.timed[:1])
-    without = replace(known, comparison=bare, growth=[], tails=[], latency=None)
+    without = replace(known, comparison=bare, growth=[], tails=[], plans=[], latency=None)
     assert {each.holds for each in targets(without)} == {None}

@@ -21,6 +21,7 @@ from cmpsp_ros.parameters.presets import write_parameter_file
 _START_TIMEOUT = 30.0
 _STALL_TIMEOUT = 15.0
 _SETTLE = 0.7
+_DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _RECORDED = (
     '/odom',
@@ -80,7 +81,7 @@ def drive(
         view_port: As of `started`.
 
     Raises:
-        DemoError: A node failed, or the run came to no end.
+        DemoError: A node failed, the run came to no end, or not all of it was recorded.
     """
 
     def tell(robot: Scenario, seen: Seen) -> None:
@@ -88,6 +89,10 @@ def drive(
 
     with started(robots, folder, view_port) as (observer, children):
         guide(observer, children, robots, tell)
+        for robot, node in zip(robots, children[-len(robots) :], strict=True):
+            end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
+            _ask(node, 'cannot be deactivated', end)
+        _wait_for_bag(observer)
 
 
 @contextmanager
@@ -170,6 +175,33 @@ def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
         raise DemoError(f'{error}; it said:\n{node.last_words()}') from None
     if not agreed:
         raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
+
+
+def _wait_for_bag(observer: Observer) -> None:
+    """Wait until every decision that was heard is in the bag, and its command.
+
+    What a busy machine has lost on the way the middleware sends again only after seconds.
+    """
+    wanted = {
+        f'{namespace}{topic}': seen.decisions
+        for namespace, seen in observer.robots.items()
+        for topic in ('/guidance/decision', '/cmd_vel')
+    }
+    end = time.monotonic() + _DELIVERY_TIMEOUT
+    while True:
+        try:
+            found = observer.count_recorded(_DELIVERY_TIMEOUT)
+        except TimeoutError as error:
+            raise DemoError(str(error)) from None
+        missing = [topic for topic, count in wanted.items() if found.get(topic, 0) < count]
+        if not missing:
+            return
+        if time.monotonic() > end:
+            raise DemoError(
+                f'the recorder has {found.get(missing[0], 0)} of {wanted[missing[0]]} messages of'
+                f' {missing[0]} after {_DELIVERY_TIMEOUT:.0f} s'
+            )
+        observer.wait_until(lambda: False, _ASK_AGAIN)
 
 
 def _recorded(robot: Scenario) -> tuple[str, ...]:

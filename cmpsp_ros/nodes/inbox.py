@@ -19,7 +19,8 @@ class Received(NamedTuple):
 
     Attributes:
         received: When the middleware got it, by the clock of the system [ns].
-        published: When it was published, by the clock of the publisher's system [ns].
+        published: When it was published, by the clock of the publisher's system [ns]; when it was
+            received where the middleware does not know.
         topic: Name of its topic.
         raw: The message, serialised.
     """
@@ -83,7 +84,8 @@ class Inbox:
                     raw, info = taken
                     # Not every middleware knows when it received a message.
                     received = info['received_timestamp'] or begun - _CROSSING
-                    found.append(Received(received, info['source_timestamp'], name, raw))
+                    published = info['source_timestamp'] or received
+                    found.append(Received(received, published, name, raw))
         found.sort(key=lambda each: each.received)
         # Where the clock was set back meanwhile, what seems to come later is not waited for.
         late = range(begun - _CROSSING + 1, time.time_ns() + 1)

@@ -7,12 +7,14 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 
 from cmpsp_ros.nodes.runtime import StartupError, run
@@ -21,9 +23,6 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import check_start, plant_settings
 from cmpsp_ros.robot.plant import Plant
-
-if TYPE_CHECKING:
-    from geometry_msgs.msg import TwistStamped
 
 _NS = 1_000_000_000
 _DECISION = '/guidance/decision'
@@ -62,7 +61,7 @@ class LatencyProbe(Node):
         self._heard_ns: dict[int, int] = {}
         self._own_ms: dict[int, float] = {}
         self._odometry = SIM_ODOM.publish_on(self)
-        SIM_STAMPED_COMMAND.listen_on(self, self._on_command)
+        SIM_STAMPED_COMMAND.listen_on(self, self._on_command, raw=True)
         self.create_subscription(DiagnosticStatus, _DECISION, self._on_decision, 100)
 
         # The first motion compiles the kinematics, which must not count as time that passes.
@@ -83,10 +82,11 @@ class LatencyProbe(Node):
     def _publish_due(self) -> None:
         while self._next_ns <= self._clock_ns():
             self._plant.advance(self._next_ns)
-            message = self._measure(self._next_ns)
+            # Bytes, both ways: what Python objects take here no robot's driver would.
+            data = serialize_message(self._measure(self._next_ns))
             x, y, _ = self._plant.pose.tolist()
             self._sent[self._next_ns] = _Sent(time.monotonic_ns(), (x, y))
-            self._odometry.publish(message)
+            self._odometry.publish(data)
             self._next_ns += self._period_ns
 
     def _measure(self, stamp_ns: int) -> Odometry:
@@ -99,8 +99,9 @@ class LatencyProbe(Node):
         message.pose.pose.orientation.w = math.cos(heading / 2.0)
         return message
 
-    def _on_command(self, message: TwistStamped) -> None:
+    def _on_command(self, data: bytes) -> None:
         now_ns = time.monotonic_ns()
+        message = deserialize_message(data, TwistStamped)
         self._heard_ns[Time.from_msg(message.header.stamp).nanoseconds] = now_ns
         self._publish_due()
         self._plant.advance(self._clock_ns())

@@ -10,6 +10,9 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
+UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active', 'finalized'
+"""States of a lifecycle node."""
+
 
 def guard_change_state(node: LifecycleNode) -> None:
     """Make `~/change_state` answer `success=False` to a transition that is not possible now.

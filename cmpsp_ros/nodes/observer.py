@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from dataclasses import dataclass, field
 from functools import partial
@@ -13,6 +14,8 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+
+from cmpsp_ros.nodes.topics import RECORDER_FLUSH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -32,6 +35,7 @@ class Seen:
         message: Their sentence.
         decision: Latest decision, as text; empty before the first.
         reason: Its sentence.
+        decisions: How many decisions have been heard.
     """
 
     health: dict[str, str] = field(default_factory=dict)
@@ -39,6 +43,7 @@ class Seen:
     message: str = ''
     decision: dict[str, str] = field(default_factory=dict)
     reason: str = ''
+    decisions: int = 0
 
 
 class Observer:
@@ -62,6 +67,8 @@ class Observer:
         self._executor.add_node(self._node)
         listen = self._node.create_subscription
         listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        name = RECORDER_FLUSH.name.replace('~', '/recorder')
+        self._flush = self._node.create_client(RECORDER_FLUSH.type, name)
         self._transitions = {}
         for each in self.robots:
             node = f'{each}/guidance'
@@ -108,6 +115,20 @@ class Observer:
             for topic in topics
         )
 
+    def count_recorded(self, timeout: float) -> dict[str, int]:
+        """How many messages of each topic the recorder has written.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        end = time.monotonic() + timeout
+        if self.wait_until(self._flush.service_is_ready, timeout):
+            future = self._flush.call_async(RECORDER_FLUSH.type.Request())
+            if self.wait_until(future.done, end - time.monotonic()):
+                counts: dict[str, int] = json.loads(future.result().message)
+                return counts
+        raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
+
     def configure(self, timeout: float, namespace: str = '') -> bool:
         """Configure the guidance node of a robot; whether it agreed.
 
@@ -123,6 +144,14 @@ class Observer:
             TimeoutError: It did not answer within the time [s].
         """
         return self._change_state(Transition.TRANSITION_ACTIVATE, timeout, namespace)
+
+    def deactivate(self, timeout: float, namespace: str = '') -> bool:
+        """Deactivate the guidance node of a robot; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        return self._change_state(Transition.TRANSITION_DEACTIVATE, timeout, namespace)
 
     def _change_state(self, transition: int, timeout: float, namespace: str) -> bool:
         end, client = time.monotonic() + timeout, self._transitions[namespace]
@@ -147,4 +176,5 @@ class Observer:
         seen = self.robots[namespace]
         seen.decision = {each.key: each.value for each in message.values}
         seen.reason = message.message
+        seen.decisions += 1
         self.on_decision(namespace, seen)

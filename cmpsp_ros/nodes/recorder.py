@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
+from collections import Counter
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -29,12 +31,15 @@ from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.recorder_options import read_options
 from cmpsp_ros.nodes.runtime import StartupError, run
+from cmpsp_ros.nodes.simulated_time import SimulatedTime
+from cmpsp_ros.nodes.topics import RECORDER_FLUSH
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.clock import ROSClock
     from rclpy.subscription import Subscription
+    from std_srvs.srv import Trigger
 
 TAKE_PERIOD = 0.01
 """Time between two rounds through the queues [s]."""
@@ -61,8 +66,9 @@ class Recorder(Node):
     """Records until it is stopped.
 
     Serialised messages go from the middleware's queues to the bag as they are. A message's time
-    is the node's clock at its reception. A publisher that comes later, and whose quality of
-    service does not fit the subscription made for the first ones, is not heard: a warning says so.
+    is that of its reception; in simulated time that of its publication. A publisher that comes
+    later, and whose quality of service does not fit the subscription made for the first ones, is
+    not heard: a warning says so.
 
     Args:
         namespace: Namespace; that of the command line when absent.
@@ -80,6 +86,7 @@ class Recorder(Node):
         super().__init__('recorder', namespace=namespace, parameter_overrides=given)
         self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
+        self._counts: Counter[str] = Counter()
         self._left_out: set[str] = set()
         self._inbox = Inbox()
         try:
@@ -88,8 +95,7 @@ class Recorder(Node):
             msg = f'parameter output: {error}'
             raise StartupError(msg) from error
         self._broken = False
-        # As the last message of `/clock` told it; between two rounds much of it may pass.
-        self._simulated: Time | None = None
+        self._simulated = SimulatedTime()
         self._parameter_watch = ParameterWatch(self, self._bag.set_parameters)
         # Simulated time may stand still; looking and taking must go on.
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
@@ -98,6 +104,7 @@ class Recorder(Node):
         self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
         self.get_logger().info(f'recording to {self._bag.path}')
         self._discover()
+        self.create_service(RECORDER_FLUSH.type, RECORDER_FLUSH.name, self._on_flush)
         Health(self, self._look)
 
     def stop(self) -> None:
@@ -135,6 +142,12 @@ class Recorder(Node):
             }
 
         return Report(level, message, (message, known), values)
+
+    def _on_flush(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._take()
+        self._flush()
+        response.success, response.message = True, json.dumps(self._counts)
+        return response
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
@@ -200,12 +213,16 @@ class Recorder(Node):
         if clock.now().nanoseconds == 0 and not ending:
             return None
         batch = self._inbox.take(all_=ending)
+        if clock.ros_time_is_active:
+            # Of messages that were late the middleware brings one topic after the other.
+            batch.sort(key=lambda each: each.published)
         try:
             for each in batch:
                 self._bag.write(each.topic, self._time_of(each, clock), each.raw)
         except BagError:
             self._broken = True
             raise
+        self._counts.update(each.topic for each in batch)
         for each in batch:
             if each.topic == '/parameter_events':
                 self._parameter_watch.hear(each.raw)
@@ -213,12 +230,15 @@ class Recorder(Node):
         return min((each.published for each in batch), default=None)
 
     def _time_of(self, message: Received, clock: ROSClock) -> int:
-        """Reception by the node's clock [ns]: in simulated time as the last `/clock` told it."""
+        """Reception by the system's clock, or publication by the simulated one [ns]."""
         if not clock.ros_time_is_active:
             return message.received
         if message.topic == '/clock':
-            self._simulated = Time.from_msg(deserialize_message(message.raw, Clock).clock)
-        return (self._simulated or clock.now()).nanoseconds
+            told = Time.from_msg(deserialize_message(message.raw, Clock).clock).nanoseconds
+            self._simulated.tell(message.published, told)
+            return told
+        found = self._simulated.at(message.published)
+        return clock.now().nanoseconds if found is None else found
 
     def _flush(self) -> None:
         try:

@@ -73,9 +73,11 @@ class Topic:
         """Create a publisher."""
         return node.create_publisher(self.type, self.name, self.qos)
 
-    def listen_on(self, node: Node, callback: Callable[[Any], None]) -> Subscription:
-        """Create a subscription."""
-        return node.create_subscription(self.type, self.name, callback, self.qos)
+    def listen_on(
+        self, node: Node, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Subscription:
+        """Create a subscription; one that is ``raw`` is given the bytes of each message."""
+        return node.create_subscription(self.type, self.name, callback, self.qos, raw=raw)
 
 
 OF_A_RUN = 1000
@@ -257,6 +259,14 @@ RECORDER_HEALTH = replace(
     HEALTH,
     node='recorder',
     notes='as above: messages, topics, those left out, nodes whose parameters are known',
+)
+RECORDER_FLUSH = Topic(
+    'recorder',
+    'srv',
+    '~/flush',
+    Trigger,
+    'what has come is written; the answer has the number of messages by topic, as JSON',
+    depth=0,
 )
 
 TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))

@@ -27,6 +27,7 @@ from rosbags.rosbag2 import Reader
 from rosgraph_msgs.msg import Clock
 from ruamel.yaml import YAML
 from std_msgs.msg import String
+from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.bags.reader import Bag
@@ -184,6 +185,29 @@ def test_output_exists(spawn, bag):
     assert f'parameter output: {bag}: exists already' in line
     assert 'Traceback' not in recorder.stderr
     assert list(bag.iterdir()) == []
+
+
+def test_flush_answers_with_what_is_in_the_bag(record, ros, bag):
+    publisher = ros.node.create_publisher(String, '/said', 10)
+    recorder = record('topics:=[/said]')
+    ros.spin_until(heard(publisher))
+    client = ros.node.create_client(Trigger, '/recorder/flush')
+    ros.spin_until(client.service_is_ready)
+
+    def counts():
+        future = client.call_async(Trigger.Request())
+        ros.spin_until(future.done)
+        assert future.result().success
+        return json.loads(future.result().message)
+
+    assert counts() == {}
+    for _ in range(7):
+        publisher.publish(String(data='this'))
+    ros.spin_until(lambda: counts() == {'/said': 7})
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    with Bag(bag) as recorded:
+        assert len(list(recorded.messages('/said'))) == 7
 
 
 def test_it_says_on_diagnostics_what_it_records(record, ros, bag):

@@ -44,7 +44,16 @@ SOURCES = [
     *(each for each in (ROOT / 'cmpsp_ros/guidance').glob('*.py') if each.name not in ELSEWHERE),
     *(
         ROOT / 'cmpsp_ros/nodes' / f'{name}.py'
-        for name in ('clock_watch', 'guidance_node', 'health', 'obstacle_input', 'rivals')
+        for name in (
+            'clock_watch',
+            'guidance_loop',
+            'guidance_node',
+            'guidance_report',
+            'health',
+            'obstacle_input',
+            'odometry_bytes',
+            'rivals',
+        )
     ),
 ]
 SENTENCES = sorted({text for path in SOURCES for text in said(path)})

@@ -8,6 +8,7 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
@@ -81,6 +82,25 @@ def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
         assert int(decision['stamp']) == stamp
         client.until_health(level=DiagnosticStatus.OK, rung='nominal')
         stamp += PERIOD_NS
+    assert 'Traceback' not in running.stderr
+
+
+def test_bytes_that_are_no_odometry_stop_the_robot_until_odometry_comes(
+    fault, start_node, client, make_odometry
+):
+    running = start_node('guidance_node', {'odom_timeout': 60.0})
+    client.connect()
+    client.until_health(state='active')
+    stamp, pose = client.now(), (0.0, -9.25, 0.0)
+    client.decide(make_odometry(stamp, pose))
+    good = make_odometry(stamp + PERIOD_NS, pose)
+    client.odometry.publish(serialize_message(good)[:60])
+    reason = 'Odometry cannot be read: found 60 bytes that are no nav_msgs/Odometry in CDR.'
+    client.until(lambda: client.decisions[-1]['reason'] == reason)
+    assert client.commands[-1] == ZERO
+    assert_is(fault, client.decisions[-1])
+    _, command = client.decide(good)
+    assert command[0] > 0.5
     assert 'Traceback' not in running.stderr
 
 

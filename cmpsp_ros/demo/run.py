@@ -23,11 +23,9 @@ _STALL_TIMEOUT = 15.0
 _SETTLE = 0.7
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
-_RECORDED = (
-    '/odom',
+_DRIVEN = ('/odom', '/sim/truth', '/sim/wheel_speeds')
+_DECIDED = (
     '/cmd_vel',
-    '/sim/truth',
-    '/sim/wheel_speeds',
     '/guidance/decision',
     '/guidance/predicted_path',
     '/guidance/wheel_speeds',
@@ -92,7 +90,7 @@ def drive(
         for robot, node in zip(robots, children[-len(robots) :], strict=True):
             end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
             _ask(node, 'cannot be deactivated', end)
-        _wait_for_bag(observer)
+        _wait_for_bag(observer, robots)
 
 
 @contextmanager
@@ -177,36 +175,47 @@ def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
         raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
 
 
-def _wait_for_bag(observer: Observer) -> None:
-    """Wait until every decision that was heard is in the bag, and its command.
+def _wait_for_bag(observer: Observer, robots: Sequence[Scenario]) -> None:
+    """Wait until every decision that was heard is in the bag, its command, and what led to it.
 
-    What a busy machine has lost on the way the middleware sends again only after seconds.
+    What a busy machine has lost on the way the middleware sends again only after seconds. The
+    simulator goes on: once something that it publishes from now on is in the bag, so is all that it
+    published before.
     """
+    now = time.time_ns()
     wanted = {
-        f'{namespace}{topic}': seen.decisions
+        f'{namespace}{topic}': (seen.decisions, 0)
         for namespace, seen in observer.robots.items()
         for topic in ('/guidance/decision', '/cmd_vel')
     }
+    wanted |= {f'{each.namespace}{topic}': (1, now) for each in robots for topic in _driven(each)}
     end = time.monotonic() + _DELIVERY_TIMEOUT
     while True:
         try:
-            found = observer.count_recorded(_DELIVERY_TIMEOUT)
+            found = observer.recorded(_DELIVERY_TIMEOUT)
         except TimeoutError as error:
             raise DemoError(str(error)) from None
-        missing = [topic for topic, count in wanted.items() if found.get(topic, 0) < count]
-        if not missing:
+        lacking = [
+            f'{topic}, of which it has {found[topic].count} messages'
+            for topic, (count, published) in wanted.items()
+            if found[topic].count < count or found[topic].published < published
+        ]
+        if not lacking:
             return
         if time.monotonic() > end:
-            raise DemoError(
-                f'the recorder has {found.get(missing[0], 0)} of {wanted[missing[0]]} messages of'
-                f' {missing[0]} after {_DELIVERY_TIMEOUT:.0f} s'
-            )
+            what = '; '.join(lacking)
+            raise DemoError(f'after {_DELIVERY_TIMEOUT:.0f} s the recorder lacks messages: {what}')
         observer.wait_until(lambda: False, _ASK_AGAIN)
 
 
 def _recorded(robot: Scenario) -> tuple[str, ...]:
     """Topics of a robot without which a run is not whole."""
-    return (*_RECORDED, *(('/moving_obstacles',) if robot.values['moving_obstacles.names'] else ()))
+    return (*_driven(robot), *_DECIDED)
+
+
+def _driven(robot: Scenario) -> tuple[str, ...]:
+    """Those of them that its simulator publishes again and again."""
+    return (*_DRIVEN, *(('/moving_obstacles',) if robot.values['moving_obstacles.names'] else ()))
 
 
 def guide(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, field
 from functools import partial
@@ -16,11 +15,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.topics import RECORDER_FLUSH
+from cmpsp_ros.nodes.written import from_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from types import TracebackType
     from typing import Self
+
+    from cmpsp_ros.nodes.written import ByTopic
 
 _WAKE_PERIOD = 0.02
 
@@ -115,8 +117,8 @@ class Observer:
             for topic in topics
         )
 
-    def count_recorded(self, timeout: float) -> dict[str, int]:
-        """How many messages of each topic the recorder has written.
+    def recorded(self, timeout: float) -> ByTopic:
+        """What the recorder has written of each topic.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
@@ -125,8 +127,7 @@ class Observer:
         if self.wait_until(self._flush.service_is_ready, timeout):
             future = self._flush.call_async(RECORDER_FLUSH.type.Request())
             if self.wait_until(future.done, end - time.monotonic()):
-                counts: dict[str, int] = json.loads(future.result().message)
-                return counts
+                return from_json(future.result().message)
         raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
 
     def configure(self, timeout: float, namespace: str = '') -> bool:

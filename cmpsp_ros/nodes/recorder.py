@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
@@ -18,14 +17,11 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, qos_check_compatible
-from rclpy.serialization import deserialize_message
-from rclpy.time import Time
-from rosgraph_msgs.msg import Clock
 
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.nodes.health import Health, Report
-from cmpsp_ros.nodes.inbox import Inbox, Received
+from cmpsp_ros.nodes.inbox import Inbox
 from cmpsp_ros.nodes.message_types import message_class
 from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
@@ -33,6 +29,7 @@ from cmpsp_ros.nodes.recorder_options import read_options
 from cmpsp_ros.nodes.runtime import StartupError, run
 from cmpsp_ros.nodes.simulated_time import SimulatedTime
 from cmpsp_ros.nodes.topics import RECORDER_FLUSH
+from cmpsp_ros.nodes.written import ByTopic, Written, to_json
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -86,7 +83,7 @@ class Recorder(Node):
         super().__init__('recorder', namespace=namespace, parameter_overrides=given)
         self._options = read_options(self)
         self._topics: dict[str, _Recorded] = {}
-        self._counts: Counter[str] = Counter()
+        self._written: ByTopic = defaultdict(Written)
         self._left_out: set[str] = set()
         self._inbox = Inbox()
         try:
@@ -146,7 +143,7 @@ class Recorder(Node):
     def _on_flush(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._take()
         self._flush()
-        response.success, response.message = True, json.dumps(self._counts)
+        response.success, response.message = True, to_json(self._written)
         return response
 
     def _discover(self) -> None:
@@ -212,33 +209,23 @@ class Recorder(Node):
         clock = cast('ROSClock', self.get_clock())
         if clock.now().nanoseconds == 0 and not ending:
             return None
-        batch = self._inbox.take(all_=ending)
+        came = self._inbox.take(all_=ending)
         if clock.ros_time_is_active:
-            # Of messages that were late the middleware brings one topic after the other.
-            batch.sort(key=lambda each: each.published)
+            dated = self._simulated.date(came, time.time_ns(), all_=ending)
+        else:
+            dated = [(each.received, each) for each in came]
         try:
-            for each in batch:
-                self._bag.write(each.topic, self._time_of(each, clock), each.raw)
+            for stamp, each in dated:
+                self._bag.write(each.topic, stamp, each.raw)
+                self._written[each.topic].add(each.published)
         except BagError:
             self._broken = True
             raise
-        self._counts.update(each.topic for each in batch)
-        for each in batch:
+        for each in came:
             if each.topic == '/parameter_events':
                 self._parameter_watch.hear(each.raw)
         self._parameter_watch.caught_up()
-        return min((each.published for each in batch), default=None)
-
-    def _time_of(self, message: Received, clock: ROSClock) -> int:
-        """Reception by the system's clock, or publication by the simulated one [ns]."""
-        if not clock.ros_time_is_active:
-            return message.received
-        if message.topic == '/clock':
-            told = Time.from_msg(deserialize_message(message.raw, Clock).clock).nanoseconds
-            self._simulated.tell(message.published, told)
-            return told
-        found = self._simulated.at(message.published)
-        return clock.now().nanoseconds if found is None else found
+        return min((each.published for each in came), default=None)
 
     def _flush(self) -> None:
         try:

@@ -265,7 +265,8 @@ RECORDER_FLUSH = Topic(
     'srv',
     '~/flush',
     Trigger,
-    'what has come is written; the answer has the number of messages by topic, as JSON',
+    'what has come is written; the answer has, as JSON by topic, the `count` of messages, and when'
+    ' the newest was `published` [ns]',
     depth=0,
 )
 

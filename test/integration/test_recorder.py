@@ -198,7 +198,8 @@ def test_flush_answers_with_what_is_in_the_bag(record, ros, bag):
         future = client.call_async(Trigger.Request())
         ros.spin_until(future.done)
         assert future.result().success
-        return json.loads(future.result().message)
+        answer = json.loads(future.result().message)
+        return {topic: written['count'] for topic, written in answer.items()}
 
     assert counts() == {}
     for _ in range(7):
@@ -331,6 +332,28 @@ def test_simulated_time(record, ros, bag):
     assert recorder.wait() == 0
     with Bag(bag) as recorded:
         assert [stamp for stamp, _ in recorded.raw('/said')] == [5 * 10**9] * 2
+
+
+def test_simulated_time_that_stands_still(record, ros):
+    record('use_sim_time:=true')
+    clock = ros.node.create_publisher(Clock, '/clock', 1)
+    said = ros.node.create_publisher(String, '/said', 2)
+    ros.spin_until(lambda: clock.get_subscription_count() >= 2 and heard(said)())
+    tick = Clock()
+    tick.clock.sec = 5
+    clock.publish(tick)
+    clock.wait_for_all_acked(Duration(seconds=5.0))
+    said.publish(String(data='after'))
+    client = ros.node.create_client(Trigger, '/recorder/flush')
+    ros.spin_until(client.service_is_ready)
+
+    def is_written():
+        future = client.call_async(Trigger.Request())
+        ros.spin_until(future.done)
+        return '/said' in json.loads(future.result().message)
+
+    # It is not kept for ever until time goes on: a recorder that is killed has it.
+    ros.spin_until(is_written)
 
 
 def test_full_disk_ends_the_recording(record, ros, bag):

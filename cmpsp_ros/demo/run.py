@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -16,21 +16,15 @@ from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, summarise
 from cmpsp_ros.nodes.observer import Observer, Seen
+from cmpsp_ros.nodes.written import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
 
 _START_TIMEOUT = 30.0
 _STALL_TIMEOUT = 15.0
-_SETTLE = 0.7
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _DRIVEN = ('/odom', '/sim/truth', '/sim/wheel_speeds')
-_DECIDED = (
-    '/cmd_vel',
-    '/guidance/decision',
-    '/guidance/predicted_path',
-    '/guidance/wheel_speeds',
-    '/guidance/markers',
-)
+"""What a simulator publishes again and again."""
 
 
 def run(
@@ -90,7 +84,7 @@ def drive(
         for robot, node in zip(robots, children[-len(robots) :], strict=True):
             end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
             _ask(node, 'cannot be deactivated', end)
-        _wait_for_bag(observer, robots)
+        _wait_for_the_end(observer, robots)
 
 
 @contextmanager
@@ -146,22 +140,29 @@ def _get_ready(
 ) -> None:
     """Configure the guidance nodes, and wait until nothing of the run can be missed."""
     timeout = _START_TIMEOUT * len(robots)
-    topics = [f'{each.namespace}{topic}' for each in robots for topic in _recorded(each)]
+    # Simulator, recorder and observer must be known to the publishers themselves.
+    listeners = {
+        'command_subscribers': 1 + record,
+        'decision_subscribers': 1 + record,
+        'path_subscribers': record,
+        'wheel_subscribers': record,
+    }
 
     def is_heard() -> bool:
         for child in children:
             child.check()
-        # Simulator and recorder must be known to the command's publisher itself.
-        heard = (seen.health.get('command_subscribers', 0) for seen in observer.robots.values())
-        known = all(int(each) >= 1 + record for each in heard)
-        return known and (not record or observer.is_recorded(topics))
+        return all(
+            int(seen.health.get(key, 0)) >= count
+            for seen in observer.robots.values()
+            for key, count in listeners.items()
+        )
 
     for each, node in zip(robots, children[-len(robots) :], strict=True):
         _ask(node, 'refuses to start', partial(observer.configure, timeout, each.namespace))
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
-    # The recorder is known here; whom it records may hear of it a little later.
-    observer.wait_until(lambda: False, _SETTLE * len(robots))
+    if record:
+        _wait_for_bag(observer, {topic: Written(1) for topic in _driven(robots)})
 
 
 def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
@@ -175,7 +176,7 @@ def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
         raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
 
 
-def _wait_for_bag(observer: Observer, robots: Sequence[Scenario]) -> None:
+def _wait_for_the_end(observer: Observer, robots: Sequence[Scenario]) -> None:
     """Wait until every decision that was heard is in the bag, its command, and what led to it.
 
     What a busy machine has lost on the way the middleware sends again only after seconds. The
@@ -183,12 +184,17 @@ def _wait_for_bag(observer: Observer, robots: Sequence[Scenario]) -> None:
     published before.
     """
     now = time.time_ns()
-    wanted = {
-        f'{namespace}{topic}': (seen.decisions, 0)
+    decided = {
+        f'{namespace}{topic}': Written(seen.decisions)
         for namespace, seen in observer.robots.items()
-        for topic in ('/guidance/decision', '/cmd_vel')
+        for topic in ('/cmd_vel', '/guidance/decision', '/guidance/wheel_speeds')
     }
-    wanted |= {f'{each.namespace}{topic}': (1, now) for each in robots for topic in _driven(each)}
+    driven = {topic: Written(1, published=now) for topic in _driven(robots)}
+    _wait_for_bag(observer, decided | driven)
+
+
+def _wait_for_bag(observer: Observer, wanted: Mapping[str, Written]) -> None:
+    """Wait until the bag has as many messages of each topic, and none older than these."""
     end = time.monotonic() + _DELIVERY_TIMEOUT
     while True:
         try:
@@ -197,8 +203,8 @@ def _wait_for_bag(observer: Observer, robots: Sequence[Scenario]) -> None:
             raise DemoError(str(error)) from None
         lacking = [
             f'{topic}, of which it has {found[topic].count} messages'
-            for topic, (count, published) in wanted.items()
-            if found[topic].count < count or found[topic].published < published
+            for topic, least in wanted.items()
+            if found[topic].count < least.count or found[topic].published < least.published
         ]
         if not lacking:
             return
@@ -208,14 +214,12 @@ def _wait_for_bag(observer: Observer, robots: Sequence[Scenario]) -> None:
         observer.wait_until(lambda: False, _ASK_AGAIN)
 
 
-def _recorded(robot: Scenario) -> tuple[str, ...]:
-    """Topics of a robot without which a run is not whole."""
-    return (*_driven(robot), *_DECIDED)
-
-
-def _driven(robot: Scenario) -> tuple[str, ...]:
-    """Those of them that its simulator publishes again and again."""
-    return (*_DRIVEN, *(('/moving_obstacles',) if robot.values['moving_obstacles.names'] else ()))
+def _driven(robots: Sequence[Scenario]) -> Iterator[str]:
+    """What the simulators publish again and again."""
+    for each in robots:
+        yield from (f'{each.namespace}{topic}' for topic in _DRIVEN)
+        if each.values['moving_obstacles.names']:
+            yield f'{each.namespace}/moving_obstacles'
 
 
 def guide(

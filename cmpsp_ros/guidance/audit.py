@@ -94,6 +94,7 @@ class Audit:
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
         )
+        self._found, self._worst = np.empty(_FOUND), np.empty(len(self._names))
 
     def check(
         self,
@@ -196,11 +197,10 @@ class Audit:
     def _swept(
         self, pose: Array, controls: Array, durations: Array, moving: MovingDiscs, near: float
     ) -> list[float]:
-        robot, space = self._robot, self._space
-        found = np.empty(_FOUND)
+        robot, space, found = self._robot, self._space, self._found
         _sweep(
             found,
-            np.empty(len(self._names) + len(moving)),
+            np.empty(len(self._names) + len(moving)) if len(moving) else self._worst,
             pose,
             controls,
             durations,

@@ -298,12 +298,11 @@ class Choice:
         count = first + polished.improvement.iterations
         return replace(polished, improvement=replace(polished.improvement, iterations=count))
 
-    def _iterations(self, moment: Moment) -> int:
-        """How many every plan is given at first."""
-        solver = self._settings.solver
+    def _iterations(self, moment: Moment) -> int | None:
+        """How many every plan is given at first; None for as many as at any control step."""
         if not moment.at_rest:
-            return solver.iterations_per_step
-        initial = solver.initial_iterations
+            return None
+        initial = self._settings.solver.initial_iterations
         return initial if self._most == 1 else min(initial, SCREENING)
 
     def _improved(

@@ -66,8 +66,8 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     half = period // 2
     first = -(-(now + half) // period)
     last = (final - half) // period
-    count = max(last - first + 1, 0)
-    edges = np.arange(first - 1, first + count + 1, dtype=np.int64) * period
+    last = max(last, first - 1)
+    edges = np.arange((first - 1) * period, (last + 2) * period, period, dtype=np.int64)
     edges[0], edges[-1] = now, max(final, now + half)
     return Horizon(edges)
 

@@ -139,8 +139,9 @@ class Judge:
     def _turns(self, poses: Array) -> int:
         """Full turns of the heading beside those of the road; turning round at first is none."""
         x, y = self._settings.annulus.center
-        first, last = (math.atan2(at[1] - y, at[0] - x) for at in (poses[0], poses[-1]))
-        beside = poses[-1, 2] - poses[0, 2] - math.remainder(last - first, math.tau)
+        (x_0, y_0, before), (x_N, y_N, after) = poses[0].tolist(), poses[-1].tolist()
+        way = math.atan2(y_N - y, x_N - x) - math.atan2(y_0 - y, x_0 - x)
+        beside = after - before - math.remainder(way, math.tau)
         return int(abs(beside) / math.tau + 0.25) if math.isfinite(beside) else 0
 
     def _reserve(self, plan: Plan) -> float:

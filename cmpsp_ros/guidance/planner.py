@@ -14,7 +14,9 @@ from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanose
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.mpsp.compiled import entry_for
+
+# Imported whole: a file that takes names from it counts as one with kernels of its own.
+from cmpsp_ros.mpsp import compiled
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.iteration import Options
 from cmpsp_ros.mpsp.problem import Dimensions
@@ -33,13 +35,12 @@ from cmpsp_ros.mpsp.realtime.packed import Packed, pack
 from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import POSE, GuidanceData
-from cmpsp_ros.robot.guidance_problem import guidance_data, target_of
+from cmpsp_ros.robot.guidance_functions import GuidanceData
+from cmpsp_ros.robot.guidance_problem import begun_at, guidance_data, target_of
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
-_NO_SLACK: Final = np.zeros(POSE)
 # What the general iteration has more means for.
 _WANTING: Final = (NO_CURVATURE, ITERATION_LIMIT)
 _STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
@@ -71,7 +72,7 @@ class Planner:
         if self._compiled:
             nothing = np.zeros((len(longest.edges), 2))
             data = self._data(np.zeros(3), nothing[0], nothing, longest)
-            self._improve = entry_for(improve, data, self._packed, 1, 0, self._rules)
+            self._improve = compiled.entry_for(improve, data, self._packed, 1, 0, self._rules)
 
     def aim(self, settings: GuidanceSettings) -> None:
         """Take another goal; nothing else of the settings may differ."""
@@ -112,10 +113,10 @@ class Planner:
             moving: What moves, from the pose on.
             near: Progress of a place near the pose, not a number where none is known [m].
         """
-        most = iterations or self._task.settings.solver.iterations_per_step
+        rules = self._rules if iterations is None else self._rules._replace(iterations=iterations)
         if not self._compiled:
             return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving, near=near
+                pose, held, guess, horizon, iterations=rules.iterations, moving=moving, near=near
             )
         steps = len(horizon.durations)
         if steps >= len(self._room.lower):
@@ -125,11 +126,10 @@ class Planner:
         self._horizon = horizon
         room.at.U[: steps + 1] = guess
         data = self._data(pose, held, guess, horizon, moving, near)
-        rules = self._rules._replace(iterations=most)
         self._improve(data, self._packed, steps, over, rules)
         if room.counts[OUTCOME] in _WANTING:
             return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving, near=near
+                pose, held, guess, horizon, iterations=rules.iterations, moving=moving, near=near
             )
         return _summary(room, horizon, rules)
 
@@ -151,7 +151,7 @@ class Planner:
             self._given = guidance_data(
                 robot, space, task.cost, pose, task.goal, durations, hessian, task.heading
             )
-        data, rate = self._given._replace(pose=pose, durations=durations, near=near), self._rate
+        data, rate = begun_at(self._given, pose, durations, near), self._rate
         if rate > 0.0:
             return ControlRateData(data, rate, np.ascontiguousarray(held, dtype=np.float64))
         return data
@@ -181,7 +181,7 @@ class Planner:
         target = target_of(task.goal, task.heading, task.outputs)
         default = Options(task.penalty_terminal, task.penalty_path)
         self._rules = Rules(
-            iterations=1,
+            iterations=task.settings.solver.iterations_per_step,
             line_search=default.line_search,
             output_tolerance=default.output_tolerance * (float(np.linalg.norm(target)) or 1.0),
             control_tolerance=default.control_tolerance,
@@ -202,16 +202,17 @@ def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:
     plan = Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy())
     counts = room.counts.tolist()
     status = _STATUS.get(counts[OUTCOME], QPStatus.FAILED)
-    slack = room.slack if counts[RELAXED] and status is QPStatus.SOLVED else _NO_SLACK
-    path = len(slack) - len(room.at.output_error)
-    largest, tolerance = float(slack.max()), rules.slack_tolerance
+    # Of a handful of numbers Python's own lists are looked through sooner.
+    slack = room.slack.tolist() if counts[RELAXED] and status is QPStatus.SOLVED else [0.0]
+    largest, path = max(slack), len(slack) - len(room.at.output_error)
+    left = [index for index, each in enumerate(slack) if each > rules.slack_tolerance]
     return Improvement(
         plan,
         status is QPStatus.SOLVED,
-        largest > tolerance,
+        bool(left),
         largest,
-        tuple(np.flatnonzero(slack[:path] > tolerance).tolist()) if largest > tolerance else (),
-        bool(slack[path:].max() > tolerance),
+        tuple(index for index in left if index < path),
+        bool(left) and left[-1] >= path,
         counts[DONE],
         counts[QP_ITERATIONS],
         counts[ACTIVE_ROWS],

@@ -53,7 +53,7 @@ class SolverSettings:
         initial_iterations: Iterations where there is no plan to go on with, and the robot stands.
             Where several plans are compared, each has the first `SCREENING` of them, and the one
             that is followed has them all.
-        candidates: How many plans are compared at a control step, at most.
+        candidates: How many plans are compared at a control step; as many again may turn first.
         qp: Name of the QP back end.
         hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
         heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];

@@ -122,9 +122,9 @@ class GuidanceLoop:
         self._note(decision)
 
     @property
-    def command_subscribers(self) -> int:
-        """How many listen to the commands."""
-        return self._outputs.command_subscribers
+    def subscribers(self) -> dict[str, int]:
+        """How many listen to what every decision is told by, for diagnostics."""
+        return self._outputs.subscribers
 
     @property
     def odometry_age(self) -> float | None:

@@ -15,7 +15,6 @@ from cmpsp_ros.guidance.facts import facts, severity, waypoints
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from geometry_msgs.msg import Twist
     from sensor_msgs.msg import JointState
 
     from cmpsp_ros.guidance.decision import Decision, Plan
@@ -24,11 +23,6 @@ if TYPE_CHECKING:
 def set_stamp(header: Header, stamp_ns: int) -> None:
     """Stamp a message [ns]."""
     header.stamp.sec, header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
-
-
-def fill_twist(message: Twist, decision: Decision) -> None:
-    """The command of a decision."""
-    message.linear.x, message.angular.z = decision.twist.tolist()
 
 
 def fill_wheels(message: JointState, decision: Decision) -> None:

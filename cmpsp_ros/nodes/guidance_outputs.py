@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
+from cmpsp_ros.nodes.command_bytes import frame_bytes, stamped_bytes, twist_bytes
 from cmpsp_ros.nodes.guidance_messages import (
     DecisionMessage,
     PathMessage,
-    fill_twist,
     fill_wheels,
     set_stamp,
 )
@@ -38,6 +38,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.table import Values
 
 
+_FRAME = frame_bytes('base_link')
+
+
 class GuidanceOutputs:
     """Publishers of one configured guidance node.
 
@@ -62,11 +65,6 @@ class GuidanceOutputs:
 
     def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
         """Make the messages that are filled at each control step."""
-        self._command_message = self._topic.type()
-        self._twist = self._command_message
-        if self._topic is STAMPED_COMMAND:
-            self._command_message.header.frame_id = 'base_link'
-            self._twist = self._command_message.twist
         self._wheel_message = JointState(name=values['robot.joint_names'])
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
@@ -74,16 +72,25 @@ class GuidanceOutputs:
         self._decision_message = DecisionMessage(f'{name}: decision')
 
     @property
-    def command_subscribers(self) -> int:
-        """How many listen to the commands."""
-        return int(self._command.get_subscription_count())
+    def subscribers(self) -> dict[str, int]:
+        """How many listen to what every decision is told by, for diagnostics."""
+        publishers = {
+            'command': self._command,
+            'decision': self._decisions,
+            'path': self._path,
+            'wheel': self._wheels,
+        }
+        return {
+            f'{name}_subscribers': int(each.get_subscription_count())
+            for name, each in publishers.items()
+        }
 
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
-        fill_twist(self._twist, decision)
         if self._topic is STAMPED_COMMAND:
-            set_stamp(self._command_message.header, decision.stamp)
-        self._command.publish(self._command_message)
+            self._command.publish(stamped_bytes(decision, _FRAME))
+        else:
+            self._command.publish(twist_bytes(decision))
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
         """Send what a decision was made of; path and markers only if somebody listens.

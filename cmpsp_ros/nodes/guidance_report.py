@@ -28,7 +28,7 @@ def report_on(
         warnings: What is wrong beside that, in sentences.
     """
     decision = None if loop is None else loop.decision
-    listeners = 0 if loop is None else loop.command_subscribers
+    listeners = {} if loop is None else loop.subscribers
     level, message = _state(state, refusal, loop)
     if loop is not None and state == ACTIVE:
         if said := [*warnings, *loop.warnings()]:
@@ -37,7 +37,7 @@ def report_on(
             level, message = DiagnosticStatus.ERROR, f'{message} {loop.road.refusal}'
 
     def figures() -> dict[str, object]:
-        values: dict[str, object] = {'state': state, 'command_subscribers': listeners}
+        values: dict[str, object] = {'state': state, **listeners}
         if decision is not None:
             values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
         if loop is None:
@@ -47,7 +47,7 @@ def report_on(
         return values | loop.times.values()
 
     rung = None if decision is None else decision.rung
-    return Report(level, message, (level, state, rung, listeners), figures)
+    return Report(level, message, (level, state, rung, *listeners.values()), figures)
 
 
 def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, str]:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from rclpy.callback_groups import CallbackGroup
 
 if TYPE_CHECKING:
+    from collections.abc import Container
+
     from rclpy.subscription import Subscription
 
 _CROSSING = 2_000_000
@@ -69,15 +71,18 @@ class Inbox:
         """Serve a subscription, which takes messages serialised."""
         self._subscriptions[name] = subscription
 
-    def take(self, *, all_: bool = False) -> list[Received]:
+    def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
         """Take what has come since the last round, in the order in which it came.
 
         Args:
+            only: Of these topics; None for all.
             all_: There is no next round.
         """
         begun = time.time_ns()
         found = self._kept
         for name, subscription in self._subscriptions.items():
+            if only is not None and name not in only:
+                continue
             handle, kind = subscription.handle, subscription.msg_type
             with handle:
                 while (taken := handle.take_message(kind, True)) is not None:

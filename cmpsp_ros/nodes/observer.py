@@ -107,16 +107,6 @@ class Observer:
             self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
         return True
 
-    def is_recorded(self, topics: Iterable[str]) -> bool:
-        """Whether the recorder has subscribed to all of these topics."""
-        return all(
-            any(
-                each.node_name == 'recorder'
-                for each in self._node.get_subscriptions_info_by_topic(topic)
-            )
-            for topic in topics
-        )
-
     def recorded(self, timeout: float) -> ByTopic:
         """What the recorder has written of each topic.
 

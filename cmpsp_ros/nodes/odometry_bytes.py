@@ -14,6 +14,12 @@ from cmpsp_ros.guidance.odometry import OdometryError
 
 _HEADER = 4
 """Bytes of the encapsulation header; alignment counts from its end."""
+_LITTLE_ENDIAN, _BIG_ENDIAN = (
+    (struct.Struct(f'{order}iI'), struct.Struct(f'{order}I'), struct.Struct(f'{order}7d'))
+    for order in '<>'
+)
+"""Of a stamp, of the length of a string, of a pose."""
+
 _UNREADABLE = 'Odometry cannot be read: found {} bytes that are no nav_msgs/Odometry in CDR.'
 
 
@@ -64,11 +70,11 @@ def read_odometry(data: bytes) -> Odometry:
         OdometryError: It is none.
     """
     try:
-        order = '<' if data[1] & 1 else '>'
-        sec, nanosec = struct.unpack_from(f'{order}iI', data, _HEADER)
-        frame_id, at = _string(data, _HEADER + 8, order)
-        child_frame_id, at = _string(data, _align(at, 4), order)
-        x, y, z, *rotation = struct.unpack_from(f'{order}7d', data, _align(at, 8))
+        stamp, length, numbers = _LITTLE_ENDIAN if data[1] & 1 else _BIG_ENDIAN
+        sec, nanosec = stamp.unpack_from(data, _HEADER)
+        frame_id, at = _string(data, _HEADER + stamp.size, length)
+        child_frame_id, at = _string(data, _align(at, length.size), length)
+        x, y, z, *rotation = numbers.unpack_from(data, _align(at, 8))
     except (IndexError, struct.error, UnicodeDecodeError) as error:
         raise OdometryError(_UNREADABLE.format(len(data))) from error
     pose = _Pose(_Point(x, y, z), _Quaternion(*rotation))
@@ -76,14 +82,14 @@ def read_odometry(data: bytes) -> Odometry:
     return Odometry(header, child_frame_id, _PoseWithCovariance(pose))
 
 
-def _string(data: bytes, at: int, order: str) -> tuple[str, int]:
+def _string(data: bytes, at: int, length: struct.Struct) -> tuple[str, int]:
     """A string and where it ends; its length counts the zero byte behind it."""
-    (length,) = struct.unpack_from(f'{order}I', data, at)
-    end = at + 4 + length
+    (size,) = length.unpack_from(data, at)
+    begin, end = at + length.size, at + length.size + size
     # Of a string that ends beyond the data Python would take what there is.
-    if length == 0 or data[end - 1]:
+    if size == 0 or data[end - 1]:
         raise IndexError
-    return data[at + 4 : end - 1].decode(), end
+    return data[begin : end - 1].decode(), end
 
 
 def _align(at: int, size: int) -> int:

@@ -27,7 +27,7 @@ from cmpsp_ros.nodes.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.recorder_options import read_options
 from cmpsp_ros.nodes.runtime import StartupError, run
-from cmpsp_ros.nodes.simulated_time import SimulatedTime
+from cmpsp_ros.nodes.simulated_time import TOPIC, SimulatedTime
 from cmpsp_ros.nodes.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.written import ByTopic, Written, to_json
 
@@ -206,11 +206,11 @@ class Recorder(Node):
             Earliest time of publication among the messages [ns], None when there are none.
 
         """
-        clock = cast('ROSClock', self.get_clock())
-        if clock.now().nanoseconds == 0 and not ending:
-            return None
-        came = self._inbox.take(all_=ending)
-        if clock.ros_time_is_active:
+        simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
+        # All else is kept, up to its depth, by the middleware.
+        waits = simulated and not self._simulated.begun and not ending
+        came = self._inbox.take((TOPIC,) if waits else None, all_=ending)
+        if simulated:
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:
             dated = [(each.received, each) for each in came]

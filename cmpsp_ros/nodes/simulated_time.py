@@ -36,6 +36,11 @@ class SimulatedTime:
         self._told: list[int] = []
         self._waiting: list[Received] = []
 
+    @property
+    def begun(self) -> bool:
+        """Whether anything has been told."""
+        return bool(self._told)
+
     def date(
         self, came: Iterable[Received], now: int, *, all_: bool = False
     ) -> list[tuple[int, Received]]:
@@ -67,11 +72,11 @@ class SimulatedTime:
             del self._published[:_KEPT], self._told[:_KEPT]
 
     def _is_dated(self, message: Received, now: int) -> bool:
-        if not self._told:
+        if not self.begun:
             return False
         return message.published <= self._published[-1] or now - message.received > PATIENCE
 
     def _at(self, published: int) -> int:
-        if not self._told:
+        if not self.begun:
             return 0
         return self._told[max(bisect_right(self._published, published) - 1, 0)]

@@ -47,6 +47,11 @@ class DifferentialDrive:
 
     def twist(self, wheel_speeds: Array) -> Array:
         """Body twists ``(..., 2)`` [m/s, rad/s] of wheel speeds ``(..., 2)`` [rad/s], by (91)."""
+        if wheel_speeds.ndim == 1:
+            # The same operations on numbers take a fraction of the time.
+            right, left = wheel_speeds.tolist()
+            speed = (right + left) * (self.wheel_radius / 2.0)
+            return np.array([speed, (right - left) * (self.wheel_radius / (2.0 * self.half_track))])
         right, left = wheel_speeds[..., RIGHT], wheel_speeds[..., LEFT]
         twist = np.empty_like(wheel_speeds, dtype=float)
         twist[..., 0] = (right + left) * (self.wheel_radius / 2.0)

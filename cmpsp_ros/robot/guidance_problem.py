@@ -171,6 +171,13 @@ def guidance_data(
     )
 
 
+def begun_at(data: GuidanceData, pose: Array, durations: Array, near: float) -> GuidanceData:
+    """The same problem from another pose; arguments as of `GuidanceData`."""
+    goal, heading, road = data.goal, data.heading, data.road
+    # `_replace` takes several times as long.
+    return GuidanceData(pose, goal, heading, durations, road, near, *data[6:])
+
+
 def target_of(goal: Array, heading: float, outputs: int) -> Array:
     """What is wanted at the end, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
     if outputs == LINE:

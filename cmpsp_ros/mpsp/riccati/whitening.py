@@ -338,6 +338,5 @@ def whiten_row(qp: StageQP, white: Whitening, k: int, row: Array) -> int:
             for q in range(n):
                 total += A_cl[q, i] * s[q]
             t[i] = total
-        for i in range(n):
-            s[i] = t[i]
+        s, t = t, s
     return (k + 1) * r

@@ -14,6 +14,7 @@ from cmpsp_ros.mpsp.realtime.iteration import OUTCOME, Rules, improve
 from cmpsp_ros.mpsp.realtime.packed import pack
 from cmpsp_ros.mpsp.realtime.workspace import workspace
 from cmpsp_ros.mpsp.riccati.outcome import SOLVED
+from cmpsp_ros.robot.guidance_problem import begun_at
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.methods import ITERATIONS, PENALTY
 from cmpsp_ros.studies.bench.task import Task
@@ -64,7 +65,7 @@ class RiccatiActiveSet:
         steps, room = len(durations), self._room
         over, self._left = self._left - steps, steps
         room.at.U[: steps + 1] = U
-        data = self._data._replace(pose=pose, durations=durations)
+        data = begun_at(self._data, pose, durations, math.nan)
         self._improve(data, self._packed, steps, over, _RULES)
         if room.counts[OUTCOME] != SOLVED:
             raise BenchError('it does not solve one of its programs')

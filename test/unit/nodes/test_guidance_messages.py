@@ -8,7 +8,6 @@ import struct
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import Twist
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.time import Time
@@ -20,7 +19,6 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.nodes.guidance_messages import (
     DecisionMessage,
     PathMessage,
-    fill_twist,
     fill_wheels,
     level_of,
     set_stamp,
@@ -110,14 +108,9 @@ def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
     assert 'solve_ms' not in values_of(refilled.fill(second))
 
 
-def test_a_command_is_the_decision_s_twist_in_plain_floats():
-    made, twist = decision(), Twist()
-    fill_twist(twist, made)
-    assert (twist.linear.x, twist.angular.z) == (1.5, 0.1 + 0.2)
-    assert type(twist.linear.x) is type(twist.angular.z) is float
-    assert (twist.linear.y, twist.angular.x) == (0.0, 0.0)
+def test_wheel_speeds_are_the_decision_s():
     joints = JointState(name=['right', 'left'])
-    fill_wheels(joints, made)
+    fill_wheels(joints, decision())
     assert joints.name == ['right', 'left']
     assert joints.velocity.tolist() == [45.1, 44.2]
 

@@ -334,13 +334,14 @@ def test_simulated_time(record, ros, bag):
         assert [stamp for stamp, _ in recorded.raw('/said')] == [5 * 10**9] * 2
 
 
-def test_simulated_time_that_stands_still(record, ros):
+@pytest.mark.parametrize('now', [0, 5])
+def test_simulated_time_that_stands_still(record, ros, now):
     record('use_sim_time:=true')
     clock = ros.node.create_publisher(Clock, '/clock', 1)
     said = ros.node.create_publisher(String, '/said', 2)
     ros.spin_until(lambda: clock.get_subscription_count() >= 2 and heard(said)())
     tick = Clock()
-    tick.clock.sec = 5
+    tick.clock.sec = now
     clock.publish(tick)
     clock.wait_for_all_acked(Duration(seconds=5.0))
     said.publish(String(data='after'))

@@ -33,6 +33,7 @@ endif
 # Stamps are written last and in one move: what was interrupted is begun again.
 ENVIRONMENT := $(VENV)/.environment
 PACKAGE := $(VENV)/.package
+KERNELS := $(VENV)/.kernels
 MADE_FOR := $(CURDIR) with ROS from $(ROS)
 
 # An environment is bound to its place, to its ROS and to its Python (when one is asked for).
@@ -86,13 +87,13 @@ test: setup  ## run the tests; more options for pytest in PYTEST_ARGS
 	@$(BIN)/cmpsp warmup > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
 
-lint: setup  ## ruff, mypy, and who may import whom
+lint: check-ros $(PACKAGE)  ## ruff, mypy, and who may import whom
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
 
-setup: check-ros $(PACKAGE)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
+setup: check-ros $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 
 bench: setup  ## time the control steps
 	$(BIN)/cmpsp bench
@@ -138,11 +139,15 @@ $(ENVIRONMENT): $(wildcard requirements/*.txt) | check-ros
 	    mv $(VENV)/.requirements $@; \
 	fi
 
-# Editable; needs no network. The build tools are in the lock. What is compiled here the nodes load
-# from the user's cache: they start at once, and without the memory that compiling takes.
+# Editable; needs no network. The build tools are in the lock.
 $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 	@rm -f $@
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	@echo 'Compiling the kernels, once.'
+	@touch $@
+
+# What is compiled here the nodes load from the user's cache: they start at once, and without the
+# memory that compiling takes.
+$(KERNELS): $(PACKAGE) $(shell find cmpsp_ros -name '*.py')
+	@echo 'Compiling what is not compiled yet: minutes, once.'
 	@$(BIN)/cmpsp warmup > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
 	@touch $@

@@ -84,7 +84,7 @@ def drive(
         for robot, node in zip(robots, children[-len(robots) :], strict=True):
             end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
             _ask(node, 'cannot be deactivated', end)
-        _wait_for_the_end(observer, robots)
+        _wait_for_the_end(observer, children, robots)
 
 
 @contextmanager
@@ -162,7 +162,7 @@ def _get_ready(
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     if record:
-        _wait_for_bag(observer, {topic: Written(1) for topic in _driven(robots)})
+        _wait_for_bag(observer, children, {topic: Written(1) for topic in _driven(robots)})
 
 
 def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
@@ -176,7 +176,9 @@ def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
         raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
 
 
-def _wait_for_the_end(observer: Observer, robots: Sequence[Scenario]) -> None:
+def _wait_for_the_end(
+    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario]
+) -> None:
     """Wait until every decision that was heard is in the bag, its command, and what led to it.
 
     What a busy machine has lost on the way the middleware sends again only after seconds. The
@@ -190,13 +192,17 @@ def _wait_for_the_end(observer: Observer, robots: Sequence[Scenario]) -> None:
         for topic in ('/cmd_vel', '/guidance/decision', '/guidance/wheel_speeds')
     }
     driven = {topic: Written(1, published=now) for topic in _driven(robots)}
-    _wait_for_bag(observer, decided | driven)
+    _wait_for_bag(observer, children, decided | driven)
 
 
-def _wait_for_bag(observer: Observer, wanted: Mapping[str, Written]) -> None:
+def _wait_for_bag(
+    observer: Observer, children: Sequence[Child], wanted: Mapping[str, Written]
+) -> None:
     """Wait until the bag has as many messages of each topic, and none older than these."""
     end = time.monotonic() + _DELIVERY_TIMEOUT
     while True:
+        for child in children:
+            child.check()
         try:
             found = observer.recorded(_DELIVERY_TIMEOUT)
         except TimeoutError as error:

@@ -9,12 +9,12 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.bags.report.palette import RUNGS
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.other_plans import OtherPlan
 from cmpsp_ros.guidance.room import Room
 from cmpsp_ros.nodes.guidance_messages import set_stamp
 from cmpsp_ros.robot.obstacles import Obstacle, outline
+from cmpsp_ros.view.palette import RUNGS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -191,7 +191,8 @@ HEALTH = Topic(
     'out',
     '/diagnostics',
     DiagnosticArray,
-    'once a second and on every change: state, rung, step times, missed deadlines, odometry age',
+    'once a second and on every change: state, subscribers, rung, step times, missed deadlines,'
+    ' odometry age',
 )
 GUIDED_BY = Topic(
     'guidance',

@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -75,6 +74,8 @@ def fit(points: Array, left: Array, right: Array, *, closed: bool) -> CenterLine
         right: Width at each to the right, shape ``(P,)`` [m].
         closed: Whether the line goes on from the last point to the first.
     """
+    from scipy.interpolate import CubicSpline  # noqa: PLC0415 (half a second for roads of this kind)
+
     if closed:
         points, left, right = (np.concatenate([each, each[:1]]) for each in (points, left, right))
     knots = _lengths(np.hypot(*np.diff(points, axis=0).T))

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.report.palette import GRID, LIMIT, RUNGS, TEXT, bag_color
 from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.view.palette import GRID, LIMIT, RUNGS, TEXT, bag_color
 
 Array = NDArray[np.float64]
 Figure = dict[str, Any]

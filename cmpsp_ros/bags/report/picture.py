@@ -12,7 +12,12 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.report.palette import (
+from cmpsp_ros.bags.report.path_chart import frame, obstacles
+from cmpsp_ros.bags.report.slider import goals_of, told_of
+from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.bags.road_picture import draw_road
+from cmpsp_ros.robot.obstacles import outline
+from cmpsp_ros.view.palette import (
     EDGE,
     GOAL,
     GRID,
@@ -22,11 +27,6 @@ from cmpsp_ros.bags.report.palette import (
     RUNGS,
     bag_color,
 )
-from cmpsp_ros.bags.report.path_chart import frame, obstacles
-from cmpsp_ros.bags.report.slider import goals_of, told_of
-from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.bags.road_picture import draw_road
-from cmpsp_ros.robot.obstacles import outline
 
 
 def draw(views: Sequence[View], output: Path) -> None:

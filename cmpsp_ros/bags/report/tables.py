@@ -9,10 +9,10 @@ from html import escape
 import numpy as np
 
 from cmpsp_ros.bags.audit import Outcome
-from cmpsp_ros.bags.report.palette import RUNGS, bag_color
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import describe
+from cmpsp_ros.view.palette import RUNGS, bag_color
 
 _MOST_BANDS = 200
 

@@ -25,6 +25,8 @@ class Latency:
             made from nothing, shape of `total`.
         jitter: Change of the total from one control step of a run to the next [ms].
         miss: Largest distance from the goal at the final time, of all runs [m].
+        starts: From the start of the guidance node's process to its being active, once for each
+            run; it is configured and activated from outside as soon as it answers [s].
         resident_active: Resident set of the guidance node when it becomes active [MB].
         resident_end: The same at the end of the last run [MB].
     """
@@ -35,6 +37,7 @@ class Latency:
     first: NDArray[np.bool_]
     jitter: Array
     miss: float
+    starts: Array
     resident_active: float
     resident_end: float
 

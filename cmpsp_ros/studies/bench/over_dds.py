@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -54,6 +55,7 @@ def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambd
         np.concatenate([each.first for each in done]),
         np.concatenate([each.jitter for each in done]),
         max(each.miss for each in done),
+        np.concatenate([each.starts for each in done]),
         done[-1].resident_active,
         done[-1].resident_end,
     )
@@ -83,7 +85,24 @@ def _run(values: Values, folder: Path) -> Latency:
     found = json.loads(output.read_text(encoding='utf-8'))
     total, own = np.array(found['total_ms']), np.array(found['own_ms'])
     first = np.arange(len(total)) == 0
-    return Latency(1, total, own, first, np.diff(total), found['miss_m'], at_first, at_last)
+    starts = np.array([_start_up(values, folder)])
+    jitter = np.diff(total)
+    return Latency(1, total, own, first, jitter, found['miss_m'], starts, at_first, at_last)
+
+
+def _start_up(values: Values, folder: Path) -> float:
+    """Time from the start of a guidance node's process to its being active [s]."""
+    parameters = folder / 'start.yaml'
+    write_parameter_file(parameters, values)
+    with Observer(use_free_domain()) as observer:
+        began = time.monotonic()
+        child = Child.start('guidance_node', ['--params-file', str(parameters)], folder)
+        try:
+            if not (observer.configure(_START_TIMEOUT) and observer.activate(_START_TIMEOUT)):
+                raise BenchError(f'latency: guidance_node refuses to start:\n{child.last_words()}')
+            return time.monotonic() - began
+        finally:
+            child.stop()
 
 
 def _activate(observer: Observer, children: list[Child]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,11 +59,29 @@ def chosen(names: Sequence[str]) -> list[Preset]:
     """
     if names:
         return [Preset.load(name) for name in names]
-    of_tables = (
+    return [*map(Preset.load, preset_names()), *_of_tables()]
+
+
+def hard() -> list[Preset]:
+    """Runs with many active rows, and those of the tables, with one plan and two iterations each.
+
+    So they show what an iteration takes where its program is hard.
+    """
+    every = [Preset.load('case3_45'), *_of_tables()]
+    return [replace(each, settings=_with_one_plan(each.settings)) for each in every]
+
+
+def _of_tables() -> list[Preset]:
+    return [
         Preset(f'{each.key}, {each.label}', each.settings, np.array(each.pose))
         for each in (*table1(), *table2())
-    )
-    return [*map(Preset.load, preset_names()), *of_tables]
+    ]
+
+
+def _with_one_plan(settings: GuidanceSettings) -> GuidanceSettings:
+    iterations = settings.solver.iterations_per_step
+    solver = replace(settings.solver, candidates=1, initial_iterations=iterations)
+    return replace(settings, solver=solver)
 
 
 @dataclass(frozen=True)

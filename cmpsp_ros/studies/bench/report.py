@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.pictures import pictures
+from cmpsp_ros.studies.bench.presets import PresetTiming
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.spread import Spread
 from cmpsp_ros.studies.bench.tables import tables
@@ -102,6 +104,7 @@ def content(results: Results) -> dict[str, Any]:
         - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
           nothing was measured.
         - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
+        - `hard_ms`: the same of hard cases with one plan.
         - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
           `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
           [m], `violation` [m] and `wheel_speed` [rad/s].
@@ -113,7 +116,8 @@ def content(results: Results) -> dict[str, Any]:
           and `flops`.
         - `not_compared`: reasons by method.
         - `latency_ms`: null, or `runs`, the samples `total` and `own`, their spreads and that of
-          the rest and without first steps, `jitter`, and `miss` [m].
+          the rest and without first steps, `jitter`, `miss` [m], and `starts_s`, how long the node
+          takes to be active [s].
         - `resident_mb`: this process, and the guidance node when active and at the end.
 
         A spread has `count`, `median`, `p99`, `p999` and `largest`; percentiles for which there
@@ -130,10 +134,8 @@ def content(results: Results) -> dict[str, Any]:
         'command': results.order.command,
         'machine': results.machine,
         'targets': [{**asdict(each), 'holds': each.holds} for each in targets(results)],
-        'presets_ms': {
-            each.name: {'first': asdict(each.first), 'every': asdict(each.every)}
-            for each in results.presets
-        },
+        'presets_ms': _of_runs(results.presets),
+        'hard_ms': _of_runs(results.hard),
         'methods': {
             'steps': comparison.steps,
             'runs': comparison.runs,
@@ -166,6 +168,7 @@ def content(results: Results) -> dict[str, Any]:
         else {
             'runs': latency.runs,
             'miss': latency.miss,
+            'starts_s': latency.starts.tolist(),
             'total': latency.total.tolist(),
             'own': latency.own.tolist(),
             'spread_total': asdict(Spread.of(latency.total)),
@@ -175,6 +178,12 @@ def content(results: Results) -> dict[str, Any]:
             'jitter': latency.jitter.tolist(),
         },
         'resident_mb': resident,
+    }
+
+
+def _of_runs(timings: Sequence[PresetTiming]) -> dict[str, Any]:
+    return {
+        each.name: {'first': asdict(each.first), 'every': asdict(each.every)} for each in timings
     }
 
 

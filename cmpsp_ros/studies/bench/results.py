@@ -66,6 +66,7 @@ class Results:
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
         tails: Many control steps of the project's own methods.
+        hard: Control steps of hard cases, with one plan.
         plans: Control steps with several plans side by side.
         growth: Methods over horizons.
         general: Programs of other sizes than the robot's.
@@ -79,6 +80,7 @@ class Results:
     presets: list[PresetTiming]
     comparison: Comparison
     tails: list[Tail]
+    hard: list[PresetTiming]
     plans: list[Plans]
     growth: list[Growth]
     general: list[General]

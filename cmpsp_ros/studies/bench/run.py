@@ -47,6 +47,8 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     # First what needs more than this process, so that what fails there fails soon.
     latency = _latency(order, progress) if order.latency else None
     timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
+    of_hard = presets.hard()
+    hard = presets.measure(of_hard, order.runs, progress('hard cases', order.runs * len(of_hard)))
     many = _PLAN_RUNS * order.runs
     of_plans = many_plans.measure(many, progress=progress('plans', many + 1))
     task = Task.case3()
@@ -67,6 +69,7 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
         presets=timings,
         comparison=comparison,
         tails=of_tails,
+        hard=hard,
         plans=of_plans,
         growth=grow(task, able, order.horizons, order.runs, told),
         general=general.measure(order.runs, progress('other sizes', order.runs)),

@@ -12,12 +12,14 @@ from rich.table import Table as RichTable
 
 from cmpsp_ros.studies.bench.general import PROGRAMS
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.presets import PresetTiming
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.spread import Spread
 from cmpsp_ros.studies.bench.targets import Target, targets
 from cmpsp_ros.studies.bench.timing import Ratios
 
 _NONE = '–'
+_OF_RUNS = ('run', 'first', 'median', 'p99', 'p99.9', 'max')
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,7 @@ def tables(results: Results) -> Iterator[Table]:
     """All tables of some results."""
     yield _targets(results)
     yield _presets(results)
+    yield _hard(results)
     yield _comparison(results)
     yield _outcomes(results)
     yield _tails(results)
@@ -97,17 +100,29 @@ def _verdict(target: Target) -> str:
 
 
 def _presets(results: Results) -> Table:
-    columns = ('run', 'first', 'median', 'p99', 'p99.9', 'max')
-    rows = [
-        (each.name, _of(each.first.median, 3), *_spread(each.every, 3)) for each in results.presets
-    ]
     note = (
         'All that the guidance law does in a control step: warm start, two iterations with line'
         ' search, audit. *First* is the median of the first steps, which have the full horizon;'
         ' the columns after it are of every step. At the start, and where a plan has a flaw,'
         ' plans for other ways through the obstacles are made beside it.'
     )
-    return Table('Control step of the guidance law [ms]', columns, rows, note)
+    return Table(
+        'Control step of the guidance law [ms]', _OF_RUNS, _rows_of_runs(results.presets), note
+    )
+
+
+def _hard(results: Results) -> Table:
+    note = (
+        'The same with one plan and two iterations in the first step, too, of runs with many active'
+        ' rows and of the starts of Tables 1 and 2, from most of which the first programs need'
+        ' slack. A plan with a flaw has another one made beside it.'
+    )
+    title = 'Control step with one plan, hard cases [ms]'
+    return Table(title, _OF_RUNS, _rows_of_runs(results.hard), note)
+
+
+def _rows_of_runs(timings: Sequence[PresetTiming]) -> list[tuple[str, ...]]:
+    return [(each.name, _of(each.first.median, 3), *_spread(each.every, 3)) for each in timings]
 
 
 def _comparison(results: Results) -> Table:
@@ -240,6 +255,7 @@ def _latency(found: Latency) -> Table:
             ('of that the node itself', own),
             ('of that the rest', found.rest),
             ('odometry to command, first steps aside', found.under_way),
+            ('from the start of the process to an active node', Spread.of(found.starts * 1e3)),
         )
     ]
     columns = ('', 'median', 'p99', 'p99.9', 'max')

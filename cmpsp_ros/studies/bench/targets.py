@@ -19,6 +19,7 @@ _FULL = 2.5
 _EXPONENT = 1.5
 _TAIL = 3.0
 _EIGHT = 1.0
+_LONG = 400
 
 
 @dataclass(frozen=True)
@@ -49,14 +50,27 @@ def targets(results: Results) -> Iterator[Target]:
     yield from _beside(results, full, bare, _FULL, _FULL)
     exponents = {each.name: each.exponent for each in results.growth}
     yield Target(f'{bare}: exponent of N from 100 steps on', _EXPONENT, exponents.get(bare))
+    times = {each.name: dict(zip(each.steps, each.times, strict=True)) for each in results.growth}
+    long = times.get(bare, {}).get(_LONG)
+    yield Target(f'{bare}: N = {_LONG} [ms]', 1.0, None if long is None else long / 1e3)
+    yield Target(
+        'hard cases with one plan: median of the slowest [ms]',
+        0.2,
+        max((each.every.median for each in results.hard), default=None),
+    )
+    yield Target(
+        'hard cases with one plan: longest step [ms]',
+        1.0,
+        max((each.every.largest for each in results.hard), default=None),
+    )
     ratios = {each.name: each.ratio for each in results.tails}
     again = {each.name: each.ratio_again for each in results.tails}
     for name in (bare, full, Law.name):
         what = f'{name}: 99.9th percentile / median'
         yield Target(what, _TAIL, ratios.get(name))
         yield Target(f'{what}, first step alone', _TAIL, again.get(name))
-    times = {each.count: float(np.median(each.second)) / 1e3 for each in results.plans}
-    yield Target('control step with eight plans: median [ms]', _EIGHT, times.get(8))
+    of_plans = {each.count: float(np.median(each.second)) / 1e3 for each in results.plans}
+    yield Target('control step with eight plans: median [ms]', _EIGHT, of_plans.get(8))
     yield from _of_latency(results)
 
 
@@ -68,13 +82,15 @@ def _beside(results: Results, name: str, below: str, first: float, loop: float) 
 
 
 def _of_latency(results: Results) -> Iterator[Target]:
-    median = p99 = under_way = own = None
+    median = p99 = under_way = own = start = None
     if results.latency is not None:
         total = Spread.of(results.latency.total)
         median, p99 = total.median, total.p99
         under_way = results.latency.under_way.p99
         own = Spread.of(results.latency.own).median
+        start = Spread.of(results.latency.starts).median
     yield Target('odometry to command over DDS: median [ms]', 1.2, median)
     yield Target('odometry to command over DDS: p99 [ms]', 4.0, p99)
     yield Target('odometry to command, first steps aside: p99 [ms]', 4.0, under_way)
     yield Target('of that the node itself: median [ms]', 0.3, own)
+    yield Target('from the start of the process to an active node: median [s]', 1.5, start)

@@ -17,7 +17,7 @@ from cmpsp_ros.studies.bench.tables import tables
 def with_latency(results):
     own = np.linspace(1.0, 2.0, 120)
     first = np.arange(len(own)) == 0
-    found = Latency(3, own + 0.5, own, first, np.diff(own), 0.002, 200.0, 201.0)
+    found = Latency(3, own + 0.5, own, first, np.diff(own), 0.002, np.array([1.5]), 200.0, 201.0)
     return replace(results, latency=found, order=replace(results.order, latency=True))
 
 

@@ -25,6 +25,11 @@ def test_all_that_was_asked_for_is_there(results):
         ('riccati active set', (12,))
     ]
     assert [(each.states, each.controls) for each in results.general] == [(3, 2), (6, 2), (12, 4)]
+    assert [each.name[:7] for each in results.hard] == [
+        'case3_4',
+        *['table1_'] * 4,
+        *['table2_'] * 3,
+    ]
     assert results.latency is None
 
 
@@ -45,7 +50,8 @@ def test_progress_is_told():
 
     run(Order(['case1'], runs=1, tail=4, steps=3, horizons=(3,)), progress)
     assert told == [
-        'presets 1', 'presets', 'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
+        'presets 1', 'presets', 'hard cases 8', *['hard cases'] * 8,
+        'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
         'tail 2', 'tail', 'tail',
         'horizons 1', 'horizons', 'other sizes 1', 'other sizes',
     ]  # fmt: skip

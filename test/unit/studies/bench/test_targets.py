@@ -8,6 +8,8 @@ import pytest
 from cmpsp_ros.studies.bench.horizons import Growth
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.many_plans import Plans
+from cmpsp_ros.studies.bench.presets import PresetTiming
+from cmpsp_ros.studies.bench.spread import Spread
 from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.targets import targets
 from cmpsp_ros.studies.bench.timing import Timed
@@ -28,11 +30,19 @@ def known(task, results):
     return replace(
         results,
         comparison=replace(results.comparison, timed=timed),
-        growth=[Growth(BARE, [100, 200], [1.0, 3.0], 1.58)],
+        hard=[timing('easy', 0.1, 0.9), timing('hard', 0.3, 0.8)],
+        growth=[Growth(BARE, [100, 400], [1.0, 900.0], 1.58)],
         tails=[Tail(BARE, np.full(2000, 8.0), np.full(2000, 9.0))],
         plans=[Plans(1, np.ones(3), np.ones(3)), Plans(8, np.ones(3), np.full(3, 1100.0))],
-        latency=Latency(1, total, own, first, np.diff(own), 0.0, 100.0, 100.0),
+        latency=Latency(
+            1, total, own, first, np.diff(own), 0.0, np.array([1.0, 1.2, 9.0]), 100.0, 100.0
+        ),
     )
+
+
+def timing(name, median, largest):
+    every = Spread.of([median, median, largest])
+    return PresetTiming(name, every, every)
 
 
 def test_what_holds_and_what_does_not(known):
@@ -44,6 +54,9 @@ def test_what_holds_and_what_does_not(known):
         (pytest.approx(3.0), False),
         (pytest.approx(3.0), False),
         (1.58, False),
+        (0.9, True),
+        (0.3, False),
+        (0.9, True),
         (1.0, True),
         (1.0, True),
         (None, None),
@@ -55,6 +68,7 @@ def test_what_holds_and_what_does_not(known):
         (9.0, False),
         (1.25, True),
         (0.25, True),
+        (1.2, True),
     ]
 
 
@@ -66,5 +80,5 @@ def test_each_says_what_it_is(known):
 
 def test_what_was_not_measured(known):
     bare = replace(known.comparison, timed=known.comparison.timed[:1])
-    without = replace(known, comparison=bare, growth=[], tails=[], plans=[], latency=None)
+    without = replace(known, comparison=bare, hard=[], growth=[], tails=[], plans=[], latency=None)
     assert {each.holds for each in targets(without)} == {None}

@@ -14,8 +14,8 @@ LEVELS = ('OK', 'WARN', 'ERROR')
 # What may follow a sentence about a plan, where there were several.
 CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
 
-# No test by examples is about time, and the first example may compile.
-# The same examples every time; others with --hypothesis-profile=exploring.
+# No test by examples is about time, and the first example may compile. The examples are the same
+# every time; others come with --hypothesis-profile=exploring.
 settings.register_profile('exploring', deadline=None)
 settings.register_profile('repeatable', deadline=None, derandomize=True)
 settings.load_profile('repeatable')

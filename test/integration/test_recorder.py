@@ -97,6 +97,21 @@ def heard(publisher):
     return lambda: publisher.get_subscription_count() > 0
 
 
+def flushing(ros):
+    """What flushes, and returns the number of messages in the bag by topic."""
+    client = ros.node.create_client(Trigger, '/recorder/flush')
+    ros.spin_until(client.service_is_ready)
+
+    def counts():
+        future = client.call_async(Trigger.Request())
+        ros.spin_until(future.done)
+        assert future.result().success
+        answer = json.loads(future.result().message)
+        return {topic: written['count'] for topic, written in answer.items()}
+
+    return counts
+
+
 def test_nothing_is_lost(record, spawn, bag):
     recorder = record()
     publisher = spawn([sys.executable, Path(__file__), str(recorder.pid)])
@@ -191,16 +206,7 @@ def test_flush_answers_with_what_is_in_the_bag(record, ros, bag):
     publisher = ros.node.create_publisher(String, '/said', 10)
     recorder = record('topics:=[/said]')
     ros.spin_until(heard(publisher))
-    client = ros.node.create_client(Trigger, '/recorder/flush')
-    ros.spin_until(client.service_is_ready)
-
-    def counts():
-        future = client.call_async(Trigger.Request())
-        ros.spin_until(future.done)
-        assert future.result().success
-        answer = json.loads(future.result().message)
-        return {topic: written['count'] for topic, written in answer.items()}
-
+    counts = flushing(ros)
     assert counts() == {}
     for _ in range(7):
         publisher.publish(String(data='this'))
@@ -345,16 +351,9 @@ def test_simulated_time_that_stands_still(record, ros, now):
     clock.publish(tick)
     clock.wait_for_all_acked(Duration(seconds=5.0))
     said.publish(String(data='after'))
-    client = ros.node.create_client(Trigger, '/recorder/flush')
-    ros.spin_until(client.service_is_ready)
-
-    def is_written():
-        future = client.call_async(Trigger.Request())
-        ros.spin_until(future.done)
-        return '/said' in json.loads(future.result().message)
-
+    counts = flushing(ros)
     # It is not kept for ever until time goes on: a recorder that is killed has it.
-    ros.spin_until(is_written)
+    ros.spin_until(lambda: '/said' in counts())
 
 
 def test_full_disk_ends_the_recording(record, ros, bag):

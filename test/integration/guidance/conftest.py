@@ -85,7 +85,9 @@ class Client:
     def connect(self):
         """Wait until nothing of an active node can be missed, in either direction."""
         self.until(self.odometry.get_subscription_count)
-        self.until(lambda: int(self.latest('command_subscribers', '0')) > 0)
+        # What a publisher sends before it knows a subscription does not reach that.
+        told = ('command', 'decision', 'path', 'wheel')
+        self.until(lambda: all(int(self.latest(f'{each}_subscribers', '0')) for each in told))
         # Publishers see a subscription before that subscription sees them.
         count = self.node.count_publishers
         topics = ('decision', 'wheel_speeds', 'predicted_path')

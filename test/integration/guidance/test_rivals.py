@@ -99,8 +99,10 @@ def test_a_node_that_was_killed_has_a_successor(fault, start_node, client):
     client.park()
     client.commands.clear()
     count = len(client.decisions)
-    client.drive()
     start_node()
+    client.until_health(state='active', said='Waiting')
+    client.connect()
+    client.drive()
     client.until(lambda: len(client.decisions) > count)
     assert client.decisions[count]['step'] == '0'
     client.until_driving()

@@ -12,6 +12,7 @@ INSTALL_REQUIRES = [
     'numpy>=1.26',
     'scipy>=1.11',
     'numba>=0.59',
+    'llvmlite>=0.42',  # which numba is made of
     'daqp>=0.11',
     'qpsolvers>=4.3',
     'clarabel>=0.9',

@@ -10,9 +10,11 @@ from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.runtime import rtsys
 
 from cmpsp_ros.mpsp.kernel_files import KernelFiles
 from cmpsp_ros.mpsp.kernel_folder import PACKAGE, kernel_folder
+from cmpsp_ros.mpsp.kernel_library import rebuild
 
 _implementations: dict[type, set[str]] = {}
 
@@ -56,6 +58,10 @@ class _Place(_CacheLocator):  # type: ignore[misc]  # numba has no types
 class _Files(CompileResultCacheImpl):  # type: ignore[misc]  # numba has no types
     _locator_classes = (_Place,)
 
+    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
+        """What numba makes of a kernel, from what is kept of it."""
+        return rebuild(target_context, payload)
+
 
 class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
     """Numba's cache of one kernel, which knows its implementations and forgives a bad disk."""
@@ -70,9 +76,13 @@ class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
         )
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for a signature, or None."""
+        """The machine code for a signature, or None.
+
+        Numba's own would first load all that it compiles with, which takes longer than the rest.
+        """
         try:
-            return super().load_overload(sig, target_context)
+            rtsys.initialize(target_context)
+            return self._load_overload(sig, target_context)
         except Exception:
             # A file cut short, as by a loss of power, must not keep a robot from starting.
             return None

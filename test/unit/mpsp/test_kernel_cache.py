@@ -143,6 +143,24 @@ def test_a_kernel_is_found_beside_one_for_a_class_that_cannot_be_imported(enviro
     assert hits(own) == '1\n'
 
 
+def test_bitcode_is_read_only_for_what_is_compiled_against_it(environment, tmp_path):
+    (tmp_path / 'kernel.py').write_text(
+        'import numba\n'
+        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        '@compiled\ndef double(x):\n    return 2 * x\n'
+        '@numba.njit\ndef four_times(x):\n    return double(double(x))\n'
+    )
+    program = 'from kernel import *; print(double(4), sum(double.stats.cache_hits.values()))\n'
+    subprocess.run([sys.executable, '-c', program], cwd=tmp_path, check=True)
+    program += 'loaded = double.overloads[double.signatures[0]].library\n'
+    program += 'print(type(loaded.bitcode).__name__)\n'
+    program += 'print(four_times(4), type(loaded.bitcode).__name__)'
+    done = subprocess.run(
+        [sys.executable, '-c', program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == '8 1\nbytes\n16 NoneType\n'
+
+
 def test_a_folder_that_vanishes_in_between_does_no_harm(environment, tmp_path):
     def function(x):
         return x + 1

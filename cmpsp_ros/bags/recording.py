@@ -18,7 +18,8 @@ from cmpsp_ros.guidance.facts import MOVING
 from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.other_plans import Seen, plan_of, plan_topic
+from cmpsp_ros.guidance.other_plans import Seen, plan_of
+from cmpsp_ros.guidance.plan_topic import plan_topic
 from cmpsp_ros.guidance.tracks import TrackError, read_keys, tracks_of
 
 Array = NDArray[np.float64]

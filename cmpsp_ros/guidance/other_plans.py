@@ -78,11 +78,6 @@ Seen = Track | OtherPlan
 """Something that moves, as it is known."""
 
 
-def plan_topic(namespace: str) -> str:
-    """Where a robot publishes its plans."""
-    return f'{namespace}/guidance/predicted_path'
-
-
 def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
     """The plan in a message.
 

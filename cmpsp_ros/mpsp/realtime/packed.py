@@ -205,6 +205,7 @@ def _solver(packed: Packed, N: int, at: int) -> Any:
     Q, at = _matrix(x, at, M, q)
     R, at = _matrix(x, at, M, M)
     of_rows, at = _vector(x, at, M)
+    most, at = _vector(x, at, M)
     lengths, at = _vector(x, at, rows)
     distances, at = _vector(x, at, l + r + n + m)
     row, at = _vector(x, at, q)
@@ -222,6 +223,7 @@ def _solver(packed: Packed, N: int, at: int) -> Any:
         Basis(Q, R),
         active_rows,
         of_rows,
+        most,
         states,
         lengths[:rows_now],
         distances,

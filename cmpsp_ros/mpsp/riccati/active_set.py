@@ -243,8 +243,7 @@ def _fill(qp: StageQP, penalty: Penalty, at: ActiveSet, multipliers: Multipliers
     multipliers.trust[:] = 0.0
     multipliers.bounds[:] = 0.0
     for j in range(at.counts[ACTIVE]):
-        row = at.rows[j]
-        _, most = limit_of(qp, penalty, row)
+        row, most = at.rows[j], at.most[j]
         least = -most if row < qp.output_error.shape[0] else 0.0
         put_multiplier(qp, row, min(max(at.multipliers[j], least), most), multipliers)
     if at.counts[SATURATED] > 0:

@@ -13,6 +13,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.riccati.inner_product import dot
 
 # Part of its length that a row must have left outside the basis to be called independent.
 _INDEPENDENT = 1e-9
@@ -128,10 +129,8 @@ def remove(at: Basis, count: int, index: int, inside: Array, outside: Array) -> 
 def solve(at: Basis, count: int, y: Array, x: Array) -> None:
     """Solve ``R x = y``."""
     for i in range(count - 1, -1, -1):
-        total = y[i]
-        for j in range(i + 1, count):
-            total -= at.R[i, j] * x[j]
-        x[i] = total / at.R[i, i]
+        after = i + 1
+        x[i] = (y[i] - dot(at.R[i, after:], x[after:], count - after)) / at.R[i, i]
 
 
 @allocation_free
@@ -142,25 +141,6 @@ def solve_transposed(at: Basis, count: int, y: Array, x: Array) -> None:
         for j in range(i):
             total -= at.R[j, i] * x[j]
         x[i] = total / at.R[i, i]
-
-
-@allocation_free
-def dot(a: Array, b: Array, length: int) -> float:
-    """Inner product of the leading entries; eight sums run side by side, always in this order."""
-    s0, s1, s2, s3, s4, s5, s6, s7 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    whole = length - length % 8
-    for i in range(0, whole, 8):
-        s0 += a[i] * b[i]
-        s1 += a[i + 1] * b[i + 1]
-        s2 += a[i + 2] * b[i + 2]
-        s3 += a[i + 3] * b[i + 3]
-        s4 += a[i + 4] * b[i + 4]
-        s5 += a[i + 5] * b[i + 5]
-        s6 += a[i + 6] * b[i + 6]
-        s7 += a[i + 7] * b[i + 7]
-    for i in range(whole, length):
-        s0 += a[i] * b[i]
-    return ((s0 + s4) + (s1 + s5)) + ((s2 + s6) + (s3 + s7))
 
 
 @allocation_free

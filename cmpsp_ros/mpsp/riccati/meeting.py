@@ -7,7 +7,8 @@ from typing import Any
 
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.basis import append, dot, remove, solve, split
+from cmpsp_ros.mpsp.riccati.basis import append, remove, solve, split
+from cmpsp_ros.mpsp.riccati.inner_product import dot
 from cmpsp_ros.mpsp.riccati.refinement import sharpen
 from cmpsp_ros.mpsp.riccati.rows import limit_of, value_of, white_row
 from cmpsp_ros.mpsp.riccati.stage_qp import Penalty, StageQP
@@ -75,7 +76,7 @@ def meet(
             rest = 0.0
         solve(at.basis, count, at.inside, at.dependence)
         to_row = excess / rest if rest > 0.0 else math.inf
-        to_end, first = _first_to_leave(qp, penalty, at)
+        to_end, first = _first_to_leave(qp, at)
         step = min(to_row, room, to_end)
         if step == math.inf:
             return _judge(qp, penalty, white, at, row, sign, multiplier, dU, dX)
@@ -88,7 +89,7 @@ def meet(
         multiplier += sign * step
         room -= step
         if step == to_row:
-            return _add(at, row, multiplier, sign)
+            return _add(at, row, multiplier, most, sign)
         if step == to_end:
             rest += _release(at, first, at.rows[first] < qp.output_error.shape[0])
         else:
@@ -140,7 +141,7 @@ def _size_of_dependence(qp: StageQP, penalty: Penalty, at: ActiveSet) -> float:
 
 
 @inlined
-def _first_to_leave(qp: StageQP, penalty: Penalty, at: ActiveSet) -> Any:
+def _first_to_leave(qp: StageQP, at: ActiveSet) -> Any:
     """Step at which the first active multiplier comes to one of its ends, and which it is."""
     count = at.counts[ACTIVE]
     largest = 0.0
@@ -151,9 +152,8 @@ def _first_to_leave(qp: StageQP, penalty: Penalty, at: ActiveSet) -> Any:
         rate = at.dependence[j]
         if abs(rate) <= _NO_PART * largest:
             continue
-        row = at.rows[j]
-        _, most = limit_of(qp, penalty, row)
-        least = -most if row < qp.output_error.shape[0] else 0.0
+        most = at.most[j]
+        least = -most if at.rows[j] < qp.output_error.shape[0] else 0.0
         room = at.multipliers[j] - least if rate > 0.0 else most - at.multipliers[j]
         step = max(room, 0.0) / abs(rate)
         if step < nearest:
@@ -162,13 +162,14 @@ def _first_to_leave(qp: StageQP, penalty: Penalty, at: ActiveSet) -> Any:
 
 
 @inlined
-def _add(at: ActiveSet, row: int, multiplier: float, sign: float) -> int:
+def _add(at: ActiveSet, row: int, multiplier: float, most: float, sign: float) -> int:
     count = at.counts[ACTIVE]
     if count == at.rows.shape[0]:
         return FULL
     append(at.basis, count, at.inside, at.outside, sign)
     at.rows[count] = row
     at.multipliers[count] = multiplier
+    at.most[count] = most
     if at.states[row] > IS_ACTIVE:
         at.counts[SATURATED] -= 1
     at.states[row] = IS_ACTIVE
@@ -198,6 +199,7 @@ def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
     for j in range(index, count - 1):
         at.rows[j] = at.rows[j + 1]
         at.multipliers[j] = at.multipliers[j + 1]
+        at.most[j] = at.most[j + 1]
     at.counts[ACTIVE] -= 1
     return remove(at.basis, count, index, at.inside, at.outside)
 

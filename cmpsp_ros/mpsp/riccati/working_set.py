@@ -46,6 +46,7 @@ class ActiveSet(NamedTuple):
         basis: Of the active rows.
         rows: Numbers of the active rows, shape ``(M,)``.
         multipliers: Theirs, shape ``(M,)``.
+        most: Their largest multipliers, infinite for hard rows; shape ``(M,)``.
         states: State of every row, shape ``(rows,)``.
         lengths: Length of every row in ``v``, 0 where it was not asked for yet; shape ``(rows,)``.
         distances: How far away in ``v`` the furthest violated row of each kind begins to be met,
@@ -63,6 +64,7 @@ class ActiveSet(NamedTuple):
     basis: Basis
     rows: Indices
     multipliers: Array
+    most: Array
     states: Indices
     lengths: Array
     distances: Array
@@ -90,6 +92,7 @@ def active_set(N: int, n: int, r: int, m: int, l: int, capacity: int) -> ActiveS
         basis=basis(M, q),
         rows=np.zeros(M, np.int64),
         multipliers=np.zeros(M),
+        most=np.zeros(M),
         states=np.zeros(rows, np.int64),
         lengths=np.zeros(rows),
         distances=np.zeros(l + r + n + m),

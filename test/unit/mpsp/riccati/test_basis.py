@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from cmpsp_ros.mpsp.riccati.basis import (
     append,
     basis,
-    dot,
     remove,
     solve,
     solve_transposed,
@@ -165,11 +164,3 @@ def test_any_sequence_of_rows_that_come_and_go(seed, moves):
     Q, kept = rows.at.Q[:count], np.array(rows.kept).reshape(-1, 6)
     np.testing.assert_allclose(Q @ Q.T, np.eye(count), atol=1e-10)
     np.testing.assert_allclose(np.triu(rows.at.R[:count, :count]).T @ Q, kept, atol=1e-9)
-
-
-@pytest.mark.parametrize('length', range(20))
-def test_dot_looks_at_the_leading_entries_alone(length):
-    rng = np.random.default_rng(length)
-    a, b = rng.normal(size=(2, 25))
-    a[length:] = np.nan
-    assert dot(a, b, length) == pytest.approx(a[:length] @ b[:length], abs=1e-13)

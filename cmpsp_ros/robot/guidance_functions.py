@@ -8,12 +8,12 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free, implements
+from cmpsp_ros.mpsp.compiled import allocation_free, implements, inlined
 from cmpsp_ros.mpsp.realtime import functions
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive, drive_and_differentiate
-from cmpsp_ros.robot.shape_functions import away_from, distance_from
+from cmpsp_ros.robot.shape_functions import away_from
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -90,7 +90,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     N = data.durations.shape[0]
     progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
-        progress, off_center = _constrain(data, X, k, progress, g)
+        progress, off_center = _keep_on_road(data, X, k, progress, g)
+        for j in range(data.radii.shape[1]):
+            g[k, EDGES + j], _, _ = _keep_away(data, X, k, j)
         cost += data.road_center * off_center * off_center
         cost += data.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
     _miss(data, X, output_error)
@@ -115,7 +117,7 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
             drive_and_differentiate(
                 qp.A, qp.B, X, U, k, duration, data.wheel_radius, data.half_track
             )
-        progress, off_center = _constrain(data, X, k, progress, qp.g)
+        progress, off_center = _keep_on_road(data, X, k, progress, qp.g)
         x, y, along, first_x, first_y, second_x, second_y = road_functions.slopes(
             data.road, X[k, 0], X[k, 1], progress
         )
@@ -137,9 +139,8 @@ def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
         qp.g_X[k, 0, 1] = first_y
         qp.g_X[k, 1, 0] = second_x
         qp.g_X[k, 1, 1] = second_y
-        at = min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
-            _, x, y = away_from(data.corners, data.first, at, j, X[k, 0], X[k, 1])
+            qp.g[k, EDGES + j], x, y = _keep_away(data, X, k, j)
             qp.g_X[k, EDGES + j, 0] = -x
             qp.g_X[k, EDGES + j, 1] = -y
     _miss(data, X, qp.output_error)
@@ -167,23 +168,29 @@ def _miss(data: GuidanceData, X: Array, output_error: Array) -> None:
 
 
 @allocation_free
-def _constrain(data: GuidanceData, X: Array, k: int, progress: float, g: Array) -> Any:
-    """Constraints of a stage, not positive where met; returns progress and what is off the centre.
+def _keep_on_road(data: GuidanceData, X: Array, k: int, progress: float, g: Array) -> Any:
+    """Constraints (92) of the road's edges, not positive where met.
 
-    They are distances, not their squares as in (92) and (93): their linearisation then errs on
-    the safe side of every convex obstacle. Where the robot is now it cannot be changed.
+    Where the robot is now it cannot be changed: none applies there.
+
+    Returns:
+        Progress, and what is off the centre [m].
     """
     progress, off_center, first, second = road_functions.measure(
         data.road, k, X[k, 0], X[k, 1], progress
     )
-    if k == 0:
-        for j in range(g.shape[1]):
-            g[0, j] = -math.inf
-        return progress, off_center
-    g[k, 0], g[k, 1] = first, second
-    at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-    for j in range(data.radii.shape[1]):
-        g[k, EDGES + j] = data.radii[at, j]
-        if data.radii[at, j] > -math.inf:
-            g[k, EDGES + j] -= distance_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+    g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
     return progress, off_center
+
+
+@inlined
+def _keep_away(data: GuidanceData, X: Array, k: int, j: int) -> Any:
+    """Constraint (93) of an obstacle, not positive where met, and the unit vector away from it.
+
+    It is a distance, not its square: its linearisation then errs on the safe side of every convex
+    obstacle.
+    """
+    at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
+    distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+    applies = k > 0 and data.radii[at, j] > -math.inf
+    return (data.radii[at, j] - distance if applies else -math.inf), x, y

@@ -25,14 +25,13 @@ ROUGHNESS = 1e-5
 
 _MOST_PIECES = 256
 
+# At a point itself: no distance, and a way out.
+_SOME = (0.0, 1.0, 0.0)
+
 
 @allocation_free
 def distance_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float) -> float:
     """Distance of a point from a shape."""
-    begin = first[j]
-    if first[j + 1] == begin + 1:
-        dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
-        return math.sqrt(dx * dx + dy * dy)
     distance: float
     distance, _, _ = away_from(corners, first, k, j, x, y)
     return distance
@@ -45,11 +44,15 @@ def away_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float
     Where there is no gradient it is some unit vector that leads out, so that a solver can leave.
     """
     begin, end = first[j], first[j + 1]
+    if end - begin == 1:
+        dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
+        from_point = math.sqrt(dx * dx + dy * dy)
+        return _SOME if from_point == 0.0 else (from_point, dx / from_point, dy / from_point)
     if end - begin > 2:
         deepest, x_out, y_out = _deepest(corners, k, begin, end, x, y)
         if deepest <= 0.0:
             return deepest, x_out, y_out
-    # Of a line the one edge there is, of a point an edge without length.
+    # Of a line the one edge there is.
     least, near_x, near_y = math.inf, 0.0, 0.0
     for i in range(begin, end if end - begin > 2 else begin + 1):
         after = i + 1 if i + 1 < end else begin
@@ -72,7 +75,7 @@ def away_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float
     length = math.sqrt(along_x * along_x + along_y * along_y)
     if length > 0.0:
         return 0.0, along_y / length, -along_x / length
-    return 0.0, 1.0, 0.0
+    return _SOME
 
 
 @allocation_free

@@ -125,6 +125,7 @@ class GuidanceNode(LifecycleNode):
             self.get_logger().warning(f'{each} The node goes on without.')
         self._rivals.begin()
         self._state, self._loop.active = ACTIVE, True
+        self.get_logger().info('active')
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

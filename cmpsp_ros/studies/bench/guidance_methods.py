@@ -32,6 +32,9 @@ class FullStep:
 
     It keeps clear of everything between samples as far as its own control period asks for. That
     is the task's space at 50 steps only; fewer have less room, and with a few there is none.
+
+    Attributes:
+        elastic: Steps of this run in which the last program needed slack.
     """
 
     name = 'riccati active set, full step'
@@ -55,7 +58,7 @@ class FullStep:
         self._parts.planner.forget()
         self._plan: Plan | None = None
         self._held = np.zeros(2)
-        self._now = 0
+        self._now = self.elastic = 0
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:  # noqa: ARG002 (by the clock)
         """Shift, improve, audit.
@@ -75,6 +78,7 @@ class FullStep:
             raise BenchError(verdict.reason)
         self._plan, self._held = plan, plan.controls[0]
         self._now += period
+        self.elastic += improvement.elastic
         return plan.controls
 
 

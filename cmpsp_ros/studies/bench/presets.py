@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,36 +52,22 @@ class Preset:
 def chosen(names: Sequence[str]) -> list[Preset]:
     """Presets of these names; without any, all presets and the runs of the paper's tables.
 
-    The latter are Case 3 from guesses and headings from which most first plans need slack.
+    From most starts of the latter the first plans need slack.
 
     Raises:
         ParameterError: No such preset, or one that cannot be used.
     """
     if names:
         return [Preset.load(name) for name in names]
-    return [*map(Preset.load, preset_names()), *_of_tables()]
+    return [*map(Preset.load, preset_names()), *of_tables()]
 
 
-def hard() -> list[Preset]:
-    """Runs with many active rows, and those of the tables, with one plan and two iterations each.
-
-    So they show what an iteration takes where its program is hard.
-    """
-    every = [Preset.load('case3_45'), *_of_tables()]
-    return [replace(each, settings=_with_one_plan(each.settings)) for each in every]
-
-
-def _of_tables() -> list[Preset]:
+def of_tables() -> list[Preset]:
+    """Case 3 from the guesses and headings of the paper's Tables 1 and 2."""
     return [
         Preset(f'{each.key}, {each.label}', each.settings, np.array(each.pose))
         for each in (*table1(), *table2())
     ]
-
-
-def _with_one_plan(settings: GuidanceSettings) -> GuidanceSettings:
-    iterations = settings.solver.iterations_per_step
-    solver = replace(settings.solver, candidates=1, initial_iterations=iterations)
-    return replace(settings, solver=solver)
 
 
 @dataclass(frozen=True)

@@ -104,7 +104,8 @@ def content(results: Results) -> dict[str, Any]:
         - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
           nothing was measured.
         - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
-        - `hard_ms`: the same of hard cases with one plan.
+        - `hard_ms`: by hard case `first` and `every`, each a spread, `longest`, and in how many
+          steps its plan was `elastic`.
         - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
           `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
           [m], `violation` [m] and `wheel_speed` [rad/s].
@@ -135,7 +136,15 @@ def content(results: Results) -> dict[str, Any]:
         'machine': results.machine,
         'targets': [{**asdict(each), 'holds': each.holds} for each in targets(results)],
         'presets_ms': _of_runs(results.presets),
-        'hard_ms': _of_runs(results.hard),
+        'hard_ms': {
+            each.name: {
+                'first': asdict(Spread.of(each.times[:, 0])),
+                'every': asdict(Spread.of(each.times)),
+                'longest': each.longest,
+                'elastic': each.elastic,
+            }
+            for each in results.hard
+        },
         'methods': {
             'steps': comparison.steps,
             'runs': comparison.runs,

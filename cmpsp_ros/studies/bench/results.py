@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmpsp_ros.studies.bench.general import General
+from cmpsp_ros.studies.bench.hard_cases import HardCase
 from cmpsp_ros.studies.bench.horizons import HORIZONS, Growth
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.many_plans import Plans
@@ -66,7 +67,7 @@ class Results:
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
         tails: Many control steps of the project's own methods.
-        hard: Control steps of hard cases, with one plan.
+        hard: Full steps of hard cases.
         plans: Control steps with several plans side by side.
         growth: Methods over horizons.
         general: Programs of other sizes than the robot's.
@@ -80,7 +81,7 @@ class Results:
     presets: list[PresetTiming]
     comparison: Comparison
     tails: list[Tail]
-    hard: list[PresetTiming]
+    hard: list[HardCase]
     plans: list[Plans]
     growth: list[Growth]
     general: list[General]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cmpsp_ros.studies.bench import general, many_plans, presets
+from cmpsp_ros.studies.bench import general, hard_cases, many_plans, presets
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.horizons import grow
 from cmpsp_ros.studies.bench.latency import Latency
@@ -47,8 +47,9 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     # First what needs more than this process, so that what fails there fails soon.
     latency = _latency(order, progress) if order.latency else None
     timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
-    of_hard = presets.hard()
-    hard = presets.measure(of_hard, order.runs, progress('hard cases', order.runs * len(of_hard)))
+    of_hard = hard_cases.presets()
+    told = progress('hard cases', order.runs * len(of_hard))
+    hard = hard_cases.measure(of_hard, order.runs, told)
     many = _PLAN_RUNS * order.runs
     of_plans = many_plans.measure(many, progress=progress('plans', many + 1))
     task = Task.case3()

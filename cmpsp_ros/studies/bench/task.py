@@ -1,4 +1,4 @@
-"""What all methods are asked to solve: Case 3, cut into any number of steps."""
+"""What methods are asked to solve: Case 3 or another preset, cut into any number of steps."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Case 3 at any number of steps: the same 10 s, road, obstacles, start and guess.
+    """A preset at any number of steps: the same time, road, obstacles, start and guess.
 
     The space to keep to at the samples is that of the preset's own control period at every number
     of steps. It would be empty with ten steps otherwise, and another problem with each number.
@@ -60,7 +60,11 @@ class Task:
     @classmethod
     def case3(cls) -> Task:
         """The preset `case3`."""
-        preset = Preset.load('case3')
+        return cls.of(Preset.load('case3'))
+
+    @classmethod
+    def of(cls, preset: Preset) -> Task:
+        """The task of a preset."""
         # One plan, as every method has; how many iterations it begins with is the methods' own.
         given = preset.settings.solver
         solver = replace(given, candidates=1, initial_iterations=given.iterations_per_step)
@@ -72,6 +76,11 @@ class Task:
             weights.control_effort,
         )
         return cls(settings, preset.pose, at_samples(settings), cost)
+
+    @property
+    def steps(self) -> int:
+        """Control periods in the preset's time."""
+        return round(self.settings.final_time / self.settings.control_period)
 
     def durations(self, steps: int) -> Array:
         """Lengths of the steps, shape ``(N,)`` [s]."""

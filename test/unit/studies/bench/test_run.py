@@ -9,6 +9,9 @@ from typer.testing import CliRunner
 from cmpsp_ros.cli import app
 from cmpsp_ros.studies.bench import BenchError, Order, run
 
+# What they share takes long to make.
+pytestmark = pytest.mark.xdist_group('bench_results')
+
 
 def invoke(*args):
     return CliRunner().invoke(app, ['bench', *map(str, args)], env={'COLUMNS': '200'})
@@ -30,6 +33,9 @@ def test_all_that_was_asked_for_is_there(results):
         *['table1_'] * 4,
         *['table2_'] * 3,
     ]
+    assert {each.times.shape for each in results.hard} == {(2, 50)}
+    assert results.hard[0].elastic == 0
+    assert sum(each.elastic == 50 for each in results.hard) >= 5
     assert results.latency is None
 
 

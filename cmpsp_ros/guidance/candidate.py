@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,8 +23,7 @@ TOUCHING = 1e-3
 """What is nearer than nothing by less than this is said to touch [m]: odometry errs by more."""
 
 
-@dataclass(frozen=True)
-class Start:
+class Start(NamedTuple):
     """Where a plan begins.
 
     Attributes:
@@ -61,8 +60,7 @@ def inside(pose: Array, audit: Audit) -> str:
     return f'The robot is {-away.min():.3g} m inside {name}: nothing is begun there.'
 
 
-@dataclass(frozen=True)
-class Candidate:
+class Candidate(NamedTuple):
     """A plan that may be followed.
 
     Attributes:

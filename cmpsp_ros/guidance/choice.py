@@ -8,8 +8,7 @@ one for each of the most promising ways is kept and improved beside the one that
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,8 +41,7 @@ _LONGEST_PAUSE = 7
 _TRANSIENT = 4
 
 
-@dataclass(frozen=True)
-class _Contender:
+class _Contender(NamedTuple):
     """A plan with what it was improved by.
 
     Attributes:
@@ -261,7 +259,7 @@ class Choice:
                 kept[each.signature] = each
         self._planner = best.planner
         self._beside = [
-            replace(each, strikes=each.strikes + 1 if each.merit.is_worse_than(best.merit) else 0)
+            each._replace(strikes=each.strikes + 1 if each.merit.is_worse_than(best.merit) else 0)
             for each in kept.values()
             if each is not best and not best.merit.outclasses(each.merit)
         ]
@@ -296,7 +294,7 @@ class Choice:
         if not polished.flawless:
             return chosen
         count = first + polished.improvement.iterations
-        return replace(polished, improvement=replace(polished.improvement, iterations=count))
+        return polished._replace(improvement=polished.improvement._replace(iterations=count))
 
     def _iterations(self, moment: Moment) -> int | None:
         """How many every plan is given at first; None for as many as at any control step."""
@@ -323,7 +321,7 @@ class Choice:
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         if self._delay:
-            improvement = replace(improvement, plan=replace(improvement.plan, delay=self._delay))
+            improvement = improvement._replace(plan=improvement.plan._replace(delay=self._delay))
         return Candidate(improvement, verdict)
 
     def judge(self, start: Start, controls: Array, horizon: Horizon) -> Verdict:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from enum import IntEnum
+from types import MappingProxyType
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.other_plans import Seen
 
 Array = NDArray[np.float64]
+
+_UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class Rung(IntEnum):
@@ -25,8 +28,7 @@ class Rung(IntEnum):
     STOP = 3
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Controls over the horizon and the path they lead along.
 
     Attributes:
@@ -63,8 +65,7 @@ class Plan:
         return [float(np.interp(0.0, since, each)) for each in self.poses.T]
 
 
-@dataclass(frozen=True)
-class Decision:
+class Decision(NamedTuple):
     """Outcome of one control step.
 
     Attributes:
@@ -127,4 +128,4 @@ class Decision:
     goal: Goal | None = None
     heading_miss: float | None = None
     told: int = 0
-    phases: Mapping[str, float] = field(default_factory=dict)
+    phases: Mapping[str, float] = _UNTIMED

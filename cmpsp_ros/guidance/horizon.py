@@ -6,9 +6,7 @@ Times are integer nanoseconds since time 0, so that a run repeats exactly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,21 +26,21 @@ def to_nanoseconds(seconds: float) -> int:
     return round(seconds * NANOSECONDS) if seconds < math.inf else NEVER
 
 
-@dataclass(frozen=True)
-class Horizon:
+class Horizon(NamedTuple):
     """Instants between which each control of a plan is held.
 
     Attributes:
         edges: The present, the control instants to come and the end [ns], shape ``(N + 1,)``.
+        durations: Length of each step, shape ``(N,)`` [s].
     """
 
     edges: NDArray[np.int64]
+    durations: Array
 
-    @cached_property
-    def durations(self) -> Array:
-        """Length of each step, shape ``(N,)`` [s]."""
-        lengths: Array = (self.edges[1:] - self.edges[:-1]) / NANOSECONDS
-        return lengths
+    @classmethod
+    def between(cls, edges: NDArray[np.int64]) -> Horizon:
+        """The horizon of these instants."""
+        return cls(edges, np.diff(edges) / NANOSECONDS)
 
     @property
     def next_instant(self) -> int:
@@ -69,7 +67,12 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     last = max(last, first - 1)
     edges = np.arange((first - 1) * period, (last + 2) * period, period, dtype=np.int64)
     edges[0], edges[-1] = now, max(final, now + half)
-    return Horizon(edges)
+    # All steps but the first and the last are one period.
+    durations = np.empty(len(edges) - 1)
+    durations.fill(period / NANOSECONDS)
+    durations[-1] = int(edges[-1] - edges[-2]) / NANOSECONDS
+    durations[0] = int(edges[1] - edges[0]) / NANOSECONDS
+    return Horizon(edges, durations)
 
 
 def shift(controls: Array, old: Horizon, new: Horizon) -> Array:

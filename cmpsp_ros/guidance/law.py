@@ -210,7 +210,7 @@ class GuidanceLaw:
         slip = self._reckoned.slip
         if slip == 0.0 and not tracks:
             return decision
-        return replace(decision, wheel_slip=slip, tracks=tracks)
+        return decision._replace(wheel_slip=slip, tracks=tracks)
 
     def _foresee(self, stamp: int, pose: Array, moving: MovingDiscs) -> Start:
         road = self._settings.road
@@ -257,7 +257,7 @@ class GuidanceLaw:
         wheels rather lag.
         """
         end = last if self._latest < last else self._due
-        horizon = Horizon(np.array([self._latest, end], dtype=np.int64))
+        horizon = Horizon.between(np.array([self._latest, end], dtype=np.int64))
         shifted = self._shifted(start, horizon)
         beyond = self._latest >= last
         if (
@@ -350,7 +350,7 @@ class GuidanceLaw:
                 where = f", {off:.3g} rad off the goal's heading"
         reason = f'The final time has passed{where}.'
         stop = self._halt(stamp, pose, reason, finished=True, moving=moving)
-        return replace(stop, missed=missed)
+        return stop._replace(missed=missed)
 
     def _forget_after_failures(self) -> None:
         if self._account.failures >= self._settings.failure_tolerance:

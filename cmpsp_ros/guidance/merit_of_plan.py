@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,7 @@ _MORE, _LESS = 0.015, 0.01
 _TOUCH = 1e-3
 
 
-@dataclass(frozen=True)
-class Merit:
+class Merit(NamedTuple):
     """What plans are compared by, in this order.
 
     Attributes:

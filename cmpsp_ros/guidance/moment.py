@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass
 class Moment:
     """A control step that plans are made for.
 

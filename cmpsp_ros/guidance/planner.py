@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 
 # What the general iteration has more means for.
 _WANTING: Final = (NO_CURVATURE, ITERATION_LIMIT)
-_STATUS: Final = {SOLVED: QPStatus.SOLVED, INFEASIBLE: QPStatus.INFEASIBLE}
+_REASONS: Final = {SOLVED: QPStatus.SOLVED.value, INFEASIBLE: QPStatus.INFEASIBLE.value}
 
 
 class Planner:
@@ -127,11 +127,12 @@ class Planner:
         room.at.U[: steps + 1] = guess
         data = self._data(pose, held, guess, horizon, moving, near)
         self._improve(data, self._packed, steps, over, rules)
-        if room.counts[OUTCOME] in _WANTING:
+        counts = room.counts.tolist()
+        if counts[OUTCOME] in _WANTING:
             return self._back_end.improve(
                 pose, held, guess, horizon, iterations=rules.iterations, moving=moving, near=near
             )
-        return _summary(room, horizon, rules)
+        return _summary(room, horizon, counts)
 
     def _data(
         self,
@@ -197,24 +198,23 @@ def _longest(settings: GuidanceSettings) -> Horizon:
     return remaining(0, period, final)
 
 
-def _summary(room: Workspace, horizon: Horizon, rules: Rules) -> Improvement:
-    stages = len(horizon.edges)
-    plan = Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy())
-    counts = room.counts.tolist()
-    status = _STATUS.get(counts[OUTCOME], QPStatus.FAILED)
-    # Of a handful of numbers Python's own lists are looked through sooner.
-    slack = room.slack.tolist() if counts[RELAXED] and status is QPStatus.SOLVED else [0.0]
-    largest, path = max(slack), len(slack) - len(room.at.output_error)
-    left = [index for index, each in enumerate(slack) if each > rules.slack_tolerance]
+def _summary(room: Workspace, horizon: Horizon, counts: list[int]) -> Improvement:
+    stages, solved = len(horizon.edges), counts[OUTCOME] == SOLVED
+    largest, left, path = 0.0, [], 0
+    if solved and counts[RELAXED]:
+        # Of a handful of numbers Python's own lists are looked through sooner.
+        slack = room.slack.tolist()
+        largest, path = max(slack), len(slack) - len(room.at.output_error)
+        left = [index for index, each in enumerate(slack) if each > SLACK_TOLERANCE]
     return Improvement(
-        plan,
-        status is QPStatus.SOLVED,
+        Plan(horizon, room.at.U[:stages].copy(), room.at.X[:stages, :3].copy()),
+        solved,
         bool(left),
         largest,
-        tuple(index for index in left if index < path),
+        tuple([index for index in left if index < path]),
         bool(left) and left[-1] >= path,
         counts[DONE],
         counts[QP_ITERATIONS],
         counts[ACTIVE_ROWS],
-        status.value,
+        _REASONS.get(counts[OUTCOME], QPStatus.FAILED.value),
     )

@@ -75,11 +75,11 @@ class Task:
             return self._standing(period).for_samples_of(twists, longest)
         space = self._standing(period)
         # Late odometry, or a command that takes effect late, makes the first or the last longer.
-        longer = durations > period
-        for duration in sorted(_rounded_up(each) for each in durations[longer].tolist()):
+        first, last = durations.item(0), durations.item(-1)
+        for duration in sorted({_rounded_up(each) for each in (first, last) if each > period}):
             arcs = durations > max(period, duration - 0.01)
             space = space.with_some(at_ends(np.logical_or, arcs), self._standing(duration))
-        end = self._end(max(period, _rounded_up(float(durations[-1]))))
+        end = self._end(max(period, _rounded_up(last)))
         if end is None:
             return space
         return space.with_some(np.arange(len(durations) + 1) == len(durations), end)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import Rung
@@ -167,7 +166,7 @@ class GuidanceLoop:
         self.times.add(step_ms, period)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
-        self._note(replace(decision, phases={**decision.phases, 'step': step_ms}))
+        self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _on_goal(self, message: PoseStamped) -> None:

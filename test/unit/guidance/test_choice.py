@@ -167,7 +167,7 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
     def fail(planner, pose, held, guess, horizon, **rest):
         guesses.append(guess)
         improvement = improve(planner, pose, held, guess, horizon, **rest)
-        return replace(improvement, solved=False, reason='No.')
+        return improvement._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
     pose = run.pose

@@ -38,7 +38,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     seldom = {'wheel_slip', 'tracks', 'goal', 'heading_miss', 'told'}
     told = set(facts(decision(phases={'solve': 1.0})))
     wheels = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms'}
-    assert told == set(Decision.__dataclass_fields__) - sent - seldom | wheels
+    assert told == set(Decision._fields) - sent - seldom | wheels
     assert 'wheel_slip' in facts(decision(wheel_slip=0.03))
 
 
@@ -73,7 +73,7 @@ def test_severity(rung, outcome, level):
 
 def test_waypoints_are_the_plan_s_poses():
     poses = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, 7.0]])
-    plan = Plan(Horizon(np.array([0, 1])), np.zeros((2, 2)), poses)
+    plan = Plan(Horizon.between(np.array([0, 1])), np.zeros((2, 2)), poses)
     for (x, y, z, w), pose in zip(waypoints(plan), poses, strict=True):
         assert [x, y] == pose[:2].tolist()
         assert math.cos(2.0 * math.atan2(z, w) - pose[2]) == pytest.approx(1.0)

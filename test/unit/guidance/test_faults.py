@@ -317,7 +317,7 @@ def broken(monkeypatch):
     improve = Planner.improve
 
     def fail(*arguments, **rest):
-        return replace(improve(*arguments, **rest), solved=False, reason=QPStatus.FAILED.value)
+        return improve(*arguments, **rest)._replace(solved=False, reason=QPStatus.FAILED.value)
 
     monkeypatch.setattr(Planner, 'improve', fail)
 

@@ -29,7 +29,7 @@ def broken(monkeypatch):
     improve = Planner.improve
 
     def fail(*arguments, **rest):
-        return replace(improve(*arguments, **rest), solved=False, reason='No.')
+        return improve(*arguments, **rest)._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
 
@@ -147,7 +147,7 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
         # The first one of a step; others may be tried beside it.
         guesses.setdefault(len(horizon.durations), guess)
         improvement = improve(planner, pose, held, guess, horizon, **rest)
-        return replace(improvement, solved=False, reason='No.')
+        return improvement._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
     drive(law, given, ON_TIME[11:14], start=_after(run, given))

@@ -92,7 +92,7 @@ def test_two_runs_give_the_same_bits():
     for given in (CASES['case 3'], settings((FIRST, SECOND), 45.0, ROAD)):
         one, other = closed_loop(given), closed_loop(given)
         for first, second in zip(one.decisions, other.decisions, strict=True):
-            for name, value in vars(first).items():
+            for name, value in first._asdict().items():
                 if name == 'plan':
                     continue
                 np.testing.assert_array_equal(value, getattr(second, name), err_msg=name)

@@ -28,30 +28,30 @@ BOTH = (FIRST, SECOND)
 def test_change_over_needs_a_clear_advantage():
     plain = Merit(True, 0.0, 0.0, 0.0, False, 0, 0.1, 10.0)
     assert not plain.beats(plain)
-    assert not replace(plain, cost=8.5).beats(plain)
-    assert replace(plain, cost=7.0).beats(plain)
-    touching = replace(plain, obstacle=0.1, cost=1.0)
+    assert not plain._replace(cost=8.5).beats(plain)
+    assert plain._replace(cost=7.0).beats(plain)
+    touching = plain._replace(obstacle=0.1, cost=1.0)
     assert plain.beats(touching)
     assert not touching.beats(plain)
-    assert not replace(touching, obstacle=0.09).beats(replace(touching, edge=0.0))
-    assert replace(touching, obstacle=0.04, miss=3.0).beats(touching)
+    assert not touching._replace(obstacle=0.09).beats(touching._replace(edge=0.0))
+    assert touching._replace(obstacle=0.04, miss=3.0).beats(touching)
 
 
 def test_the_order_of_merit():
     """Obstacle, edge, goal, slack, turns, reserve, cost: none outweighs what comes before it."""
     best = Merit(True, 0.0, 0.0, 0.0, False, 0, 0.1, 1.0)
     worse = [
-        replace(best, cost=100.0),
-        replace(best, reserve=0.05),
-        replace(best, turns=1),
-        replace(best, elastic=True),
-        replace(best, miss=0.1),
-        replace(best, edge=0.1),
-        replace(best, obstacle=0.1),
-        replace(best, usable=False),
+        best._replace(cost=100.0),
+        best._replace(reserve=0.05),
+        best._replace(turns=1),
+        best._replace(elastic=True),
+        best._replace(miss=0.1),
+        best._replace(edge=0.1),
+        best._replace(obstacle=0.1),
+        best._replace(usable=False),
     ]
     for better, other in zip([best, *worse], worse, strict=False):
-        assert replace(better, cost=100.0 * better.cost).beats(replace(other, cost=1e6))
+        assert better._replace(cost=100.0 * better.cost).beats(other._replace(cost=1e6))
         assert not other.beats(better)
     assert not best.flawed
     assert not any(each.flawed for each in worse[:2])
@@ -60,10 +60,10 @@ def test_the_order_of_merit():
 
 def test_a_little_more_to_spare_is_no_reason_to_change_over():
     plain = Merit(True, 0.0, 0.0, 0.0, False, 0, 0.05, 10.0)
-    assert not replace(plain, reserve=0.06).beats(plain)
-    assert replace(plain, reserve=0.07).beats(plain)
-    assert replace(plain, reserve=0.045, cost=5.0).beats(plain)
-    assert not replace(plain, reserve=0.035, cost=5.0).beats(plain)
+    assert not plain._replace(reserve=0.06).beats(plain)
+    assert plain._replace(reserve=0.07).beats(plain)
+    assert plain._replace(reserve=0.045, cost=5.0).beats(plain)
+    assert not plain._replace(reserve=0.035, cost=5.0).beats(plain)
 
 
 @pytest.mark.parametrize(('limit', 'wanting'), [(51.0, False), (45.0, True)])
@@ -98,10 +98,10 @@ def test_what_is_in_a_margin_is_a_flaw_before_it_touches_anything():
 
 def test_a_plan_beside_that_has_no_prospect_is_let_go():
     best = Merit(True, 0.0, 0.0, 0.0, False, 0, 0.1, 1.0)
-    assert best.outclasses(replace(best, cost=2.5))
-    assert best.outclasses(replace(best, miss=0.1, cost=0.1))
-    assert not best.outclasses(replace(best, cost=1.9))
-    assert not replace(best, miss=0.1).outclasses(replace(best, miss=1.0))
+    assert best.outclasses(best._replace(cost=2.5))
+    assert best.outclasses(best._replace(miss=0.1, cost=0.1))
+    assert not best.outclasses(best._replace(cost=1.9))
+    assert not best._replace(miss=0.1).outclasses(best._replace(miss=1.0))
 
 
 def test_a_path_that_winds_around_itself_is_wanting():
@@ -112,7 +112,7 @@ def test_a_path_that_winds_around_itself_is_wanting():
     verdict = Audit(given).check(pose, improvement.plan.controls, horizon.durations)
     wound = improvement.plan.poses.copy()
     wound[20:, 2] -= 2.0 * math.pi
-    twice = replace(improvement, plan=replace(improvement.plan, poses=wound))
+    twice = improvement._replace(plan=improvement.plan._replace(poses=wound))
     plain, turned = Candidate(improvement, verdict), Candidate(twice, verdict)
     assert not judge.is_wanting(plain)
     assert judge.is_wanting(turned)

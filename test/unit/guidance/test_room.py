@@ -39,7 +39,7 @@ def test_the_robot_and_its_slip_count():
     durations = plan.horizon.durations
     poses = slipping.model.roll_out(plan.poses[0], plan.controls, durations)
     found = Audit(slipping).check(poses[0], plan.controls, durations)
-    decision = replace(decision, wheel_slip=0.1, plan=replace(plan, poses=poses))
+    decision = decision._replace(wheel_slip=0.1, plan=plan._replace(poses=poses))
     assert Room(settings).along(decision).min() == pytest.approx(found.worst_margin, abs=1e-9)
 
 
@@ -51,7 +51,7 @@ def test_what_moves_counts_where_it_will_be(delay):
     room = Room(settings)
     along = room.along(decision)
     assert along.min() == pytest.approx(decision.worst_margin, abs=1e-9)
-    assert np.any(along < room.along(replace(decision, tracks=())) - 0.01)
+    assert np.any(along < room.along(decision._replace(tracks=())) - 0.01)
 
 
 def test_the_last_pose_has_its_own_clearance():
@@ -63,4 +63,4 @@ def test_the_last_pose_has_its_own_clearance():
 def test_without_a_plan_there_is_nothing_to_tell():
     settings, decision = first('case1')
     with pytest.raises(ValueError, match='wanted one with a plan'):
-        Room(settings).along(replace(decision, plan=None))
+        Room(settings).along(decision._replace(plan=None))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -70,7 +69,7 @@ def test_they_are_where_and_when_the_decision_is_and_vanish_by_themselves(fill, 
 
 def test_every_rung_has_its_colour(fill, decision):
     def color(**changes):
-        plan, _, rung = fill(replace(decision, **changes))
+        plan, _, rung = fill(decision._replace(**changes))
         assert plan.color == rung.color
         assert plan.color.a == 1.0
         return plan.color.r, plan.color.g, plan.color.b
@@ -137,7 +136,7 @@ def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(decision):
     )
     seen = Track(7, decision.stamp - 500_000_000, 0.3, 5.0, -9.0, -0.5, 0.25)
     message = PlanMarkers(settings)
-    markers = message.fill(replace(decision, tracks=(seen,))).markers
+    markers = message.fill(decision._replace(tracks=(seen,))).markers
     disc, arrow, now, later = markers[3:]
     assert [(each.ns, each.id) for each in (disc, arrow, now, later)] == [
         ('moving_obstacles', 7), ('moving_velocities', 7), ('moving_margins', 7),
@@ -161,6 +160,6 @@ def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
     _, before, _ = fill(decision)
     x, y = decision.plan.poses[25, :2].tolist()
     standing = Track(7, decision.stamp, 0.0, x, y, 0.0, 0.0)
-    _, line, *_ = fill(replace(decision, tracks=(standing,)))
+    _, line, *_ = fill(decision._replace(tracks=(standing,)))
     assert line.colors[25] == NEAR
     assert line.colors[:15] == before.colors[:15]

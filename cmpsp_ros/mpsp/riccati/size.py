@@ -8,7 +8,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from cmpsp_ros.mpsp.compiled import NO_RUNTIME
+from cmpsp_ros.mpsp.compiled import ALLOCATION_FREE
 
 Size = tuple[int, ...] | int
 """A size: a tuple of that many zeros where it is known when code is compiled, else the number.
@@ -28,7 +28,7 @@ def dimension(size: Size) -> int:
     return len(size) if isinstance(size, tuple) else size
 
 
-@overload(dimension, jit_options=NO_RUNTIME, strict=False)  # type: ignore[untyped-decorator]
+@overload(dimension, jit_options=ALLOCATION_FREE, strict=False)  # type: ignore[untyped-decorator]
 def _dimension(size: Any) -> Callable[[Any], int]:
     if isinstance(size, types.BaseTuple):
         return lambda size: len(size)  # noqa: PLW0108 (numba compiles functions, not built-ins)

@@ -106,7 +106,8 @@ class Task:
 
         Args:
             guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
-            durations: Length of every step, shape ``(N,)`` [s].
+            durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
+                longer than a control period.
             pose: Where it begins, shape ``(3,)`` [m, m, rad]; may be missing where nothing moves.
             moving: What moves, from then on.
         """

@@ -29,7 +29,11 @@ def rebuild(target_context: Any, kept: tuple[Any, ...]) -> Any:
         description.llvm_cpython_wrapper_name,
     }
     codegen.unserialize_library = partial(_restore, codegen)
-    return CompileResult._rebuild(target_context, *kept)  # noqa: SLF001 (as its cache does)
+    try:
+        return CompileResult._rebuild(target_context, *kept)  # noqa: SLF001 (as its cache does)
+    finally:
+        # What others keep in numba's own cache is loaded as ever.
+        del codegen.unserialize_library
 
 
 class _Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types

@@ -161,6 +161,24 @@ def test_bitcode_is_read_only_for_what_is_compiled_against_it(environment, tmp_p
     assert done.stdout == '8 1\nbytes\n16 NoneType\n'
 
 
+def test_what_numba_keeps_for_others_is_loaded_as_ever(environment, tmp_path):
+    (tmp_path / 'kernel.py').write_text(
+        'import numba\n'
+        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        '@compiled\ndef double(x):\n    return 2 * x\n'
+        '@numba.njit(cache=True)\ndef treble(x):\n    return 3 * x\n'
+    )
+    program = 'from kernel import *\n'
+    program += 'for f in (double, treble): print(f(4), sum(f.stats.cache_hits.values()))'
+
+    def said():
+        command = [sys.executable, '-c', program]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stdout.splitlines()
+
+    assert [said(), said()] == [['8 0', '12 0'], ['8 1', '12 1']]
+
+
 def test_a_folder_that_vanishes_in_between_does_no_harm(environment, tmp_path):
     def function(x):
         return x + 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -81,7 +80,7 @@ def test_rviz_knows_the_namespaces_of_the_markers_and_the_frame(rviz):
     goals = guidance_settings(TABLE.resolve(load_parameter_file('goals')))
     settings = guidance_settings(TABLE.resolve(load_parameter_file('case3')))
     decision = GuidanceLaw(settings).halt(1, 'No odometry.')
-    decision = replace(decision, tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25),))
+    decision = decision._replace(tracks=(Track(7, 1, 0.3, 5.0, -9.0, -0.5, 0.25),))
     scenery = [
         each
         for course in (settings, goals)

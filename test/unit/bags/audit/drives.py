@@ -88,7 +88,7 @@ class Drive:
             each.received += shift
             each.stamp += shift
         drive.decisions = [
-            replace(each, stamp=each.stamp + shift, run=run) for each in drive.decisions
+            each._replace(stamp=each.stamp + shift, run=run) for each in drive.decisions
         ]
         return drive
 
@@ -146,7 +146,7 @@ def drive_case(preset='case3', rest=0.4, **changes):
         drive.odometry.append(Sample(stamp + 1_000_000, stamp, pose))
         decision = law.update(stamp, pose)
         if decision is not None:
-            drive.decisions.append(replace(decision, phases={'step': 2.5 + 0.1 * (stamp % 7)}))
+            drive.decisions.append(decision._replace(phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))
             under_way.append((stamp + delay, decision.wheel_speeds))
         while under_way and under_way[0][0] <= stamp:

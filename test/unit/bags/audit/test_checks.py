@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed
@@ -137,7 +135,7 @@ def test_a_stop_in_time_is_all_that_is_asked_when_odometry_is_silent(drive, outc
     stop = drive.copy().decisions[-1]
     when = START + round(3.52 * SECOND)
     at = drive.at(3.5)
-    said = replace(stop, stamp=when, step=16, finished=False, halted=True, reason='No odometry.')
+    said = stop._replace(stamp=when, step=16, finished=False, halted=True, reason='No odometry.')
     drive.decisions.insert(at, said)
     command = drive.copy().commands[-1]
     command.stamp, command.received = when, when + 1_000_000

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from drives import SECOND, Command, drive_case, drive_settings, failed
@@ -28,8 +26,8 @@ def test_a_wrong_command_is_caught_even_if_the_decision_says_the_same(drive, out
     robot = drive_settings(drive).robot
     twist = np.add(drive.commands[index].twist, [0.0, 4.0])
     drive.commands[index].twist = twist
-    drive.decisions[index] = replace(
-        drive.decisions[index], wheel_speeds=robot.wheel_speeds(twist), twist=twist
+    drive.decisions[index] = drive.decisions[index]._replace(
+        wheel_speeds=robot.wheel_speeds(twist), twist=twist
     )
     findings = outcomes(drive)
     assert 'as_decided' not in failed(findings)
@@ -118,7 +116,7 @@ def test_commands_on_old_odometry_are_caught(drive, outcomes):
     ],
 )
 def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
-    drive.decisions[7] = replace(drive.decisions[7], **change)
+    drive.decisions[7] = drive.decisions[7]._replace(**change)
     findings = outcomes(drive)
     assert 'reasons' in failed(findings)
     assert said in findings['reasons'].sentence
@@ -128,7 +126,7 @@ def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
 @pytest.mark.parametrize(('count', 'outcome'), [(3, PASSED), (4, FAILED)])
 def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
     for index in range(10, 10 + count):
-        drive.decisions[index] = replace(drive.decisions[index], rung=Rung.SHIFTED)
+        drive.decisions[index] = drive.decisions[index]._replace(rung=Rung.SHIFTED)
     findings = outcomes(drive)
     assert findings['shifted'].outcome is outcome
     assert findings['shifted'].worst == count

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -114,5 +113,5 @@ def test_a_position_beyond_all_measure_is_refused(drive, tmp_path):
 
 
 def test_a_decision_beyond_all_time_is_refused(drive, tmp_path):
-    drive.decisions[3] = replace(drive.decisions[3], stamp=(1 << 62) + 1, plan=None)
+    drive.decisions[3] = drive.decisions[3]._replace(stamp=(1 << 62) + 1, plan=None)
     assert 'wanted one of a clock' in refusal(drive, tmp_path / 'bag')

@@ -25,11 +25,10 @@ def drive(whole_drive):
 @pytest.fixture
 def hostile(drive):
     """A drive whose texts try to get out of the page, or into it."""
-    from dataclasses import replace
 
     attack = (
         '</script><script>document.title="owned"</script><img src=x onerror=alert(1)> $x^{ &lt;'
     )
     drive.frame_id = drive.parameters['frame_id'] = attack
-    drive.decisions = [replace(each, reason=f'{attack} {each.reason}') for each in drive.decisions]
+    drive.decisions = [each._replace(reason=f'{attack} {each.reason}') for each in drive.decisions]
     return drive

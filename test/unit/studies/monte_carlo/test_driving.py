@@ -78,9 +78,8 @@ def test_commands_that_must_not_be_are_counted(task, monkeypatch, scale, verdict
         decision = law(self, stamp, pose)
         if decision is None or stamp < 9_800_000_000:
             return decision
-        return replace(
-            decision, wheel_speeds=decision.wheel_speeds * scale, twist=decision.twist * scale
-        )
+        speeds, twist = decision.wheel_speeds * scale, decision.twist * scale
+        return decision._replace(wheel_speeds=speeds, twist=twist)
 
     monkeypatch.setattr(GuidanceLaw, 'update', update)
     made = outcome(drive(task))

@@ -16,13 +16,16 @@ import yaml
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.nodes.written import from_json
 
 pytestmark = pytest.mark.integration
 
 LIMIT = 60.0
 ROOT = Path(__file__).parents[2]
+RECORDED = {'/r1/odom', '/r1/cmd_vel', '/r1/guidance/decision', '/clock'}
 BEST_EFFORT = QoSProfile(depth=100, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
@@ -131,13 +134,22 @@ def test_a_robot_in_a_namespace_drives_in_simulated_time_and_is_recorded(spawn, 
     # Of the second file, and on the clock of the simulator.
     assert twists[-1].linear.x > 0.5
     assert places[-1].header.stamp.sec < 1000
+    flush = ros.node.create_client(Trigger, '/r1/recorder/flush')
+    ros.spin_until(flush.service_is_ready, LIMIT)
+
+    def are_recorded():
+        """The nodes drive as soon as they can; the recorder takes up to seconds to find them."""
+        answer = flush.call_async(Trigger.Request())
+        ros.spin_until(answer.done, LIMIT)
+        written = from_json(answer.result().message)
+        return set(written) >= RECORDED and written['/r1/guidance/decision'].count > 10
+
+    ros.spin_until(are_recorded, LIMIT)
     for each in reversed(running.values()):
         each.signal(signal.SIGINT)
         assert each.wait(LIMIT) == 0, each.stderr
         assert '[INFO]' not in each.stderr
         assert 'Traceback' not in each.stderr
     with Bag(bag) as recorded:
-        assert {'/r1/odom', '/r1/cmd_vel', '/r1/guidance/decision', '/clock'} <= set(
-            recorded.topics
-        )
+        assert set(recorded.topics) >= RECORDED
         assert recorded.parameters['/r1/guidance']['robot.wheel_radius'] == 0.098

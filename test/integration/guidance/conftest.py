@@ -59,7 +59,7 @@ class Client:
         listen(PathMessage, f'{self.base}/predicted_path', self.paths.append, 100)
         listen(DiagnosticArray, '/diagnostics', self.on_diagnostics, 100)
         self.odometry = self.node.create_publisher(Odometry, f'{prefix}/odom', 50)
-        self.clients = {}
+        self.sent, self.clients = [], {}
         self.timer = None
 
     def on_command(self, message):
@@ -110,6 +110,7 @@ class Client:
     def send(self, stamp, pose=START, frame_id='odom'):
         message = odometry(stamp, pose, frame_id)
         self.odometry.publish(message)
+        self.sent.append(stamp)
         return message
 
     def decide(self, message, condition=lambda decision: True):

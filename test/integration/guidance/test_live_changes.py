@@ -18,6 +18,7 @@ SECONDS = float(os.environ.get('LIVE_CHANGES_SECONDS', '15'))
 
 PERIOD = 0.05
 CONTROL_PERIOD = 0.2
+ODOMETRY_PERIOD = 0.02
 CHANGES = (
     ('weights.road_center', (10.0, 15.0, 30.0)),
     ('obstacles.a.radius', (0.6, 0.65, 0.7)),
@@ -66,8 +67,10 @@ def test_changes_twenty_times_a_second_take_effect_without_a_dip(start_node, cli
     assert int(client.decisions[-1]['revision']) == accepted
     driven, commands = client.decisions[first:last], np.array(client.commands[first:last])
     stamps = np.array([int(each['stamp']) for each in driven]) * 1e-9
-    # A busy machine may hear odometry so late that a control step is left out; not two.
-    assert np.diff(stamps).max() < 2.5 * CONTROL_PERIOD
+    # What this process itself is late with on a busy machine the node cannot be in time for.
+    sent = [each for each in client.sent if each >= begun]
+    late = np.diff(sent).max() * 1e-9 - ODOMETRY_PERIOD
+    assert np.diff(stamps).max() < 1.5 * CONTROL_PERIOD + late
     assert {each['rung'] for each in driven} == {Rung.NOMINAL.name.lower()}
     # From one control step to the next the speed changes by little, and never drops out.
     assert commands[:, 0].min() > 0.5 * np.median(commands[:, 0])

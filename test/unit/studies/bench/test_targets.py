@@ -32,7 +32,6 @@ def known(task, results):
     return replace(
         results,
         comparison=replace(results.comparison, timed=timed),
-        # In one run of three a step was held up, which is not the step's own.
         hard=[hard_case('easy', [[0.1, 0.1, 0.9]] * 3), hard_case('hard', [[0.8, 0.3, 0.3]] * 3)],
         growth=[Growth(BARE, [100, 400], [1.0, 900.0], 1.58)],
         tails=[Tail(BARE, np.full(2000, 8.0), np.full(2000, 9.0))],
@@ -44,9 +43,7 @@ def known(task, results):
 
 
 def hard_case(name, times):
-    held_up = np.array(times)
-    held_up[1, 1] = 5.0
-    return HardCase(name, held_up, elastic=1)
+    return HardCase(name, np.array(times), elastic=1)
 
 
 def test_what_holds_and_what_does_not(known):
@@ -86,3 +83,8 @@ def test_what_was_not_measured(known):
     bare = replace(known.comparison, timed=known.comparison.timed[:1])
     without = replace(known, comparison=bare, hard=[], growth=[], tails=[], plans=[], latency=None)
     assert {each.holds for each in targets(without)} == {None}
+
+
+def test_the_longest_step_of_a_hard_case_is_not_one_that_was_held_up():
+    case = hard_case('held up', [[0.8, 0.3, 0.3], [0.7, 5.0, 0.3], [0.9, 0.3, 0.3]])
+    assert case.longest == 0.8

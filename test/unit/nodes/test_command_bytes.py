@@ -36,5 +36,5 @@ def test_a_stamped_twist_is_what_rclpy_writes(twist, stamp, frame_id):
     data = stamped_bytes(decision(twist, stamp), frame_bytes(frame_id))
     read = deserialize_message(data, TwistStamped)
     assert read.header == message.header
-    # What is between two parts of a message may be anything.
-    assert serialize_message(read) == serialize_message(message)
+    # Part by part: rclpy leaves what lies between two of them as it finds it.
+    assert serialize_message(read.twist) == serialize_message(message.twist)

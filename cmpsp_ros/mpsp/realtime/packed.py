@@ -212,7 +212,7 @@ def _solver(packed: Packed, N: int, at: int) -> Any:
     inside, at = _vector(x, at, M)
     outside, at = _vector(x, at, q)
     dependence, at = _vector(x, at, M)
-    counts, index = y[:6], 6
+    counts, index = y[:7], 7
     active_rows, index = y[index : index + M], index + M
     states, index = y[index : index + rows_now], index + rows
     furthest, index = y[index : index + l + r + n + m], index + l + r + n + m

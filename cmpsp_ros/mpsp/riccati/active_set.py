@@ -16,16 +16,16 @@ quadratic programs. Mathematical Programming 27 (1983), 1-33.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.meeting import CONTRADICTION, DONE, FULL, meet
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, SOLVED
-from cmpsp_ros.mpsp.riccati.refinement import pull, retrace, sharpen
+from cmpsp_ros.mpsp.riccati.refinement import retrace, sharpen
 from cmpsp_ros.mpsp.riccati.rows import limit_of, put_multiplier, value_of, white_length
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP
+from cmpsp_ros.mpsp.riccati.warm_start import begin
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, spread, unwhiten
 from cmpsp_ros.mpsp.riccati.working_set import (
     ACTIVE,
@@ -76,12 +76,10 @@ def find_active_set(
         `SOLVED`, `INFEASIBLE` (see ``at.conflict``) or `ITERATION_LIMIT`; the last as well where
         more rows would be active than there is room for.
     """
-    _begin(qp, penalty, white, at, hint)
-    outcome, given, looked_at = DONE, 0, -1
+    begin(qp, penalty, white, at, hint, limit)
+    outcome, looked_at = DONE, -1
     while outcome == DONE:
-        row, given = _next_given(qp, at, hint, given)
-        if row < 0:
-            row = _furthest(at)
+        row = _furthest(at)
         if row < 0:
             # What has been looked for and brought no iteration is violated by rounding alone.
             if at.counts[ITERATIONS] == looked_at:
@@ -104,44 +102,6 @@ def find_active_set(
         return ITERATION_LIMIT
     _fill(qp, penalty, at, multipliers)
     return SOLVED
-
-
-@inlined
-def _begin(qp: StageQP, penalty: Penalty, white: Whitening, at: ActiveSet, hint: Hint) -> None:
-    """The minimum without any row, except those that the hint has at their penalty."""
-    at.counts[:] = 0
-    at.states[:] = IS_OFF
-    at.lengths[:] = 0.0
-    at.distances[:] = 0.0
-    for i in range(at.v.shape[0]):
-        at.v[i] = white.optimum[i]
-    for i in range(hint.length[0]):
-        row = -1 - hint.rows[i]
-        if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
-            continue
-        bound, most = limit_of(qp, penalty, row)
-        # A row that is hard now is met like any other; one that does not apply has no multiplier.
-        if math.inf in (bound, most):
-            continue
-        pull(qp, white, at, row, most)
-        at.states[row] = AT_PENALTY
-        at.counts[SATURATED] += 1
-
-
-@inlined
-def _next_given(qp: StageQP, at: ActiveSet, hint: Hint, done: int) -> Any:
-    """Next of the rows to begin with, the terminal ones and then the hint's; -1 after the last.
-
-    Returns:
-        The row, and how many of those rows are done with it.
-    """
-    terminal = qp.output_error.shape[0]
-    while done < terminal + hint.length[0]:
-        row = done if done < terminal else hint.rows[done - terminal]
-        done += 1
-        if 0 <= row < at.states.shape[0] and at.states[row] == IS_OFF:
-            return row, done
-    return -1, done
 
 
 @inlined

@@ -7,7 +7,7 @@ from typing import Any
 
 from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.basis import append, remove, solve, split
+from cmpsp_ros.mpsp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.riccati.inner_product import dot
 from cmpsp_ros.mpsp.riccati.refinement import sharpen
 from cmpsp_ros.mpsp.riccati.rows import limit_of, value_of, white_row
@@ -23,9 +23,12 @@ from cmpsp_ros.mpsp.riccati.working_set import (
     IS_IMPLIED,
     IS_OFF,
     ITERATIONS,
+    PROVED,
     SATURATED,
     TOLERANCE,
     ActiveSet,
+    take_in,
+    take_out,
 )
 
 DONE, CONTRADICTION, FULL = 0, 1, 2
@@ -36,6 +39,9 @@ _NO_PART = 1e-12
 # A row that depends on others is implied by them, not in contradiction, up to this violation,
 # relative as `TOLERANCE` is. The check of the answer has the last word.
 _ROUNDING = 1e-8
+# A contradiction is proved for all points no farther from the one found than so many times 1 plus
+# its length.
+_FARTHEST = 1e6
 
 
 @inlined
@@ -89,7 +95,11 @@ def meet(
         multiplier += sign * step
         room -= step
         if step == to_row:
-            return _add(at, row, multiplier, most, sign)
+            if count == at.rows.shape[0]:
+                return FULL
+            at.counts[SATURATED] -= int(state > IS_ACTIVE)
+            take_in(at, row, multiplier, most, sign)
+            return DONE
         if step == to_end:
             rest += _release(at, first, at.rows[first] < qp.output_error.shape[0])
         else:
@@ -112,9 +122,12 @@ def _judge(
 ) -> int:
     """Tell a row that contradicts the active ones from one that they imply.
 
-    Rounding of the active rows would look like a contradiction: it is taken out first.
+    Rounding of the active rows would look like a contradiction: it is taken out first. The proof of
+    one is that of Farkas: whatever meets the active rows exceeds this one by as much as the point
+    does, but for the part of the row that is no combination of them.
     """
     _name_conflict(at, row)
+    unlike = _part_of_its_own(qp, white, at, row, sign)
     # What was added to its multiplier is theirs, since the row is a combination of them.
     for j in range(at.counts[ACTIVE]):
         at.multipliers[j] += sign * multiplier * at.dependence[j]
@@ -123,11 +136,29 @@ def _judge(
     rounding = max(_ROUNDING * (1.0 + abs(bound)), TOLERANCE * size)
     unwhiten(qp, white, at.v, dU, dX)
     sharpen(qp, penalty, white, at, dU, dX)
-    if sign * (value_of(qp, row, dU, dX) - bound) > rounding:
+    excess = sign * (value_of(qp, row, dU, dX) - bound)
+    if excess > rounding:
+        far = _FARTHEST * (1.0 + math.sqrt(dot(at.v, at.v, at.v.shape[0])))
+        at.counts[PROVED] = int(excess > unlike * far)
         return CONTRADICTION
     at.states[row] = IS_IMPLIED
     at.counts[IMPLIED] += 1
     return DONE
+
+
+@allocation_free
+def _part_of_its_own(qp: StageQP, white: Whitening, at: ActiveSet, row: int, sign: float) -> float:
+    """Length of a row times its sign without the combination of the rows in conflict with it."""
+    own, named = at.outside, 1
+    own[:] = 0.0
+    for i in range(white_row(qp, white, row, at.row)):
+        own[i] = sign * at.row[i]
+    for j in range(at.counts[ACTIVE]):
+        if named < at.counts[CONFLICT] and at.conflict[named] == at.rows[j]:
+            named += 1
+            for i in range(white_row(qp, white, at.rows[j], at.row)):
+                own[i] -= at.dependence[j] * at.row[i]
+    return math.sqrt(dot(own, own, own.shape[0]))
 
 
 @allocation_free
@@ -161,22 +192,6 @@ def _first_to_leave(qp: StageQP, at: ActiveSet) -> Any:
     return nearest, first
 
 
-@inlined
-def _add(at: ActiveSet, row: int, multiplier: float, most: float, sign: float) -> int:
-    count = at.counts[ACTIVE]
-    if count == at.rows.shape[0]:
-        return FULL
-    append(at.basis, count, at.inside, at.outside, sign)
-    at.rows[count] = row
-    at.multipliers[count] = multiplier
-    at.most[count] = most
-    if at.states[row] > IS_ACTIVE:
-        at.counts[SATURATED] -= 1
-    at.states[row] = IS_ACTIVE
-    at.counts[ACTIVE] += 1
-    return DONE
-
-
 @allocation_free
 def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
     """Take a row whose multiplier is at an end out of the active set.
@@ -184,7 +199,7 @@ def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
     Returns:
         What the row being met gains outside the span of the others, squared.
     """
-    count, row = at.counts[ACTIVE], at.rows[index]
+    row = at.rows[index]
     if at.dependence[index] < 0.0:
         at.states[row] = AT_PENALTY
     else:
@@ -196,12 +211,9 @@ def _release(at: ActiveSet, index: int, row_is_equality: bool) -> float:
         for other in range(at.states.shape[0]):
             if at.states[other] == IS_IMPLIED:
                 at.states[other] = IS_OFF
-    for j in range(index, count - 1):
-        at.rows[j] = at.rows[j + 1]
+    for j in range(index, at.counts[ACTIVE] - 1):
         at.multipliers[j] = at.multipliers[j + 1]
-        at.most[j] = at.most[j + 1]
-    at.counts[ACTIVE] -= 1
-    return remove(at.basis, count, index, at.inside, at.outside)
+    return take_out(at, index, at.inside, at.outside)
 
 
 @inlined

@@ -15,6 +15,7 @@ from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP, empty
 from cmpsp_ros.mpsp.riccati.whitening import Whitening, whitening
 from cmpsp_ros.mpsp.riccati.working_set import (
     ITERATIONS,
+    PROVED,
     ActiveSet,
     Hint,
     active_set,
@@ -81,8 +82,8 @@ def solver(N: int, n: int, r: int, m: int, l: int) -> Solver:  # noqa: E741 (the
 def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
     """Solve a program that `room.white` is the factorisation of.
 
-    The answer of the active-set method is believed only if it meets the optimality conditions. A
-    doubtful one is looked for once more without the hint.
+    The answer of the active-set method is believed only if it meets the optimality conditions, or
+    proves that nothing meets all rows. A doubtful one is looked for once more without the hint.
 
     Args:
         qp: The program.
@@ -102,7 +103,7 @@ def solve(qp: StageQP, penalty: Penalty, hint: Hint, room: Solver) -> int:
         )
         if outcome == SOLVED and _is_solution(qp, penalty, room):
             return SOLVED
-        if not hinted:
+        if not hinted or (outcome == INFEASIBLE and room.active.counts[PROVED]):
             break
         hint.length[0] = 0
     return INFEASIBLE if outcome == INFEASIBLE else ITERATION_LIMIT

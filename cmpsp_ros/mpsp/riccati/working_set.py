@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.basis import Basis, basis
+from cmpsp_ros.mpsp.riccati.basis import Basis, append, basis, remove
 
 Indices = NDArray[np.int64]
 
@@ -19,7 +19,7 @@ TOLERANCE = 1e-11
 IS_OFF, IS_ACTIVE, AT_PENALTY, AT_MINUS_PENALTY, IS_IMPLIED = 0, 1, 2, 3, 4
 """States of a row; the last one is of a row that the active ones imply."""
 
-ITERATIONS, ACTIVE, SATURATED, IMPLIED, CONFLICT, SPREAD = 0, 1, 2, 3, 4, 5
+ITERATIONS, ACTIVE, SATURATED, IMPLIED, CONFLICT, SPREAD, PROVED = 0, 1, 2, 3, 4, 5, 6
 """Places in `ActiveSet.counts`."""
 
 
@@ -41,7 +41,8 @@ class ActiveSet(NamedTuple):
 
     Attributes:
         counts: Iterations done, rows active, rows at their penalty, rows implied by the active
-            ones, rows in `conflict`, and whether lengths of rows were needed; shape ``(6,)``.
+            ones, rows in `conflict`, whether lengths of rows were needed, and whether the conflict
+            is proved; shape ``(7,)``.
         v: The point, shape ``(q,)``.
         basis: Of the active rows.
         rows: Numbers of the active rows, shape ``(M,)``.
@@ -87,7 +88,7 @@ def active_set(N: int, n: int, r: int, m: int, l: int, capacity: int) -> ActiveS
     rows = m + (N + 1) * (l + 2 * r + 2 * n)
     M = min(q, capacity)
     return ActiveSet(
-        counts=np.zeros(6, np.int64),
+        counts=np.zeros(7, np.int64),
         v=np.zeros(q),
         basis=basis(M, q),
         rows=np.zeros(M, np.int64),
@@ -103,6 +104,40 @@ def active_set(N: int, n: int, r: int, m: int, l: int, capacity: int) -> ActiveS
         outside=np.zeros(q),
         dependence=np.zeros(M),
     )
+
+
+@inlined
+def take_in(at: ActiveSet, row: int, multiplier: float, most: float, sign: float) -> None:
+    """Make a row active.
+
+    Args:
+        at: There is room in it; `inside` and `outside` are the row's `split`, times the sign.
+        row: Its number.
+        multiplier: Its multiplier.
+        most: Its largest one.
+        sign: 1 or -1.
+    """
+    count = at.counts[ACTIVE]
+    append(at.basis, count, at.inside, at.outside, sign)
+    at.rows[count] = row
+    at.multipliers[count] = multiplier
+    at.most[count] = most
+    at.states[row] = IS_ACTIVE
+    at.counts[ACTIVE] += 1
+
+
+@allocation_free
+def take_out(at: ActiveSet, index: int, inside: Array, outside: Array) -> float:
+    """Take a row out of the active ones. Its state, and the multipliers, are the caller's affair.
+
+    The `split` of another row is kept up to date; returns what the square of its rest gains.
+    """
+    count = at.counts[ACTIVE]
+    for j in range(index, count - 1):
+        at.rows[j] = at.rows[j + 1]
+        at.most[j] = at.most[j + 1]
+    at.counts[ACTIVE] -= 1
+    return remove(at.basis, count, index, inside, outside)
 
 
 @allocation_free

@@ -14,7 +14,7 @@ from cmpsp_ros.studies.bench.general import PROGRAMS
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.spread import Spread
-from cmpsp_ros.studies.bench.targets import Target, targets
+from cmpsp_ros.studies.bench.targets import PIQP, PIQP_THERE, Target, pace, targets
 from cmpsp_ros.studies.bench.timing import Ratios
 
 _NONE = '–'
@@ -88,6 +88,11 @@ def _targets(results: Results) -> Table:
         'What this run has found beside what the project has set out to reach. Quotients are'
         ' medians of those in the same step of the same run.'
     )
+    if slower := pace(results):
+        note += (
+            f' Targets in milliseconds are for a machine on which *{PIQP}* takes {PIQP_THERE} ms a'
+            f' step of Case 3: this one takes {slower:.2f} times as long.'
+        )
     return Table('Targets', ('what', 'at most', 'found', 'holds'), rows, note)
 
 

@@ -13,8 +13,14 @@ from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.riccati_method import RiccatiActiveSet
 from cmpsp_ros.studies.bench.spread import Spread
 
+PIQP = 'sqpmethod + piqp'
+"""What the machine is measured by on which the targets in milliseconds were set."""
+
+PIQP_THERE = 1.12
+"""Median of all its steps of Case 3 on that machine [ms]."""
+
 # Most that a bare step may take beside another method: the first step, and all steps.
-_BESIDE = {CondensedDaqp.name: (0.1, 0.2), 'sqpmethod + piqp': (0.04, 0.03)}
+_BESIDE = {CondensedDaqp.name: (0.1, 0.2), PIQP: (0.04, 0.03)}
 _FULL = 2.5
 _EXPONENT = 1.5
 _TAIL = 3.0
@@ -72,6 +78,14 @@ def targets(results: Results) -> Iterator[Target]:
     of_plans = {each.count: float(np.median(each.second)) / 1e3 for each in results.plans}
     yield Target('control step with eight plans: median [ms]', _EIGHT, of_plans.get(8))
     yield from _of_latency(results)
+
+
+def pace(results: Results) -> float | None:
+    """How many times as long this machine takes as that of the targets; None if not measured."""
+    times = {each.name: each.times for each in results.comparison.timed}
+    if PIQP not in times:
+        return None
+    return float(np.median(times[PIQP])) / 1e3 / PIQP_THERE
 
 
 def _beside(results: Results, name: str, below: str, first: float, loop: float) -> Iterator[Target]:

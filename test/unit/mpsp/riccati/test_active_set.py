@@ -28,6 +28,7 @@ from cmpsp_ros.mpsp.riccati.working_set import (
     CONFLICT,
     IMPLIED,
     ITERATIONS,
+    PROVED,
     SATURATED,
     active_set,
 )
@@ -227,6 +228,15 @@ def test_no_point_for_the_rows_that_are_named():
     outcome, relaxation = find(qp, relaxed(qp))
     assert outcome == SOLVED
     np.testing.assert_allclose(relaxation.dU[:, 0], [0.5, 0.5, 1.75, 0.0], atol=1e-14)
+
+
+@pytest.mark.parametrize(('apart', 'proved'), [(0.1, 1), (1e-5, 0)])
+def test_rows_almost_alike_contradict_each_other_as_far_as_they_are_alike(apart, proved):
+    qp = walled(doubled(3.0, 3.0 + apart), 0, -9.0)
+    qp.h_U[1] = 1e-10
+    outcome, room = find(qp)
+    assert outcome == INFEASIBLE
+    assert room.active.counts[PROVED] == proved
 
 
 def test_a_control_that_is_asked_to_be_on_both_sides():

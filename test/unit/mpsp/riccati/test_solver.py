@@ -73,6 +73,19 @@ def test_no_hint_changes_the_outcome(weight, rows):
             np.testing.assert_allclose(room.dU, alone.dU, atol=1e-10)
 
 
+def test_what_is_proved_is_not_looked_for_again_without_the_hint():
+    qp = chain(20, 3.0)
+    qp.upper[:] = 0.1
+    outcome, room, hint = solved(qp, hard(qp))
+    assert outcome == INFEASIBLE
+    left = hint.rows[: hint.length[0]].tolist()
+    assert len(left) > 10
+    again, room, hint = solved(qp, hard(qp), left)
+    assert again == INFEASIBLE
+    assert hint.rows[: hint.length[0]].tolist() == left
+    assert iterations(room) == len(left) + 1
+
+
 def test_a_saturated_row_may_have_come_to_a_stage_where_it_does_not_apply():
     qp = chain(2, path=1)
     qp.g[:, 0], qp.g_U[:] = [-np.inf, 2.0, -np.inf], -1.0

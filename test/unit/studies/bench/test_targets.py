@@ -9,8 +9,9 @@ from cmpsp_ros.studies.bench.hard_cases import HardCase
 from cmpsp_ros.studies.bench.horizons import Growth
 from cmpsp_ros.studies.bench.latency import Latency
 from cmpsp_ros.studies.bench.many_plans import Plans
+from cmpsp_ros.studies.bench.tables import tables
 from cmpsp_ros.studies.bench.tail import Tail
-from cmpsp_ros.studies.bench.targets import targets
+from cmpsp_ros.studies.bench.targets import pace, targets
 from cmpsp_ros.studies.bench.timing import Timed
 
 # What they share takes long to make.
@@ -77,6 +78,15 @@ def test_each_says_what_it_is(known):
     said = [each.what for each in targets(known)]
     assert len(set(said)) == len(said)
     assert said[0] == 'riccati active set / condensed + daqp: first step'
+
+
+def test_how_slow_the_machine_is(known):
+    timed = [Timed(each.name, each.outcome, each.times * 5.6) for each in known.comparison.timed]
+    slower = replace(known, comparison=replace(known.comparison, timed=timed))
+    assert pace(slower) == pytest.approx(2.0)
+    assert '2.00 times as long' in next(tables(slower)).note
+    bare = replace(known.comparison, timed=known.comparison.timed[:1])
+    assert pace(replace(known, comparison=bare)) is None
 
 
 def test_what_was_not_measured(known):

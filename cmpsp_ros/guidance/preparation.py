@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 
 _A_RATE = 1.0
 _A_LIMIT = 50.0
-_STEPS = 50
+_STEPS, _PLANS = 8, 2
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -45,7 +45,7 @@ def prepare(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
-    settings = _with_short_horizon(settings)
+    settings = _made_short(settings)
     warm_up(settings)
     ways_left(settings, settings.road.middle()[None])
     _meet_trouble(settings)
@@ -60,10 +60,21 @@ def prepare(settings: GuidanceSettings) -> None:
             _meet_trouble(each)
 
 
-def _with_short_horizon(settings: GuidanceSettings) -> GuidanceSettings:
-    """Compiled code is the same for any horizon, and a rehearsal of a thousand steps is long."""
+def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
+    """Settings whose rehearsal is short: compiled code is the same for any horizon and count."""
+    solver = settings.solver
+    few = replace(
+        solver,
+        candidates=min(solver.candidates, _PLANS),
+        initial_iterations=min(solver.initial_iterations, solver.iterations_per_step),
+    )
     longest = _STEPS * settings.control_period
-    return replace(settings, final_time=min(settings.final_time, longest), waypoints=())
+    return replace(
+        settings,
+        final_time=min(settings.final_time, longest),
+        waypoints=(),
+        solver=few,
+    )
 
 
 def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
@@ -115,7 +126,7 @@ def _look_for_ways(settings: GuidanceSettings) -> None:
     road = settings.road
     if not isinstance(road, Annulus):
         return
-    pose, durations = road.middle(), np.full(_STEPS, settings.control_period)
+    pose, durations = road.middle(), np.full(50, settings.control_period)
     opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
     space = Task(opposite).space(along_road(opposite, pose, durations), durations)
     ways_through(opposite, space, pose, durations)

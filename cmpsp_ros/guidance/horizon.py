@@ -65,13 +65,15 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     first = -(-(now + half) // period)
     last = (final - half) // period
     last = max(last, first - 1)
-    edges = np.arange((first - 1) * period, (last + 2) * period, period, dtype=np.int64)
-    edges[0], edges[-1] = now, max(final, now + half)
+    end = max(final, now + half)
+    edges = np.arange((first - 1) * period, (last + 2) * period, period)
+    edges[0], edges[-1] = now, end
     # All steps but the first and the last are one period.
     durations = np.empty(len(edges) - 1)
     durations.fill(period / NANOSECONDS)
-    durations[-1] = int(edges[-1] - edges[-2]) / NANOSECONDS
-    durations[0] = int(edges[1] - edges[0]) / NANOSECONDS
+    between = last >= first
+    durations[-1] = (end - (last * period if between else now)) / NANOSECONDS
+    durations[0] = ((first * period if between else end) - now) / NANOSECONDS
     return Horizon(edges, durations)
 
 

@@ -33,6 +33,9 @@ from cmpsp_ros.mpsp.riccati.working_set import (
     active_set,
 )
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 unhurried = settings(deadline=None, max_examples=80)
 
 

@@ -14,6 +14,9 @@ from cmpsp_ros.mpsp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.riccati.rows import PATH, number_of
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 
 def after_full_step(seed):
     """A solved program with active rows of each kind, and what curvature has made of its rows."""

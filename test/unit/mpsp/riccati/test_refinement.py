@@ -9,6 +9,9 @@ from cmpsp_ros.mpsp.riccati.refinement import retrace, sharpen
 from cmpsp_ros.mpsp.riccati.whitening import unwhiten
 from cmpsp_ros.mpsp.riccati.working_set import ACTIVE, SATURATED
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 
 def solution(kind):
     qp = random_program(np.random.default_rng(4), bound=0.8)

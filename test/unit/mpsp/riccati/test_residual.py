@@ -8,6 +8,9 @@ from cmpsp_ros.mpsp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.riccati.residual import kkt_residual
 from cmpsp_ros.mpsp.riccati.stage_qp import Penalty, StageQP, propagate
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 
 def residual(qp, penalty, dU, multipliers, dX=None):
     if dX is None:

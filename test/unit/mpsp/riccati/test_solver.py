@@ -20,6 +20,9 @@ from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, SOLVED
 from cmpsp_ros.mpsp.riccati.solver import iterations, solve
 from cmpsp_ros.mpsp.riccati.whitening import factorise
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 unhurried = settings(deadline=None, max_examples=40)
 
 

@@ -19,6 +19,9 @@ from cmpsp_ros.mpsp.riccati.working_set import (
     SATURATED,
 )
 
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
 
 def begun(qp, penalty, rows=(), limit=LIMIT):
     """The active set at the beginning, and the controls there."""

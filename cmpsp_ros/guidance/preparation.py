@@ -34,6 +34,7 @@ Array = NDArray[np.float64]
 _A_RATE = 1.0
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
+_STEPS_ACROSS = 50
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -126,7 +127,7 @@ def _look_for_ways(settings: GuidanceSettings) -> None:
     road = settings.road
     if not isinstance(road, Annulus):
         return
-    pose, durations = road.middle(), np.full(50, settings.control_period)
+    pose, durations = road.middle(), np.full(_STEPS_ACROSS, settings.control_period)
     opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
     space = Task(opposite).space(along_road(opposite, pose, durations), durations)
     ways_through(opposite, space, pose, durations)

@@ -135,10 +135,10 @@ def _saturate(qp: StageQP, white: Whitening, at: ActiveSet) -> bool:
         most = at.most[j]
         if abs(at.dependence[j]) <= most:
             continue
-        row = at.rows[j]
+        row, state = at.rows[j], AT_PENALTY
         if at.dependence[j] < 0.0:
-            most = -most
-        at.states[row] = AT_PENALTY if most > 0.0 else AT_MINUS_PENALTY
+            most, state = -most, AT_MINUS_PENALTY
+        at.states[row] = state
         at.counts[SATURATED] += 1
         take_out(at, j, at.multipliers, at.v)
         length = white_row(qp, white, row, at.row)

@@ -25,7 +25,6 @@ def drive(whole_drive):
 @pytest.fixture
 def hostile(drive):
     """A drive whose texts try to get out of the page, or into it."""
-
     attack = (
         '</script><script>document.title="owned"</script><img src=x onerror=alert(1)> $x^{ &lt;'
     )

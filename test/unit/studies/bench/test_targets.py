@@ -81,12 +81,17 @@ def test_each_says_what_it_is(known):
 
 
 def test_how_slow_the_machine_is(known):
-    timed = [Timed(each.name, each.outcome, each.times * 5.6) for each in known.comparison.timed]
-    slower = replace(known, comparison=replace(known.comparison, timed=timed))
+    comparison = known.comparison
+    timed = [replace(each, times=each.times * 5.6) for each in comparison.timed]
+    slower = replace(known, comparison=replace(comparison, steps=50, timed=timed))
     assert pace(slower) == pytest.approx(2.0)
     assert '2.00 times as long' in next(tables(slower)).note
-    bare = replace(known.comparison, timed=known.comparison.timed[:1])
-    assert pace(replace(known, comparison=bare)) is None
+    bare = replace(slower, comparison=replace(slower.comparison, timed=timed[:1]))
+    # Nor can it be told from a horizon of another length.
+    short = replace(known, comparison=replace(comparison, steps=4))
+    for each in (bare, short):
+        assert pace(each) is None
+        assert 'times as long' not in next(tables(each)).note
 
 
 def test_what_was_not_measured(known):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive
 

@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.candidate import Candidate
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 
 # Imported whole: a file that takes names from it counts as one with kernels of its own.
-from cmpsp_ros.mpsp import compiled
+from cmpsp_ros.mpsp.jit import compiled
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.iteration import Options
 from cmpsp_ros.mpsp.problem import Dimensions

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.gaps import Signature
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]

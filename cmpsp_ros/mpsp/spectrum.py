@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
 from cmpsp_ros.mpsp.riccati.whitening import factorise, whitening

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.preparation import prepare
-from cmpsp_ros.mpsp.compile_watch import compilations
+from cmpsp_ros.mpsp.jit.watch import compilations
 
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger

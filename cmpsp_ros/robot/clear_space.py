@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.annulus_functions import AnnulusSpace
 from cmpsp_ros.robot.arcs import arc_from

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free, implements
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, implements
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.arcs import Arc, arc_part
 from cmpsp_ros.robot.between_samples import TwistLimits, at_ends, sagitta, sagitta_known

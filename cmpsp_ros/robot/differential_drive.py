@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot.between_samples import TwistLimits
 
 Array = NDArray[np.float64]

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import allocation_free, implements, inlined
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, implements, inlined
 from cmpsp_ros.mpsp.realtime import functions
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
 from cmpsp_ros.robot import road_functions

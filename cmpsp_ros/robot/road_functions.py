@@ -1,7 +1,7 @@
 """What a road is to compiled code: functions of its data.
 
 The data are a named tuple, its class standing for a kind of road: where on it the robot's centre
-may be. The functions are given for that class by `cmpsp_ros.mpsp.compiled.implements`. A place on a
+may be. The functions are given for that class by `cmpsp_ros.mpsp.jit.compiled.implements`. A place on a
 road is told by its progress [m], the length along the centre line from where it begins; a road that
 comes by one point twice is told apart by it. Each road has two edges, and its clearance from an
 edge is never more than the distance to it.

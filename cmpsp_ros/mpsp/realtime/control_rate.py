@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.compiled import implements
+from cmpsp_ros.mpsp.jit.compiled import implements
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime import functions
 from cmpsp_ros.mpsp.riccati.stage_qp import StageQP

@@ -1,7 +1,7 @@
 """What a problem is to compiled code: three functions of its data.
 
 The data are a named tuple of arrays and numbers, its class standing for the problem. The functions
-are given for that class by `cmpsp_ros.mpsp.compiled.implements`, with the names and parameters
+are given for that class by `cmpsp_ros.mpsp.jit.compiled.implements`, with the names and parameters
 that they have here. They must be allocation-free.
 """
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.riccati.stage_qp import Penalty
 
 RANKS: Final = 3

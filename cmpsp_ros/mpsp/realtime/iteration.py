@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.compiled import allocation_free, inlined
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.functions import evaluate, linearise, predict
 from cmpsp_ros.mpsp.realtime.giving_way import RANKS, let_give_way

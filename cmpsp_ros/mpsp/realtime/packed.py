@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.compiled import inlined
+from cmpsp_ros.mpsp.jit.compiled import inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.realtime.workspace import Trajectory, Workspace
 from cmpsp_ros.mpsp.riccati.basis import Basis

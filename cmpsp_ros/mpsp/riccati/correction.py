@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.riccati.rows import BOUND, PATH, TRUST, number_of, place_of, white_row

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.riccati.barrier import advance, aim, multiplier_of
 from cmpsp_ros.mpsp.riccati.certificate import proves_infeasible
 from cmpsp_ros.mpsp.riccati.interior_room import CONFLICT, STEPS, InteriorPoint

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.riccati.barrier import EQUAL, HARD, OFF, RELAXED, advance, place_row
 from cmpsp_ros.mpsp.riccati.interior_room import InteriorPoint
 from cmpsp_ros.mpsp.riccati.rows import BOUND, TRUST, limit_of, place_of, value_of, white_length

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.barrier import OFF, Barrier, follow
 from cmpsp_ros.mpsp.riccati.rows import load_row, value_of

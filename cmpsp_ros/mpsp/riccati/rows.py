@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import Any, NamedTuple
 
-from cmpsp_ros.mpsp.compiled import allocation_free, inlined
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.size import dimension
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty, StageQP

@@ -8,7 +8,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from cmpsp_ros.mpsp.compiled import ALLOCATION_FREE
+from cmpsp_ros.mpsp.jit.compiled import ALLOCATION_FREE
 
 Size = tuple[int, ...] | int
 """A size: a tuple of that many zeros where it is known when code is compiled, else the number.

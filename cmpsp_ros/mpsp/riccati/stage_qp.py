@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.riccati.size import Size, dimension, fixed
 

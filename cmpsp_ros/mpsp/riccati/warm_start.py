@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.compiled import allocation_free, inlined
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inlined
 from cmpsp_ros.mpsp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.riccati.inner_product import dot
 from cmpsp_ros.mpsp.riccati.refinement import pull

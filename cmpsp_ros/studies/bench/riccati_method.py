@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 # Imported whole: a file that takes names from it counts as one with kernels of its own.
-from cmpsp_ros.mpsp import compiled
+from cmpsp_ros.mpsp.jit import compiled
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.realtime.iteration import OUTCOME, Rules, improve
 from cmpsp_ros.mpsp.realtime.packed import pack

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numba
 import pytest
 
-from cmpsp_ros.mpsp.compile_watch import compilations
+from cmpsp_ros.mpsp.jit.watch import compilations
 
 
 def kernel(module):

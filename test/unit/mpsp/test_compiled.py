@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from cmpsp_ros.mpsp.compiled import allocation_free, compiled, entry_for, implements, inlined
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, compiled, entry_for, implements, inlined
 
 # Two classes of data, one loop for both; it says what it computed and what came from the cache.
 PROGRAM = """
 import json
 from typing import NamedTuple
 
-from cmpsp_ros.mpsp.compiled import compiled, implements
+from cmpsp_ros.mpsp.jit.compiled import compiled, implements
 
 
 class Line(NamedTuple):
@@ -89,7 +89,7 @@ def test_a_changed_file_is_compiled_anew(run):
 IMPLEMENTATION = """
 from typing import NamedTuple
 
-from cmpsp_ros.mpsp.compiled import implements
+from cmpsp_ros.mpsp.jit.compiled import implements
 from loop import value
 
 
@@ -102,7 +102,7 @@ def line_value(data, x):
     return data.slope * x
 """
 LOOP = """
-from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.jit.compiled import compiled
 
 
 def value(data, x):

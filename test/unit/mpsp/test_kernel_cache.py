@@ -11,13 +11,13 @@ from pathlib import Path
 import numba
 import pytest
 
-from cmpsp_ros.mpsp import kernel_cache
-from cmpsp_ros.mpsp import kernel_folder as folder_module
-from cmpsp_ros.mpsp.kernel_folder import PACKAGE, kernel_folder, kernel_sources, old_folders
+from cmpsp_ros.mpsp.jit import cache
+from cmpsp_ros.mpsp.jit import folder as folder_module
+from cmpsp_ros.mpsp.jit.folder import PACKAGE, kernel_folder, kernel_sources, old_folders
 
 KERNEL = """
-from cmpsp_ros.mpsp.compiled import compiled
-from cmpsp_ros.mpsp.kernel_cache import kernel_folder
+from cmpsp_ros.mpsp.jit.compiled import compiled
+from cmpsp_ros.mpsp.jit.cache import kernel_folder
 
 
 @compiled
@@ -122,7 +122,7 @@ def test_files_cut_short_are_compiled_anew_and_mended(run):
 def test_a_kernel_is_found_beside_one_for_a_class_that_cannot_be_imported(environment, tmp_path):
     (tmp_path / 'kernel.py').write_text(
         'from typing import NamedTuple\n'
-        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        'from cmpsp_ros.mpsp.jit.compiled import compiled\n'
         'class Own(NamedTuple):\n    x: int\n'
         '@compiled\ndef double(x):\n    return 2 * x.x\n'
         'def hits(x):\n    double(x)\n    print(sum(double.stats.cache_hits.values()))\n'
@@ -146,7 +146,7 @@ def test_a_kernel_is_found_beside_one_for_a_class_that_cannot_be_imported(enviro
 def test_bitcode_is_read_only_for_what_is_compiled_against_it(environment, tmp_path):
     (tmp_path / 'kernel.py').write_text(
         'import numba\n'
-        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        'from cmpsp_ros.mpsp.jit.compiled import compiled\n'
         '@compiled\ndef double(x):\n    return 2 * x\n'
         '@numba.njit\ndef four_times(x):\n    return double(double(x))\n'
     )
@@ -164,7 +164,7 @@ def test_bitcode_is_read_only_for_what_is_compiled_against_it(environment, tmp_p
 def test_what_numba_keeps_for_others_is_loaded_as_ever(environment, tmp_path):
     (tmp_path / 'kernel.py').write_text(
         'import numba\n'
-        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        'from cmpsp_ros.mpsp.jit.compiled import compiled\n'
         '@compiled\ndef double(x):\n    return 2 * x\n'
         '@numba.njit(cache=True)\ndef treble(x):\n    return 3 * x\n'
     )
@@ -210,7 +210,7 @@ def test_processes_that_compile_at_once_lose_nothing_of_each_other_s(environment
     names = [f'T{i}' for i in range(4)]
     (tmp_path / 'kernel.py').write_text(
         'from typing import NamedTuple\n'
-        'from cmpsp_ros.mpsp.compiled import compiled\n'
+        'from cmpsp_ros.mpsp.jit.compiled import compiled\n'
         + ''.join(f'class {name}(NamedTuple):\n    x: int\n' for name in names)
         + '@compiled\ndef double(x):\n    return 2 * x.x\n'
     )
@@ -248,7 +248,7 @@ def test_a_changed_source_is_another_folder(environment, tmp_path, monkeypatch):
     package = tmp_path / 'cmpsp_ros'
     (package / 'mpsp').mkdir(parents=True)
     monkeypatch.setattr(folder_module, 'PACKAGE', package)
-    mark = 'from cmpsp_ros.mpsp.compiled import compiled\n'
+    mark = 'from cmpsp_ros.mpsp.jit.compiled import compiled\n'
     files = {
         'mpsp/kernel.py': f'{mark}from cmpsp_ros.mpsp import constants\n',
         'mpsp/constants.py': 'from cmpsp_ros.mpsp.units import (\n    METRE,\n)\n',

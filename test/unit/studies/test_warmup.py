@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from cmpsp_ros.mpsp.kernel_folder import kernel_folder
+from cmpsp_ros.mpsp.jit.folder import kernel_folder
 
 CMPSP = [sys.executable, '-m', 'cmpsp_ros.cli']
 

@@ -11,7 +11,7 @@ import pytest
 from runs import robot_options, robot_problem, room_for, rules
 
 from cmpsp_ros.mpsp import realtime, riccati
-from cmpsp_ros.mpsp.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.realtime.iteration import improve
 from cmpsp_ros.robot import differential_drive, guidance_functions
 

@@ -7,7 +7,7 @@ import pytest
 from problems import VanDerPol
 from runs import assert_same, improved, iterates
 
-from cmpsp_ros.mpsp.compiled import implements
+from cmpsp_ros.mpsp.jit.compiled import implements
 from cmpsp_ros.mpsp.iteration import Options
 from cmpsp_ros.mpsp.realtime import functions
 

@@ -14,7 +14,7 @@ from stage_programs import (
     sizes_of,
 )
 
-from cmpsp_ros.mpsp.compile_watch import compilations
+from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, solve_qp
 from cmpsp_ros.mpsp.riccati.interior_point import solve

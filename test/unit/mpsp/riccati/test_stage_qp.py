@@ -3,7 +3,7 @@
 import numpy as np
 from stage_programs import dense, for_its_sizes, random_program
 
-from cmpsp_ros.mpsp.compiled import compiled
+from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.riccati.size import dimension, fixed
 from cmpsp_ros.mpsp.riccati.stage_qp import empty_multipliers, empty_qp, propagate
 

@@ -12,9 +12,9 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.runtime import rtsys
 
-from cmpsp_ros.mpsp.kernel_files import KernelFiles
-from cmpsp_ros.mpsp.kernel_folder import PACKAGE, kernel_folder
-from cmpsp_ros.mpsp.kernel_library import rebuild
+from cmpsp_ros.mpsp.jit.files import KernelFiles
+from cmpsp_ros.mpsp.jit.folder import PACKAGE, kernel_folder
+from cmpsp_ros.mpsp.jit.library import rebuild
 
 _implementations: dict[type, set[str]] = {}
 

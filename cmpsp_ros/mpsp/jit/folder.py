@@ -21,11 +21,11 @@ from typing import Final
 
 import numba
 
-PACKAGE: Final = Path(__file__).parents[1]
+PACKAGE: Final = Path(__file__).parents[2]
 """Folder of this package."""
 
 _NAME: Final = PACKAGE.name
-_MARK: Final = f'{_NAME}.mpsp.compiled import'.encode()
+_MARK: Final = f'{_NAME}.mpsp.jit.compiled import'.encode()
 _IMPORT: Final = re.compile(rb'\b%b((?:\.\w+)+)(?: import (\([^)]*\)|[^\n(]*))?' % _NAME.encode())
 
 

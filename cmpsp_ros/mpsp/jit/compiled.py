@@ -9,7 +9,7 @@ from typing import Any, Final, ParamSpec, TypeVar, cast
 import numba
 from numba.extending import overload
 
-from cmpsp_ros.mpsp.kernel_cache import enable_cache, note_implementation
+from cmpsp_ros.mpsp.jit.cache import enable_cache, note_implementation
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.

@@ -1,0 +1,75 @@
+"""How a problem's numbers lie in memory: one record a stage, and one a constraint row.
+
+The sizes ``n`` and ``r`` are part of the records' types. Code compiled for them has constant loop
+counts, an argument stands for all the arrays of its record, and what a sweep needs of a stage is
+side by side. The horizon and the number of path constraints are lengths of arrays, known at run
+time. In Python a field of all records is an ordinary array: ``stages['A']`` has shape
+``(N + 1, n, n)``.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+
+@cache
+def stage_type(n: int, r: int) -> np.dtype[Any]:
+    """A stage of the quadratic program (45) (54) (57), of its factorisation and of its solution.
+
+    The program, before the states are eliminated, is to minimise the sum over the stages of
+    ``L_X' dX + L_U' dU + 1/2 dX' L_XX dX + dU' L_UX dX + 1/2 dU' L_UU dU`` along
+    ``dX_(k+1) = A dX_k + B dU_k`` with ``dX_0 = 0``, subject to its rows (see `row_type`),
+    ``lower <= dU <= upper``, and ``|dX_k| <= trust_radius`` for ``k >= 1``.
+
+    Args:
+        n: States.
+        r: Controls.
+    """
+    return _record(
+        # The program; `A` and `B` of the last stage are not used.
+        A=(n, n),
+        B=(n, r),
+        L_X=(n,),
+        L_U=(r,),
+        L_XX=(n, n),
+        L_UX=(r, n),
+        L_UU=(r, r),
+        lower=(r,),
+        upper=(r,),
+        # Its Riccati factorisation: dU = L_inv' v - K dX.
+        K=(r, n),
+        L_inv=(r, r),
+        A_cl=(n, n),
+        B_cl=(n, r),
+        optimum=(r,),
+        covariance=(n, n),
+        # Its solution.
+        dU=(r,),
+        dX=(n,),
+        bounds=(r,),
+        trust=(n,),
+        # Second-order correction of the step.
+        correction=(r,),
+    )
+
+
+@cache
+def row_type(n: int, r: int) -> np.dtype[Any]:
+    """A linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
+
+    A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
+    multiplier in force, infinite where the row is hard; `weight` that of the relaxation, and
+    `merit` the weight in the merit function.
+
+    Args:
+        n: States.
+        r: Controls.
+    """
+    return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
+
+
+def _record(**shapes: tuple[int, ...]) -> np.dtype[Any]:
+    return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])

@@ -1,4 +1,4 @@
-"""How a problem's numbers lie in memory: one record a stage, and one a constraint row.
+"""How a program's numbers lie in memory: one record a stage, and one a constraint row.
 
 The sizes ``n`` and ``r`` are part of the records' types. Code compiled for them has constant loop
 counts, an argument stands for all the arrays of its record, and what a sweep needs of a stage is
@@ -14,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
+RecordType = np.dtype[Any]
+
 
 @cache
-def stage_type(n: int, r: int) -> np.dtype[Any]:
+def stage_type(n: int, r: int) -> RecordType:
     """A stage of the quadratic program (45) (54) (57), of its factorisation and of its solution.
 
     The program, before the states are eliminated, is to minimise the sum over the stages of
@@ -39,25 +41,32 @@ def stage_type(n: int, r: int) -> np.dtype[Any]:
         L_UU=(r, r),
         lower=(r,),
         upper=(r,),
-        # Its Riccati factorisation: dU = L_inv' v - K dX.
+        # Its Riccati factorisation, dU = L_inv' v - K dX, with the controls held at a bound
+        # (`fixed` is 1 at the upper one, -1 at the lower one) taken out: they move the states by
+        # `drift`, and `origin_U`, `origin_X` is the step at v = 0.
+        fixed=(r,),
         K=(r, n),
         L_inv=(r, r),
         A_cl=(n, n),
         B_cl=(n, r),
+        drift=(n,),
         optimum=(r,),
         covariance=(n, n),
+        origin_U=(r,),
+        origin_X=(n,),
         # Its solution.
         dU=(r,),
         dX=(n,),
         bounds=(r,),
         trust=(n,),
         # Second-order correction of the step.
-        correction=(r,),
+        correction_U=(r,),
+        correction_X=(n,),
     )
 
 
 @cache
-def row_type(n: int, r: int) -> np.dtype[Any]:
+def row_type(n: int, r: int) -> RecordType:
     """A linearised constraint ``value + X' dX + U' dU``, not positive (path) or 0 (terminal).
 
     A path constraint that does not apply has the value ``-inf``. `penalty` is the largest
@@ -71,5 +80,46 @@ def row_type(n: int, r: int) -> np.dtype[Any]:
     return _record(value=(), X=(n,), U=(r,), multiplier=(), penalty=(), weight=(), merit=())
 
 
-def _record(**shapes: tuple[int, ...]) -> np.dtype[Any]:
+@cache
+def head_type(n: int, r: int) -> RecordType:
+    """What there is once for a whole program: its horizon, counters, and scratch for the sweeps.
+
+    Args:
+        n: States.
+        r: Controls.
+    """
+    whole = [
+        (name, np.int64)
+        for name in (
+            'horizon',
+            'iterations',
+            'active',
+            'saturated',
+            'implied',
+            'conflicting',
+            'fixed',
+            'has_covariance',
+            'is_factorised',
+            'is_proved',
+            'is_released',
+            'work',
+            'work_limit',
+        )
+    ]
+    scratch = _record(
+        trust_radius=(n,),
+        P=(n, n),
+        p=(n,),
+        PA=(n, n),
+        PB=(n, r),
+        G=(r, n),
+        L=(r, r),
+        X=(n,),
+        X_next=(n,),
+        U=(r,),
+    )
+    return np.dtype([*whole, *scratch.descr])
+
+
+def _record(**shapes: tuple[int, ...]) -> RecordType:
     return np.dtype([(name, np.float64, shape) for name, shape in shapes.items()])

@@ -1,0 +1,217 @@
+"""What the active-set method knows while it is at work, and what it leaves for the next program."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove
+from cmpsp_ros.mpsp.qp.riccati.factorisation import transform_row
+from cmpsp_ros.mpsp.qp.riccati.program import BOUND, Program, count_rows, limit, load_row, locate
+
+Indices = NDArray[np.int64]
+
+CAPACITY = 400
+"""Largest number of rows in the basis; bounds that are held need none."""
+
+TOLERANCE = 1e-11
+"""Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
+
+IS_OFF, IS_ACTIVE, AT_PENALTY, AT_MINUS_PENALTY, IS_IMPLIED = 0, 1, 2, 3, 4
+"""States of a row; the last one is of a row that the active ones imply."""
+
+
+class ActiveSet(NamedTuple):
+    """State of the method and room for its vectors; counters are in the program's head.
+
+    Attributes:
+        v: The point, shape ``(q,)``.
+        basis: Of the active rows.
+        rows: Numbers of the active rows, shape ``(M,)``.
+        multipliers: Theirs, shape ``(M,)``.
+        upper: Their largest multipliers, infinite for hard rows; shape ``(M,)``.
+        states: State of every row, shape ``(rows,)``.
+        norms: Length of every row in ``v``, 0 where it was not asked for yet; shape ``(rows,)``.
+        distances: How far away in ``v`` the furthest violated row of each kind begins to be met,
+            shape ``(kinds,)``.
+        furthest: Which it is, shape ``(kinds,)``.
+        conflict: Rows that contradict each other, where infeasible; shape ``(rows,)``.
+        row: Scratch, shape ``(q,)``.
+        outside: Scratch, shape ``(q,)``.
+        inside: Scratch, shape ``(M,)``.
+        dependence: Scratch, shape ``(M,)``.
+    """
+
+    v: Array
+    basis: Basis
+    rows: Indices
+    multipliers: Array
+    upper: Array
+    states: Indices
+    norms: Array
+    distances: Array
+    furthest: Indices
+    conflict: Indices
+    row: Array
+    outside: Array
+    inside: Array
+    dependence: Array
+
+
+def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # noqa: E741
+    """Room for programs of these sizes."""
+    q, rows = (N + 1) * r, m + (N + 1) * (l + 2 * r + 2 * n)
+    M, kinds = min(q, CAPACITY), l + r + n + m
+    return ActiveSet(
+        v=np.zeros(q),
+        basis=Basis(np.zeros((M, q)), np.zeros((M, M))),
+        rows=np.zeros(M, np.int64),
+        multipliers=np.zeros(M),
+        upper=np.zeros(M),
+        states=np.zeros(rows, np.int64),
+        norms=np.zeros(rows),
+        distances=np.zeros(kinds),
+        furthest=np.zeros(kinds, np.int64),
+        conflict=np.zeros(rows, np.int64),
+        row=np.zeros(q),
+        outside=np.zeros(q),
+        inside=np.zeros(M),
+        dependence=np.zeros(M),
+    )
+
+
+def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> Indices:  # noqa: E741
+    """Room for the rows that a solution leaves for the next program like it.
+
+    The first entry is how many there are. Then come the numbers of the rows that were active, in
+    the order in which they became so, and ``-1 - number`` of those at their (upper) penalty.
+    """
+    return np.zeros(1 + m + (N + 1) * (l + 2 * r + 2 * n), np.int64)
+
+
+@allocation_free
+def on_horizon(p: Program, whole: ActiveSet) -> ActiveSet:
+    """The part of an active set that the present horizon needs."""
+    q, rows = (p.head[0].horizon + 1) * p.stages[0].B.shape[1], count_rows(p)
+    return ActiveSet(
+        whole.v[:q],
+        whole.basis,
+        whole.rows,
+        whole.multipliers,
+        whole.upper,
+        whole.states[:rows],
+        whole.norms[:rows],
+        whole.distances,
+        whole.furthest,
+        whole.conflict,
+        whole.row[:q],
+        whole.outside[:q],
+        whole.inside,
+        whole.dependence,
+    )
+
+
+@allocation_free
+def add_constraint(
+    p: Program, at: ActiveSet, row: int, multiplier: float, upper: float, sign: float
+) -> None:
+    """Make a row active.
+
+    Args:
+        p: The program.
+        at: There is room in it; `inside` and `outside` are the row's `split`, times the sign.
+        row: Its number.
+        multiplier: Its multiplier.
+        upper: Its largest one.
+        sign: 1 or -1.
+    """
+    head = p.head[0]
+    count = head.active
+    append(at.basis, count, at.inside, at.outside, sign)
+    at.rows[count] = row
+    at.multipliers[count] = multiplier
+    at.upper[count] = upper
+    at.states[row] = IS_ACTIVE
+    head.active += 1
+
+
+@allocation_free
+def remove_constraint(
+    p: Program, at: ActiveSet, index: int, inside: Array, outside: Array
+) -> float:
+    """Take a row out of the active ones. Its state, and the multipliers, are left to the caller.
+
+    The `split` of another row is kept up to date; returns what the square of its rest gains.
+    """
+    head = p.head[0]
+    count = head.active
+    for j in range(index, count - 1):
+        at.rows[j] = at.rows[j + 1]
+        at.upper[j] = at.upper[j + 1]
+    head.active -= 1
+    head.work += 1 + (count - index) * at.v.shape[0] // 8
+    return remove(at.basis, count, index, inside, outside)
+
+
+@allocation_free
+def row_in_v(p: Program, row: int, out: Array) -> int:
+    """A row in the variables of the factorisation; returns how many entries may be other than 0."""
+    return transform_row(p, load_row(p, row), out)
+
+
+@allocation_free
+def apply_multiplier(p: Program, at: ActiveSet, row: int, multiplier: float) -> None:
+    """Move the point by a multiplier of one row; `ActiveSet.row` holds the row afterwards."""
+    for i in range(row_in_v(p, row, at.row)):
+        at.v[i] -= multiplier * at.row[i]
+
+
+@allocation_free
+def saturated_multiplier(p: Program, at: ActiveSet, row: int) -> float:
+    """Multiplier of a row that is not in the basis: 0 unless it is at its penalty."""
+    if at.states[row] == AT_PENALTY:
+        return limit(p, row)[1]
+    return -limit(p, row)[1] if at.states[row] == AT_MINUS_PENALTY else 0.0
+
+
+@allocation_free
+def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Note the active rows, those at their penalty, and the bounds that are held."""
+    head, found = p.head[0], 1
+    for j in range(head.active):
+        warm[found] = at.rows[j]
+        found += 1
+    if head.saturated > 0:
+        for row in range(at.states.shape[0]):
+            if at.states[row] == AT_PENALTY:
+                warm[found] = -1 - row
+                found += 1
+    warm[0] = found - 1
+    if head.fixed > 0:
+        for row in range(p.terminal.shape[0], at.states.shape[0]):
+            kind, k, a, sign = locate(p, row)
+            if kind == BOUND and p.stages[k].fixed[a] == sign:
+                warm[found] = row
+                found += 1
+        warm[0] = found - 1
+
+
+@allocation_free
+def shift_warm_start(p: Program, warm: Indices, over: int) -> None:
+    """Move a warm start to the present horizon, which begins so many rows later."""
+    terminal, last, kept = p.terminal.shape[0], count_rows(p), 0
+    for i in range(1, warm[0] + 1):
+        row, saturated = warm[i], warm[i] < 0
+        if saturated:
+            row = -1 - row
+        if row >= terminal:
+            row -= over
+            if not terminal <= row < last:
+                continue
+        kept += 1
+        warm[kept] = -1 - row if saturated else row
+    warm[0] = kept

@@ -1,0 +1,264 @@
+"""Controls that are held at a bound, and so taken out of the factorisation.
+
+A bound in the basis costs as much as all rows in it together, so that many active bounds cost the
+square of their number. One that is held costs nothing: a sweep is as long as ever. But whether it
+may be held shows only afterwards, in its multiplier, which an adjoint sweep recovers. So a guess of
+which bounds are active is improved by whole sweeps: what is violated is held, what has a multiplier
+of the wrong sign is not (a primal-dual active-set, or semismooth Newton, method; Hintermueller, Ito
+and Kunisch, SIAM Journal on Optimization 13 (2002), 865-888). What such sweeps leave over is left
+to the method that adds row by row; bounds are only ever released there, so that it ends.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    ActiveSet,
+    Indices,
+    leave_warm_start,
+    saturated_multiplier,
+)
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    BOUND,
+    Program,
+    clear_multipliers,
+    count_rows,
+    locate,
+    row_number,
+    set_multiplier,
+)
+
+MANY: Final = 8
+"""Active bounds from which on holding them is cheaper than to have them in the basis."""
+
+# A multiplier of the wrong sign by less than this, relative to 1 plus the largest gradient, is 0.
+_ROUNDING = 1e-11
+# The same for the direction in which multipliers grow where rows contradict each other.
+_NO_DIRECTION = 1e-9
+
+
+@allocation_free
+def fix_from(p: Program, warm: Indices) -> None:
+    """Hold the bounds of a warm start, if they are many."""
+    terminal, rows, found = p.terminal.shape[0], count_rows(p), 0
+    _free_all(p)
+    for attempt in range(2):
+        for i in range(1, warm[0] + 1):
+            if not terminal <= warm[i] < rows:
+                continue
+            kind, k, a, sign = locate(p, warm[i])
+            if kind == BOUND:
+                if attempt == 0:
+                    found += 1
+                elif abs(p.stages[k].upper[a] if sign > 0.0 else p.stages[k].lower[a]) < math.inf:
+                    _hold(p, k, a, sign)
+        if found < MANY:
+            return
+
+
+@allocation_free
+def _free_all(p: Program) -> None:
+    head = p.head[0]
+    if head.fixed == 0:
+        return
+    head.fixed = head.is_factorised = 0
+    for k in range(p.stages.shape[0]):
+        stage = p.stages[k]
+        for a in range(stage.fixed.shape[0]):
+            stage.fixed[a] = 0.0
+
+
+@allocation_free
+def _hold(p: Program, k: int, a: int, sign: float) -> None:
+    head, stage = p.head[0], p.stages[k]
+    if stage.fixed[a] == 0.0:
+        stage.fixed[a] = sign
+        head.fixed += 1
+        head.is_factorised = 0
+
+
+@allocation_free
+def _let_go(p: Program, k: int, a: int) -> None:
+    p.stages[k].fixed[a] = 0.0
+    p.head[0].fixed -= 1
+    p.head[0].is_factorised = 0
+
+
+@allocation_free
+def write_multipliers(p: Program, at: ActiveSet) -> None:
+    """Write the multipliers of all rows where they belong, those of held bounds too."""
+    clear_multipliers(p)
+    for j in range(p.head[0].active):
+        row, upper = at.rows[j], at.upper[j]
+        lower = -upper if row < p.terminal.shape[0] else 0.0
+        set_multiplier(p, row, min(max(at.multipliers[j], lower), upper))
+    if p.head[0].saturated > 0:
+        for row in range(at.states.shape[0]):
+            multiplier = saturated_multiplier(p, at, row)
+            if multiplier != 0.0:
+                set_multiplier(p, row, multiplier)
+
+
+@allocation_free
+def recover_bound_multipliers(p: Program, cost: float) -> float:
+    """Multipliers of the held bounds: what the gradient of all else leaves over there.
+
+    Args:
+        p: The program, with its step and all other multipliers.
+        cost: 1, or 0 to leave the cost out.
+
+    Returns:
+        The largest part of a gradient.
+    """
+    head = p.head[0]
+    n, r = p.stages[0].B.shape
+    costate, following, largest = head.X, head.X_next, 0.0
+    head.work += head.horizon + 1
+    for i in range(n):
+        following[i] = 0.0
+    for k in range(head.horizon, -1, -1):
+        stage, last = p.stages[k], k == head.horizon
+        for a in range(r):
+            if stage.fixed[a] == 0.0:
+                continue
+            total = _gradient_U(p, k, a, cost)
+            if not last:
+                for i in range(n):
+                    total += stage.B[i, a] * following[i]
+            stage.bounds[a] = -total
+            largest = max(largest, abs(total))
+        for i in range(n):
+            total = _gradient_X(p, k, i, cost)
+            if not last:
+                for j in range(n):
+                    total += stage.A[j, i] * following[j]
+            costate[i] = total
+        for i in range(n):
+            following[i] = costate[i]
+    return largest
+
+
+@allocation_free
+def _gradient_U(p: Program, k: int, a: int, cost: float) -> float:
+    """Derivative of cost and rows by a control, at its own stage."""
+    stage, total = p.stages[k], 0.0
+    if cost != 0.0:
+        total = stage.L_U[a]
+        for i in range(stage.dX.shape[0]):
+            total += stage.L_UX[a, i] * stage.dX[i]
+        for b in range(stage.dU.shape[0]):
+            total += stage.L_UU[a, b] * stage.dU[b]
+    for j in range(p.path.shape[1]):
+        total += p.path[k, j].U[a] * p.path[k, j].multiplier
+    if k == p.head[0].horizon:
+        for j in range(p.terminal.shape[0]):
+            total += p.terminal[j].U[a] * p.terminal[j].multiplier
+    return total
+
+
+@allocation_free
+def _gradient_X(p: Program, k: int, i: int, cost: float) -> float:
+    """Derivative of cost and rows by a state, at its own stage."""
+    stage, total = p.stages[k], p.stages[k].trust[i]
+    if cost != 0.0:
+        total += stage.L_X[i]
+        for j in range(stage.dX.shape[0]):
+            total += stage.L_XX[i, j] * stage.dX[j]
+        for a in range(stage.dU.shape[0]):
+            total += stage.L_UX[a, i] * stage.dU[a]
+    for j in range(p.path.shape[1]):
+        total += p.path[k, j].X[i] * p.path[k, j].multiplier
+    if k == p.head[0].horizon:
+        for j in range(p.terminal.shape[0]):
+            total += p.terminal[j].X[i] * p.terminal[j].multiplier
+    return total
+
+
+@allocation_free
+def release_wrong(p: Program, at: ActiveSet) -> int:
+    """Let go of the held bounds whose multipliers have the wrong sign; returns how many.
+
+    Leaves the multipliers of all rows where they belong.
+    """
+    write_multipliers(p, at)
+    if p.head[0].fixed == 0:
+        return 0
+    tolerance = _ROUNDING * (1.0 + recover_bound_multipliers(p, 1.0))
+    return _release(p, tolerance)
+
+
+@allocation_free
+def _release(p: Program, tolerance: float) -> int:
+    released = 0
+    for k in range(p.head[0].horizon + 1):
+        stage = p.stages[k]
+        for a in range(stage.fixed.shape[0]):
+            if stage.fixed[a] != 0.0 and stage.fixed[a] * stage.bounds[a] < 0.0:
+                if stage.fixed[a] * stage.bounds[a] < -tolerance:
+                    _let_go(p, k, a)
+                    released += 1
+                stage.bounds[a] = 0.0
+    return released
+
+
+@allocation_free
+def hold_violated(p: Program) -> int:
+    """Hold the controls that the step has beyond a bound, if they are many; returns how many."""
+    for attempt in range(2):
+        found = 0
+        for k in range(p.head[0].horizon + 1):
+            stage = p.stages[k]
+            for a in range(stage.fixed.shape[0]):
+                above = stage.dU[a] > stage.upper[a]
+                if stage.fixed[a] == 0.0 and (above or stage.dU[a] < stage.lower[a]):
+                    found += 1
+                    if attempt == 1:
+                        _hold(p, k, a, 1.0 if above else -1.0)
+        if found < MANY:
+            return 0
+    return found
+
+
+@allocation_free
+def release_against(p: Program, at: ActiveSet, row: int, sign: float) -> int:
+    """Let go of the held bounds that a row which depends on the active ones would push inward.
+
+    Args:
+        p: The program.
+        at: `dependence` has the row as a combination of the active ones.
+        row: The row.
+        sign: Its sign.
+    """
+    clear_multipliers(p)
+    set_multiplier(p, row, sign)
+    for j in range(p.head[0].active):
+        set_multiplier(p, at.rows[j], -at.dependence[j])
+    tolerance = _NO_DIRECTION * recover_bound_multipliers(p, 0.0)
+    return _release(p, tolerance)
+
+
+@allocation_free
+def name_fixed(p: Program, at: ActiveSet) -> None:
+    """Add the held bounds that take part to the rows in conflict; after `release_against`."""
+    head, largest = p.head[0], 0.0
+    for k in range(head.horizon + 1):
+        for a in range(p.stages[k].fixed.shape[0]):
+            largest = max(largest, abs(p.stages[k].bounds[a]) * abs(p.stages[k].fixed[a]))
+    for k in range(head.horizon + 1):
+        stage = p.stages[k]
+        for a in range(stage.fixed.shape[0]):
+            if stage.fixed[a] * stage.bounds[a] > _NO_DIRECTION * largest:
+                at.conflict[head.conflicting] = row_number(p, BOUND, k, a, stage.fixed[a])
+                head.conflicting += 1
+
+
+@allocation_free
+def restart_from(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Leave a warm start of the rows alone, after bounds have been held or let go."""
+    fixed = p.head[0].fixed
+    p.head[0].fixed = 0
+    leave_warm_start(p, at, warm)
+    p.head[0].fixed = fixed

@@ -1,0 +1,204 @@
+"""A stage-wise quadratic program for compiled code, and the numbering of its rows.
+
+First come the terminal rows; then, for each stage, its path rows, the upper and lower bound of each
+control, and the upper and lower limit of the trust region for each state.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.qp.riccati.layout import head_type, row_type, stage_type
+
+Records = NDArray[Any]
+
+PATH, BOUND, TRUST = 0, 1, 2
+"""Kinds of inequalities."""
+
+
+class Program(NamedTuple):
+    """A program with a horizon of at most so many steps, and its solution.
+
+    Attributes:
+        head: Of `head_type`, shape ``(1,)``.
+        stages: Of `stage_type`, shape ``(N + 1,)``.
+        terminal: Of `row_type`, shape ``(m,)``.
+        path: Of `row_type`, shape ``(N + 1, l)``.
+    """
+
+    head: Records
+    stages: Records
+    terminal: Records
+    path: Records
+
+
+def empty_program(N: int, n: int, r: int, m: int, l: int) -> Program:  # noqa: E741 (the paper's l)
+    """A program of these sizes with all numbers 0 and no limits, to be filled."""
+    program = Program(
+        np.zeros(1, head_type(n, r)),
+        np.zeros(N + 1, stage_type(n, r)),
+        np.zeros(m, row_type(n, r)),
+        np.zeros((N + 1, l), row_type(n, r)),
+    )
+    program.head['horizon'] = N
+    program.head['trust_radius'] = np.inf
+    program.head['work_limit'] = np.iinfo(np.int64).max
+    program.stages['lower'], program.stages['upper'] = -np.inf, np.inf
+    for rows in (program.terminal, program.path):
+        rows['penalty'] = rows['weight'] = np.inf
+    return program
+
+
+@allocation_free
+def rows_per_stage(p: Program) -> int:
+    """How many inequalities each stage has."""
+    n, r = p.stages[0].B.shape
+    return p.path.shape[1] + 2 * r + 2 * n
+
+
+@allocation_free
+def count_rows(p: Program) -> int:
+    """How many rows there are on the present horizon."""
+    return p.terminal.shape[0] + (p.head[0].horizon + 1) * rows_per_stage(p)
+
+
+@allocation_free
+def locate(p: Program, row: int) -> Any:
+    """Where an inequality stands: kind, stage, component, and -1 for a lower limit, else 1."""
+    r = p.stages[0].B.shape[1]
+    width, path = rows_per_stage(p), p.path.shape[1]
+    k = (row - p.terminal.shape[0]) // width
+    i = (row - p.terminal.shape[0]) % width
+    if i < path:
+        return PATH, k, i, 1.0
+    i -= path
+    if i < 2 * r:
+        return BOUND, k, i // 2, 1.0 - 2.0 * (i % 2)
+    i -= 2 * r
+    return TRUST, k, i // 2, 1.0 - 2.0 * (i % 2)
+
+
+@allocation_free
+def row_number(p: Program, kind: int, k: int, component: int, sign: float) -> int:
+    """Number of an inequality, the reverse of `locate`."""
+    first = p.terminal.shape[0] + k * rows_per_stage(p)
+    if kind == PATH:
+        return first + component
+    first += p.path.shape[1] + 2 * component + (0 if sign > 0.0 else 1)
+    return first if kind == BOUND else first + 2 * p.stages[0].B.shape[1]
+
+
+@allocation_free
+def limit(p: Program, row: int) -> Any:
+    """Right-hand side of a row, and its largest multiplier."""
+    if row < p.terminal.shape[0]:
+        return -p.terminal[row].value, p.terminal[row].penalty
+    kind, k, i, sign = locate(p, row)
+    if kind == PATH:
+        return -p.path[k, i].value, p.path[k, i].penalty
+    if kind == BOUND:
+        return p.stages[k].upper[i] if sign > 0.0 else -p.stages[k].lower[i], math.inf
+    return p.head[0].trust_radius[i], math.inf
+
+
+@allocation_free
+def load_row(p: Program, row: int) -> int:
+    """Write a row's derivatives into `X` and `U` of the head; returns its stage."""
+    head = p.head[0]
+    n, r = p.stages[0].B.shape
+    X, U = head.X, head.U
+    if row < p.terminal.shape[0]:
+        for i in range(n):
+            X[i] = p.terminal[row].X[i]
+        for a in range(r):
+            U[a] = p.terminal[row].U[a]
+        return head.horizon
+    kind, k, component, sign = locate(p, row)
+    if kind == PATH:
+        constraint = p.path[k, component]
+        for i in range(n):
+            X[i] = constraint.X[i]
+        for a in range(r):
+            U[a] = constraint.U[a]
+        return k
+    for i in range(n):
+        X[i] = 0.0
+    for a in range(r):
+        U[a] = 0.0
+    if kind == BOUND:
+        U[component] = sign
+    else:
+        X[component] = sign
+    return k
+
+
+@allocation_free
+def row_value(p: Program, row: int) -> float:
+    """Left-hand side of a row at the solution's ``dX`` and ``dU``."""
+    if row < p.terminal.shape[0]:
+        return product(p.terminal[row], p.stages[p.head[0].horizon])
+    kind, k, i, sign = locate(p, row)
+    if kind == PATH:
+        return product(p.path[k, i], p.stages[k])
+    return sign * (p.stages[k].dU[i] if kind == BOUND else p.stages[k].dX[i])
+
+
+@allocation_free
+def row_value_at_origin(p: Program, row: int) -> float:
+    """Left-hand side of a row at ``v = 0``, which is 0 unless controls are held at a bound."""
+    head = p.head[0]
+    if head.fixed == 0:
+        return 0.0
+    stage = p.stages[load_row(p, row)]
+    total = 0.0
+    for i in range(head.X.shape[0]):
+        total += head.X[i] * stage.origin_X[i]
+    for a in range(head.U.shape[0]):
+        total += head.U[a] * stage.origin_U[a]
+    return total
+
+
+@allocation_free
+def product(row: Any, stage: Any) -> float:
+    """``X' dX + U' dU`` of a constraint at its stage."""
+    total = 0.0
+    for i in range(stage.dX.shape[0]):
+        total += row.X[i] * stage.dX[i]
+    for a in range(stage.dU.shape[0]):
+        total += row.U[a] * stage.dU[a]
+    return total
+
+
+@allocation_free
+def clear_multipliers(p: Program) -> None:
+    """Set all multipliers to 0."""
+    for j in range(p.terminal.shape[0]):
+        p.terminal[j].multiplier = 0.0
+    for k in range(p.head[0].horizon + 1):
+        stage = p.stages[k]
+        for j in range(p.path.shape[1]):
+            p.path[k, j].multiplier = 0.0
+        for a in range(stage.bounds.shape[0]):
+            stage.bounds[a] = 0.0
+        for i in range(stage.trust.shape[0]):
+            stage.trust[i] = 0.0
+
+
+@allocation_free
+def set_multiplier(p: Program, row: int, multiplier: float) -> None:
+    """Write the multiplier of a row where it belongs."""
+    if row < p.terminal.shape[0]:
+        p.terminal[row].multiplier = multiplier
+        return
+    kind, k, i, sign = locate(p, row)
+    if kind == PATH:
+        p.path[k, i].multiplier = multiplier
+    elif kind == BOUND:
+        p.stages[k].bounds[i] += sign * multiplier
+    else:
+        p.stages[k].trust[i] += sign * multiplier

@@ -1,0 +1,97 @@
+"""From a program to its solution: which bounds to hold, the active-set method, and the check."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.qp.riccati.active_set import ActiveSet, Indices, leave_warm_start, on_horizon
+from cmpsp_ros.mpsp.qp.riccati.dual import meet_all
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin, recover_step
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
+    fix_from,
+    hold_violated,
+    release_wrong,
+    restart_from,
+)
+from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
+from cmpsp_ros.mpsp.qp.riccati.outcome import (
+    INFEASIBLE,
+    ITERATION_LIMIT,
+    NO_CURVATURE,
+    SOLVED,
+)
+from cmpsp_ros.mpsp.qp.riccati.program import Program
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, DONE, RELEASED
+from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
+
+TOLERANCE: Final = 1e-8
+"""Largest residual (see `kkt_residual`) of a solution."""
+
+# Sweeps that improve the guess of which bounds to hold, before rows are added one by one.
+_SWEEPS = 12
+
+
+@allocation_free
+def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
+    """Solve a program.
+
+    The answer of the active-set method is believed only if it meets the optimality conditions, or
+    proves that nothing meets all rows. A doubtful one is looked for once more from scratch.
+
+    Args:
+        p: The program; filled with the solution.
+        whole: Room for the active-set method.
+        warm: Rows to begin with. They change the way to the solution, not the solution. Those of
+            this solution are left in it.
+
+    Returns:
+        `SOLVED`, `INFEASIBLE`, `NO_CURVATURE`, or `ITERATION_LIMIT` where work or room ran out.
+    """
+    head = p.head[0]
+    head.iterations = 0
+    at = on_horizon(p, whole)
+    while True:
+        warm_started = warm[0] > 0
+        fix_from(p, warm)
+        outcome = _solve_from(p, at, warm)
+        if outcome == SOLVED:
+            if kkt_residual(p) <= TOLERANCE:
+                return SOLVED
+            outcome = ITERATION_LIMIT
+        proved = outcome == INFEASIBLE and head.is_proved == 1
+        if outcome == NO_CURVATURE or proved or not warm_started or head.work > head.work_limit:
+            return outcome
+        warm[0] = 0
+
+
+@allocation_free
+def _solve_from(p: Program, at: ActiveSet, warm: Indices) -> int:
+    """Solve with a guess of the bounds to hold, which is put right under way."""
+    head, sweeps = p.head[0], 0
+    while head.work <= head.work_limit:
+        if head.is_factorised == 0 and not factorise(p):
+            return NO_CURVATURE
+        keep_origin(p, at.v)
+        begin(p, at, warm)
+        recover_step(p, at.v)
+        if sweeps < _SWEEPS:
+            sweeps += 1
+            changed = release_wrong(p, at) if head.fixed > 0 else 0
+            changed += hold_violated(p)
+            if changed > 0:
+                restart_from(p, at, warm)
+                continue
+        outcome = meet_all(p, at)
+        if outcome == DONE and release_wrong(p, at) > 0:
+            outcome = RELEASED
+        if outcome == RELEASED:
+            # From here on bounds are only let go: a finite number of times.
+            sweeps = _SWEEPS
+            restart_from(p, at, warm)
+            continue
+        leave_warm_start(p, at, warm)
+        if outcome == CONTRADICTION:
+            return INFEASIBLE
+        return SOLVED if outcome == DONE else ITERATION_LIMIT
+    return ITERATION_LIMIT

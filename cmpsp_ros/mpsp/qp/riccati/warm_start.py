@@ -1,0 +1,144 @@
+"""Where the active-set method begins: at the rows that were active before, all of them at once.
+
+The point is the one nearest to ``v*`` that meets those rows as equations: with the triangular
+factors of the `basis` ``R'y`` is what the rows are violated by at ``v*``, and ``R lambda = y``.
+A row whose multiplier has come out negative is not active here and leaves again; one whose
+multiplier is beyond its penalty rests there. What is left is a point from which the method can go
+on: every multiplier lies between its ends, and every active row is met.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    AT_MINUS_PENALTY,
+    AT_PENALTY,
+    IS_OFF,
+    TOLERANCE,
+    ActiveSet,
+    Indices,
+    add_constraint,
+    apply_multiplier,
+    remove_constraint,
+    row_in_v,
+)
+from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
+from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
+from cmpsp_ros.mpsp.qp.riccati.program import Program, limit, row_value_at_origin
+
+# Fraction of its length, squared, that a row must have outside the span of those before it. What is
+# closer to them is left to the method, which meets it along its own multiplier.
+_APART: Final = 1e-8
+
+
+@allocation_free
+def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Begin at the terminal rows and those of the warm start.
+
+    Args:
+        p: The program, factorised.
+        at: Filled. A terminal row that depends on those before it is the furthest of its kind.
+        warm: Rows to begin with.
+    """
+    head, r, terminal = p.head[0], p.stages[0].B.shape[1], p.terminal.shape[0]
+    head.active = head.saturated = head.implied = head.conflicting = head.is_proved = 0
+    at.states[:] = IS_OFF
+    at.norms[:] = 0.0
+    at.distances[:] = 0.0
+    for k in range(head.horizon + 1):
+        for a in range(r):
+            at.v[k * r + a] = p.stages[k].optimum[a]
+    _rest_at_penalty(p, at, warm)
+    for row in range(terminal):
+        _meet(p, at, row)
+        if at.states[row] == IS_OFF:
+            kind = at.distances.shape[0] - terminal + row
+            at.distances[kind] = math.inf
+            at.furthest[kind] = row
+    for i in range(1, warm[0] + 1):
+        _meet(p, at, warm[i])
+    while True:
+        solve(at.basis, head.active, at.multipliers, at.dependence)
+        if not (_drop(p, at) or _saturate(p, at)):
+            break
+    for j in range(head.active):
+        at.multipliers[j] = at.dependence[j]
+
+
+@allocation_free
+def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Put rows at their penalty that the warm start has there."""
+    for i in range(1, warm[0] + 1):
+        row = -1 - warm[i]
+        if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+            continue
+        bound, upper = limit(p, row)
+        # A row that is hard now is met like any other; one that does not apply has no multiplier.
+        if bound == math.inf or upper == math.inf:
+            continue
+        apply_multiplier(p, at, row, upper)
+        at.states[row] = AT_PENALTY
+        p.head[0].saturated += 1
+
+
+@allocation_free
+def _meet(p: Program, at: ActiveSet, row: int) -> None:
+    """Move the point onto a row that is violated; `multipliers` gets its entry of ``y``."""
+    head = p.head[0]
+    count = head.active
+    if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+        return
+    if count == at.rows.shape[0] or head.work > head.work_limit:
+        return
+    length = row_in_v(p, row, at.row)
+    bound, upper = limit(p, row)
+    excess = dot(at.row, at.v, length) + row_value_at_origin(p, row) - bound
+    if row >= p.terminal.shape[0] and excess <= TOLERANCE * (1.0 + abs(bound)):
+        return
+    head.work += 1 + count * at.v.shape[0] // 16
+    rest = split(at.basis, count, at.row, length, at.inside, at.outside, at.dependence)
+    if rest <= _APART * dot(at.row, at.row, length):
+        return
+    step = excess / rest
+    for i in range(at.v.shape[0]):
+        at.v[i] -= step * at.outside[i]
+    add_constraint(p, at, row, step * math.sqrt(rest), upper, 1.0)
+    head.iterations += 1
+
+
+@allocation_free
+def _drop(p: Program, at: ActiveSet) -> bool:
+    """Take out the inequalities whose multipliers, in `dependence`, are negative."""
+    before = p.head[0].active
+    for j in range(before - 1, -1, -1):
+        if at.dependence[j] < 0.0 and at.rows[j] >= p.terminal.shape[0]:
+            at.states[at.rows[j]] = IS_OFF
+            remove_constraint(p, at, j, at.multipliers, at.v)
+    return p.head[0].active < before
+
+
+@allocation_free
+def _saturate(p: Program, at: ActiveSet) -> bool:
+    """Put the first row at its penalty whose multiplier, in `dependence`, is beyond it."""
+    for j in range(p.head[0].active):
+        upper = at.upper[j]
+        if abs(at.dependence[j]) <= upper:
+            continue
+        row, state = at.rows[j], AT_PENALTY
+        if at.dependence[j] < 0.0:
+            upper, state = -upper, AT_MINUS_PENALTY
+        at.states[row] = state
+        p.head[0].saturated += 1
+        remove_constraint(p, at, j, at.multipliers, at.v)
+        length = row_in_v(p, row, at.row)
+        count = p.head[0].active
+        split(at.basis, count, at.row, length, at.inside, at.outside, at.dependence)
+        for i in range(at.v.shape[0]):
+            at.v[i] -= upper * at.outside[i]
+        for i in range(count):
+            at.multipliers[i] -= upper * at.inside[i]
+        return True
+    return False

@@ -11,7 +11,15 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove
 from cmpsp_ros.mpsp.qp.riccati.factorisation import transform_row
-from cmpsp_ros.mpsp.qp.riccati.program import BOUND, Program, count_rows, limit, load_row, locate
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    BOUND,
+    Program,
+    count_rows,
+    limit,
+    load_row,
+    locate,
+    rows_per_stage,
+)
 
 Indices = NDArray[np.int64]
 
@@ -20,6 +28,9 @@ CAPACITY = 400
 
 TOLERANCE = 1e-11
 """Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
+
+FIRST = 2
+"""Where in a warm start the rows begin."""
 
 IS_OFF, IS_ACTIVE, AT_PENALTY, AT_MINUS_PENALTY, IS_IMPLIED = 0, 1, 2, 3, 4
 """States of a row; the last one is of a row that the active ones imply."""
@@ -87,10 +98,11 @@ def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # no
 def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> Indices:  # noqa: E741
     """Room for the rows that a solution leaves for the next program like it.
 
-    The first entry is how many there are. Then come the numbers of the rows that were active, in
-    the order in which they became so, and ``-1 - number`` of those at their (upper) penalty.
+    The first entry is how many there are, the second the `begun` of their program's head. Then come
+    the numbers of the rows that were active, in the order in which they became so, and
+    ``-1 - number`` of those at their (upper) penalty.
     """
-    return np.zeros(1 + m + (N + 1) * (l + 2 * r + 2 * n), np.int64)
+    return np.zeros(FIRST + m + (N + 1) * (l + 2 * r + 2 * n), np.int64)
 
 
 @allocation_free
@@ -181,7 +193,8 @@ def saturated_multiplier(p: Program, at: ActiveSet, row: int) -> float:
 @allocation_free
 def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
     """Note the active rows, those at their penalty, and the bounds that are held."""
-    head, found = p.head[0], 1
+    head, found = p.head[0], FIRST
+    warm[1] = head.begun
     for j in range(head.active):
         warm[found] = at.rows[j]
         found += 1
@@ -190,21 +203,24 @@ def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
             if at.states[row] == AT_PENALTY:
                 warm[found] = -1 - row
                 found += 1
-    warm[0] = found - 1
+    warm[0] = found - FIRST
     if head.fixed > 0:
         for row in range(p.terminal.shape[0], at.states.shape[0]):
             kind, k, a, sign = locate(p, row)
             if kind == BOUND and p.stages[k].fixed[a] == sign:
                 warm[found] = row
                 found += 1
-        warm[0] = found - 1
+        warm[0] = found - FIRST
 
 
 @allocation_free
-def shift_warm_start(p: Program, warm: Indices, over: int) -> None:
-    """Move a warm start to the present horizon, which begins so many rows later."""
+def shift_warm_start(p: Program, warm: Indices) -> None:
+    """Move a warm start to the present horizon, which begins at a later stage."""
     terminal, last, kept = p.terminal.shape[0], count_rows(p), 0
-    for i in range(1, warm[0] + 1):
+    over = (p.head[0].begun - warm[1]) * rows_per_stage(p)
+    if over == 0:
+        return
+    for i in range(FIRST, FIRST + warm[0]):
         row, saturated = warm[i], warm[i] < 0
         if saturated:
             row = -1 - row
@@ -212,6 +228,6 @@ def shift_warm_start(p: Program, warm: Indices, over: int) -> None:
             row -= over
             if not terminal <= row < last:
                 continue
+        warm[FIRST + kept] = -1 - row if saturated else row
         kept += 1
-        warm[kept] = -1 - row if saturated else row
-    warm[0] = kept
+    warm[0], warm[1] = kept, p.head[0].begun

@@ -16,6 +16,7 @@ from typing import Any, Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    FIRST,
     ActiveSet,
     Indices,
     leave_warm_start,
@@ -44,9 +45,9 @@ _NO_DIRECTION = 1e-9
 def fix_from(p: Program, warm: Indices) -> None:
     """Hold the bounds of a warm start, if they are many."""
     terminal, rows, found = p.terminal.shape[0], count_rows(p), 0
-    _free_all(p)
+    free_all(p)
     for attempt in range(2):
-        for i in range(1, warm[0] + 1):
+        for i in range(FIRST, FIRST + warm[0]):
             if not terminal <= warm[i] < rows:
                 continue
             kind, k, a, sign = locate(p, warm[i])
@@ -60,7 +61,8 @@ def fix_from(p: Program, warm: Indices) -> None:
 
 
 @allocation_free
-def _free_all(p: Program) -> None:
+def free_all(p: Program) -> None:
+    """Hold no control at a bound."""
     head = p.head[0]
     if head.fixed == 0:
         return

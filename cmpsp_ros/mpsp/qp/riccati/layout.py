@@ -84,6 +84,8 @@ def row_type(n: int, r: int) -> RecordType:
 def head_type(n: int, r: int) -> RecordType:
     """What there is once for a whole program: its horizon, counters, and scratch for the sweeps.
 
+    `begun` numbers the stage at which the horizon begins, for warm starts of a later one.
+
     Args:
         n: States.
         r: Controls.
@@ -92,6 +94,7 @@ def head_type(n: int, r: int) -> RecordType:
         (name, np.int64)
         for name in (
             'horizon',
+            'begun',
             'iterations',
             'active',
             'saturated',

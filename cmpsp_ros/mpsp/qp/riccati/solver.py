@@ -5,11 +5,18 @@ from __future__ import annotations
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.qp.riccati.active_set import ActiveSet, Indices, leave_warm_start, on_horizon
+from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    ActiveSet,
+    Indices,
+    leave_warm_start,
+    on_horizon,
+    shift_warm_start,
+)
 from cmpsp_ros.mpsp.qp.riccati.dual import meet_all
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin, recover_step
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
     fix_from,
+    free_all,
     hold_violated,
     release_wrong,
     restart_from,
@@ -36,8 +43,9 @@ _SWEEPS = 12
 def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
     """Solve a program.
 
-    The answer of the active-set method is believed only if it meets the optimality conditions, or
-    proves that nothing meets all rows. A doubtful one is looked for once more from scratch.
+    A guess of the bounds to hold is put right under way. The answer of the active-set method is
+    believed only if it meets the optimality conditions, or proves that nothing meets all rows. A
+    doubtful one is looked for once more from scratch.
 
     Args:
         p: The program; filled with the solution.
@@ -48,27 +56,11 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
     Returns:
         `SOLVED`, `INFEASIBLE`, `NO_CURVATURE`, or `ITERATION_LIMIT` where work or room ran out.
     """
-    head = p.head[0]
-    head.iterations = 0
+    head, sweeps, warm_started = p.head[0], 0, warm[0] > 0
+    head.iterations = head.is_factorised = 0
     at = on_horizon(p, whole)
-    while True:
-        warm_started = warm[0] > 0
-        fix_from(p, warm)
-        outcome = _solve_from(p, at, warm)
-        if outcome == SOLVED:
-            if kkt_residual(p) <= TOLERANCE:
-                return SOLVED
-            outcome = ITERATION_LIMIT
-        proved = outcome == INFEASIBLE and head.is_proved == 1
-        if outcome == NO_CURVATURE or proved or not warm_started or head.work > head.work_limit:
-            return outcome
-        warm[0] = 0
-
-
-@allocation_free
-def _solve_from(p: Program, at: ActiveSet, warm: Indices) -> int:
-    """Solve with a guess of the bounds to hold, which is put right under way."""
-    head, sweeps = p.head[0], 0
+    shift_warm_start(p, warm)
+    fix_from(p, warm)
     while head.work <= head.work_limit:
         if head.is_factorised == 0 and not factorise(p):
             return NO_CURVATURE
@@ -91,7 +83,12 @@ def _solve_from(p: Program, at: ActiveSet, warm: Indices) -> int:
             restart_from(p, at, warm)
             continue
         leave_warm_start(p, at, warm)
-        if outcome == CONTRADICTION:
+        if outcome == DONE and kkt_residual(p) <= TOLERANCE:
+            return SOLVED
+        if outcome == CONTRADICTION and (head.is_proved == 1 or not warm_started):
             return INFEASIBLE
-        return SOLVED if outcome == DONE else ITERATION_LIMIT
+        if not warm_started:
+            return ITERATION_LIMIT
+        warm_started, warm[0], sweeps = False, 0, 0
+        free_all(p)
     return ITERATION_LIMIT

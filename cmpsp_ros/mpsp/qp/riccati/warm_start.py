@@ -16,6 +16,7 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     AT_MINUS_PENALTY,
     AT_PENALTY,
+    FIRST,
     IS_OFF,
     TOLERANCE,
     ActiveSet,
@@ -58,7 +59,7 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
-    for i in range(1, warm[0] + 1):
+    for i in range(FIRST, FIRST + warm[0]):
         _meet(p, at, warm[i])
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
@@ -71,7 +72,7 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
 @allocation_free
 def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
     """Put rows at their penalty that the warm start has there."""
-    for i in range(1, warm[0] + 1):
+    for i in range(FIRST, FIRST + warm[0]):
         row = -1 - warm[i]
         if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
             continue

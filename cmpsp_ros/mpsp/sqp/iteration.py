@@ -1,0 +1,255 @@
+"""The iteration itself: predict, linearise, solve, search, update (43).
+
+It is a state machine that never calls a problem's functions: it returns what it needs next, and
+whoever drives it provides that and calls it again. So one iteration serves problems in Python and
+compiled ones, and every QP back end.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati.program import Program
+from cmpsp_ros.mpsp.sqp.elastic import relax
+from cmpsp_ros.mpsp.sqp.line_search import (
+    GOES_ON,
+    WANTS_CORRECTION,
+    begin_search,
+    go_on,
+    go_on_corrected,
+    set_trial,
+    take_trial,
+)
+from cmpsp_ros.mpsp.sqp.merit import predicted_reduction, update_penalties
+from cmpsp_ros.mpsp.sqp.workspace import (
+    ADD_CURVATURE,
+    CORRECT,
+    CORRECTED,
+    DONE,
+    EVALUATE,
+    EVALUATED,
+    FULL_STEP,
+    LINEARISE,
+    LINEARISED,
+    QP_ANSWERED,
+    SEARCHING,
+    SOLVE_QP,
+    START,
+    Workspace,
+)
+
+
+@allocation_free
+def advance(ws: Workspace) -> int:
+    """Go on with the iteration as far as it goes by itself.
+
+    Args:
+        ws: The workspace, with what was asked for last.
+
+    Returns:
+        What is wanted next. `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and
+        ``run.trial_cost``. `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`:
+        the step and its multipliers by a QP back end, into `program`, and ``run.outcome``.
+        `CORRECT`: the second-order correction of the step, into `program`. `ADD_CURVATURE`: the condensed Hessian is not positive definite; mend it or leave it.
+        `DONE`: the iteration is over, and the plan is in `now`.
+    """
+    run = ws.run[0]
+    if run.phase == START:
+        _begin(ws)
+        run.phase = EVALUATED
+        return EVALUATE
+    if run.phase == EVALUATED:
+        take_trial(ws)
+        run.cost_limit = (1.0 + abs(run.cost)) * run.growth_limit
+        run.control_limit = _largest_control(ws) * run.growth_limit
+        return _next_iteration(ws)
+    if run.phase == LINEARISED:
+        _bound_step(ws)
+        run.level = run.qp_iterations = 0
+        run.is_hard = int(relax(ws.program, 0))
+        run.phase = QP_ANSWERED
+        return SOLVE_QP
+    if run.phase == QP_ANSWERED:
+        if run.outcome == NO_CURVATURE and run.stage == 0:
+            run.phase, run.stage = LINEARISED, 1
+            return ADD_CURVATURE
+        failed = run.outcome != SOLVED and run.outcome != NO_CURVATURE
+        if failed and run.is_hard == 1 and run.elastic == 1:
+            run.level += 1
+            run.is_hard = int(relax(ws.program, run.level))
+            return SOLVE_QP
+        return _take_step(ws)
+    if run.phase == FULL_STEP:
+        take_trial(ws)
+        return _finish(ws, 1.0)
+    length = go_on_corrected(ws) if run.phase == CORRECTED else go_on(ws)
+    run.phase = CORRECTED if length == WANTS_CORRECTION else SEARCHING
+    if length == WANTS_CORRECTION:
+        return CORRECT
+    return EVALUATE if length == GOES_ON else _finish(ws, length)
+
+
+@allocation_free
+def _begin(ws: Workspace) -> None:
+    """Bring the guess within its bounds."""
+    run, p = ws.run[0], ws.program
+    run.iterations = run.outcome = run.qp_iterations = run.active_rows = run.level = 0
+    run.length = run.full_change = 0.0
+    p.head[0].work = 0
+    ws.slack[:] = 0.0
+    U = ws.trial.U
+    for k in range(p.head[0].horizon + 1):
+        for a in range(U.shape[1]):
+            U[k, a] = min(max(U[k, a], ws.lower[k, a]), ws.upper[k, a])
+
+
+@allocation_free
+def _next_iteration(ws: Workspace) -> int:
+    run = ws.run[0]
+    if run.iterations >= run.max_iterations:
+        return DONE
+    run.phase = LINEARISED
+    run.stage = 0
+    return LINEARISE
+
+
+@allocation_free
+def _bound_step(ws: Workspace) -> None:
+    """Bounds of the step, from those of the controls."""
+    for k in range(ws.program.head[0].horizon + 1):
+        stage = ws.program.stages[k]
+        for a in range(stage.lower.shape[0]):
+            stage.lower[a] = ws.lower[k, a] - ws.now.U[k, a]
+            stage.upper[a] = ws.upper[k, a] - ws.now.U[k, a]
+    free_all(ws.program)
+    ws.program.head[0].is_factorised = 0
+
+
+@allocation_free
+def _take_step(ws: Workspace) -> int:
+    """From a solved subproblem to the first trial."""
+    run, p = ws.run[0], ws.program
+    if run.outcome != SOLVED:
+        return _finish(ws, 0.0)
+    run.active_rows = _active_rows(p)
+    run.full_change = _sum_of_step_norms(p) / (_sum_of_norms(p, ws.now.U) or 1.0)
+    update_penalties(p)
+    run.predicted = predicted_reduction(p, ws.slack)
+    if run.line_search == 1:
+        run.phase = SEARCHING
+        begin_search(ws, run.length if run.iterations > 0 else 0.0)
+    else:
+        run.phase = FULL_STEP
+        run.is_corrected = 0
+        set_trial(ws, 1.0)
+    return EVALUATE
+
+
+@allocation_free
+def _finish(ws: Workspace, length: float) -> int:
+    """End of an iteration."""
+    run = ws.run[0]
+    run.iterations += 1
+    run.length = length
+    return DONE if _is_over(ws) else _next_iteration(ws)
+
+
+@allocation_free
+def _is_over(ws: Workspace) -> bool:
+    """Whether the iteration is over by itself: `cmpsp_ros.mpsp.iteration.CMPSP.terminate`."""
+    run = ws.run[0]
+    if run.outcome != SOLVED or run.length == 0.0 or not _is_finite(ws):
+        return True
+    if 1.0 + abs(run.cost) > run.cost_limit or _largest_control(ws) > run.control_limit:
+        return True
+    if run.full_change > run.control_tolerance:
+        return False
+    return needs_slack(ws) or _is_met(ws)
+
+
+@allocation_free
+def needs_slack(ws: Workspace) -> bool:
+    """Whether the relaxation of the last subproblem left a violation."""
+    if ws.run[0].level == 0:
+        return False
+    largest = 0.0
+    for j in range(ws.slack.shape[0]):
+        largest = max(largest, ws.slack[j])
+    return largest > ws.run[0].slack_tolerance
+
+
+@allocation_free
+def _is_met(ws: Workspace) -> bool:
+    now, squared = ws.now, 0.0
+    for j in range(now.output_error.shape[0]):
+        squared += now.output_error[j] ** 2
+    if math.sqrt(squared) > ws.run[0].output_tolerance:
+        return False
+    for k in range(ws.program.head[0].horizon + 1):
+        for j in range(now.g.shape[1]):
+            if now.g[k, j] > ws.run[0].violation_tolerance:
+                return False
+    return True
+
+
+@allocation_free
+def _is_finite(ws: Workspace) -> bool:
+    total = ws.run[0].cost
+    for k in range(ws.program.head[0].horizon + 1):
+        for i in range(ws.now.X.shape[1]):
+            total += 0.0 * ws.now.X[k, i]
+    return math.isfinite(total)
+
+
+@allocation_free
+def _largest_control(ws: Workspace) -> float:
+    """The largest control, plus 1."""
+    largest = 0.0
+    for k in range(ws.program.head[0].horizon + 1):
+        for a in range(ws.now.U.shape[1]):
+            largest = max(largest, abs(ws.now.U[k, a]))
+    return 1.0 + largest
+
+
+@allocation_free
+def _active_rows(p: Program) -> int:
+    """Inequalities with a multiplier."""
+    count = 0
+    for k in range(p.head[0].horizon + 1):
+        stage = p.stages[k]
+        for j in range(p.path.shape[1]):
+            count += int(p.path[k, j].multiplier != 0.0)
+        for a in range(stage.bounds.shape[0]):
+            count += int(stage.bounds[a] != 0.0)
+        for i in range(stage.trust.shape[0]):
+            count += int(stage.trust[i] != 0.0)
+    return count
+
+
+@allocation_free
+def _sum_of_step_norms(p: Program) -> float:
+    """``sum |dU_k|``, the measure of ``eps_U`` in Sec. 4."""
+    total = 0.0
+    for k in range(p.head[0].horizon + 1):
+        squared, stage = 0.0, p.stages[k]
+        for a in range(stage.dU.shape[0]):
+            squared += stage.dU[a] ** 2
+        total += math.sqrt(squared)
+    return total
+
+
+@allocation_free
+def _sum_of_norms(p: Program, U: Array) -> Any:
+    """``sum |U_k|``."""
+    total = 0.0
+    for k in range(p.head[0].horizon + 1):
+        squared = 0.0
+        for a in range(U.shape[1]):
+            squared += U[k, a] ** 2
+        total += math.sqrt(squared)
+    return total

@@ -1,0 +1,148 @@
+"""What an iteration works with; nothing is allocated after it has been made."""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
+
+START, EVALUATED, LINEARISED, QP_ANSWERED, SEARCHING, CORRECTED, FULL_STEP = 0, 1, 2, 3, 4, 5, 6
+"""Where the iteration goes on; values of `phase` in `RUN`."""
+
+DONE, EVALUATE, LINEARISE, SOLVE_QP, ADD_CURVATURE, CORRECT = 0, 1, 2, 3, 4, 5
+"""What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
+
+RUN: Final = np.dtype(
+    [
+        (name, np.int64)
+        for name in (
+            # Options.
+            'max_iterations',
+            'line_search',
+            'elastic',
+            # State.
+            'phase',
+            'stage',
+            'halvings',
+            'is_corrected',
+            'best_is_corrected',
+            'level',
+            'is_hard',
+            # What came of it.
+            'iterations',
+            'outcome',
+            'qp_iterations',
+            'active_rows',
+        )
+    ]
+    + [
+        (name, np.float64)
+        for name in (
+            # Options.
+            'output_tolerance',
+            'control_tolerance',
+            'violation_tolerance',
+            'slack_tolerance',
+            'growth_limit',
+            # State.
+            'cost_limit',
+            'control_limit',
+            'predicted',
+            'before',
+            'scale',
+            'longest',
+            'trying',
+            'best',
+            'best_length',
+            # What came of it; the costs of the iterate and of the trial.
+            'cost',
+            'trial_cost',
+            'length',
+            'full_change',
+        )
+    ]
+)
+"""Options, state and results of an iteration, one record."""
+
+
+class Trajectory(NamedTuple):
+    """Controls, the states they lead to, and the constraints along them.
+
+    Attributes:
+        U: Controls, shape ``(N + 1, r)``.
+        X: States, shape ``(N + 1, n)``.
+        output_error: ``Y_N - Y_N*``, shape ``(m,)``.
+        g: Path constraints, shape ``(N + 1, l)``.
+    """
+
+    U: Array
+    X: Array
+    output_error: Array
+    g: Array
+
+
+class Workspace(NamedTuple):
+    """Memory for one plan of at most so many steps.
+
+    Attributes:
+        run: Of type `RUN`, shape ``(1,)``.
+        program: The subproblem. On entry its head has the horizon.
+        now: The iterate.
+        trial: What the line search tries; on entry its `U` is the guess.
+        lower: Least controls, shape ``(N + 1, r)``.
+        upper: Largest controls, shape ``(N + 1, r)``.
+        slack: Largest slack of each path constraint and terminal output, shape ``(l + m,)``.
+    """
+
+    run: Records
+    program: Program
+    now: Trajectory
+    trial: Trajectory
+    lower: Array
+    upper: Array
+    slack: Array
+
+
+def workspace(
+    size: Dimensions, penalty_terminal: Array, penalty_path: Array, trust_radius: Array
+) -> Workspace:
+    """Memory for plans of a problem, with the options that C-MPSP has by default.
+
+    Args:
+        size: Its dimensions; the horizon is the longest there will be.
+        penalty_terminal: Weight of each terminal output in merit and relaxation, shape ``(m,)``.
+        penalty_path: Weight of each path constraint in merit and relaxation, shape ``(l,)``.
+        trust_radius: Largest predicted change of each state in one iteration, infinite where
+            free, shape ``(n,)``.
+    """
+    sizes = size.horizon, size.state, size.control, size.output, size.path
+    program = empty_program(*sizes)
+    program.terminal['weight'] = penalty_terminal
+    program.path['weight'] = penalty_path
+    program.head['trust_radius'] = trust_radius
+    run: NDArray[Any] = np.zeros(1, RUN)
+    run['line_search'] = run['elastic'] = 1
+    controls = (size.horizon + 1, size.control)
+    return Workspace(
+        run=run,
+        program=program,
+        now=_trajectory(size),
+        trial=_trajectory(size),
+        lower=np.full(controls, -np.inf),
+        upper=np.full(controls, np.inf),
+        slack=np.zeros(size.path + size.output),
+    )
+
+
+def _trajectory(size: Dimensions) -> Trajectory:
+    K = size.horizon + 1
+    return Trajectory(
+        np.zeros((K, size.control)),
+        np.zeros((K, size.state)),
+        np.zeros(size.output),
+        np.zeros((K, size.path)),
+    )

@@ -57,7 +57,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         `SOLVED`, `INFEASIBLE`, `NO_CURVATURE`, or `ITERATION_LIMIT` where work or room ran out.
     """
     head, sweeps, warm_started = p.head[0], 0, warm[0] > 0
-    head.iterations = head.is_factorised = 0
+    head.iterations = 0
     at = on_horizon(p, whole)
     shift_warm_start(p, warm)
     fix_from(p, warm)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import reduce
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from cmpsp_ros.robot.moving_discs import (
     X,
     Y,
 )
+from cmpsp_ros.robot.road_space import RoadSpace
 from cmpsp_ros.robot.shape_functions import ROUGHNESS, distance_from, sweep, sweep_moving
 
 Array = NDArray[np.float64]
@@ -245,7 +246,7 @@ def _sweep(
     wheel_radius: float,
     half_track: float,
     between: bool,
-    road: Any,
+    road: RoadSpace,
     corners: Array,
     first: Indices,
     radii: Array,

@@ -13,6 +13,7 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.corridor import Corridor
 from cmpsp_ros.robot.road import Road
+from cmpsp_ros.robot.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -109,7 +110,7 @@ def place_of(road: Road, pose: Array, before: float) -> float:
 
 
 @allocation_free
-def _place(road: Any, x: float, y: float, heading: float, before: float, far: float) -> float:
+def _place(road: RoadSpace, x: float, y: float, heading: float, before: float, far: float) -> float:
     place: float = road_functions.find(road, x, y, heading, before)
     _, _, over, over_other = road_functions.measure(road, 0, x, y, place)
     if max(over, over_other) > far:
@@ -119,7 +120,7 @@ def _place(road: Any, x: float, y: float, heading: float, before: float, far: fl
 
 @allocation_free
 def _way(
-    road: Any,
+    road: RoadSpace,
     x: float,
     y: float,
     heading: float,
@@ -135,7 +136,7 @@ def _way(
 
 
 @allocation_free
-def _ahead(road: Any, x: float, y: float, heading: float, way: float, near: float) -> Any:
+def _ahead(road: RoadSpace, x: float, y: float, heading: float, way: float, near: float) -> Any:
     here = road_functions.find(road, x, y, heading, near)
     at_x, at_y = road_functions.ahead(road, x, y, here, way, (x, y))
     before_x, before_y = road_functions.ahead(road, x, y, here, 0.999 * way, (x, y))

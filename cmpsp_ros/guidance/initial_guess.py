@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
 from cmpsp_ros.robot.differential_drive import drive
+from cmpsp_ros.robot.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ def _follow(
     controls: Array,
     poses: Array,
     durations: Array,
-    road: Any,
+    road: RoadSpace,
     goal: tuple[float, float],
     goal_heading: float,
     wheel_radius: float,
@@ -112,7 +113,7 @@ def _follow(
 
 @allocation_free
 def _aim(
-    road: Any,
+    road: RoadSpace,
     x: float,
     y: float,
     progress: float,
@@ -154,7 +155,7 @@ def ways_left(settings: GuidanceSettings, poses: Array, near: float = math.nan) 
 @allocation_free
 def _leave(
     ways: Array,
-    road: Any,
+    road: RoadSpace,
     poses: Array,
     goal_x: float,
     goal_y: float,

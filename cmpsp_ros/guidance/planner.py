@@ -14,11 +14,11 @@ from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanose
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.task import Task
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.iteration import Options
 
 # Imported whole: a file that takes names from it counts as one with kernels of its own.
 from cmpsp_ros.mpsp.jit import compiled
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.iteration import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.realtime.control_rate import ControlRateData
@@ -36,7 +36,12 @@ from cmpsp_ros.mpsp.realtime.workspace import Workspace, workspace
 from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.guidance_functions import GuidanceData
-from cmpsp_ros.robot.guidance_problem import begun_at, guidance_data, target_of
+from cmpsp_ros.robot.guidance_problem import (
+    begun_at,
+    guidance_data,
+    target_of,
+    with_parameters,
+)
 from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
@@ -80,7 +85,7 @@ class Planner:
         task.aim(settings)
         self._make_rules()
         if self._space is not None:
-            self._given = self._given._replace(goal=task.goal, heading=task.heading)
+            self._given = with_parameters(self._given, goal=task.goal, heading=task.heading)
         if task.outputs != outputs:
             self._enter_room(len(_longest(settings).durations))
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.candidate import Candidate
-from cmpsp_ros.guidance.goals import place_of, way_along
+from cmpsp_ros.guidance.goals import line_ahead, place_of, way_along
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import along_road, ways_left
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
@@ -27,6 +27,9 @@ from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_INTERIOR_POINT, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robot.corridor import Corridor
+from cmpsp_ros.robot.moving_discs import MovingDiscs
 from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
@@ -35,6 +38,8 @@ _A_RATE = 1.0
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
 _STEPS_ACROSS = 50
+_A_ROAD = Corridor(((0.0, 0.0), (1.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+_A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
 
 def prepare(settings: GuidanceSettings) -> None:
@@ -48,17 +53,35 @@ def prepare(settings: GuidanceSettings) -> None:
     """
     settings = _made_short(settings)
     warm_up(settings)
-    ways_left(settings, settings.road.middle()[None])
+    run_kernels(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
-    _look_for_ways(settings)
-    _compare_plans(settings)
-    way_along(settings.road, settings.road.middle(), settings.goal)
-    place_of(settings.road, settings.road.middle(), math.nan)
+    circular = _on_annulus(settings)
+    _look_for_ways(circular)
+    _compare_plans(circular)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
+
+
+def run_kernels(settings: GuidanceSettings) -> None:
+    """Run every kernel of robot and road beside those of the planner.
+
+    Each of them is compiled once, for all kinds of road.
+    """
+    pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
+    on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
+    space = ClearSpace.of(_A_ROAD, (), 0.0)
+    space.at(pose[None])
+    space.along(pose[None], controls[:1], durations)
+    _A_DISC.along(pose[None], controls[:1], durations, durations)
+    Audit(on_road).check(pose, controls, durations, _A_DISC)
+    along_road(on_road, pose, durations)
+    ways_left(on_road, pose[None])
+    way_along(_A_ROAD, pose, on_road.goal)
+    line_ahead(_A_ROAD, pose, 1.0)
+    place_of(_A_ROAD, pose, math.nan)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
@@ -122,11 +145,16 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     backend(RICCATI_INTERIOR_POINT)(subproblem, None)
 
 
+def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:
+    """Settings with a road where plans are compared, which a live change may bring."""
+    if isinstance(settings.road, Annulus):
+        return settings
+    return replace(settings, road=Annulus(), goal=(10.0, 0.0))
+
+
 def _look_for_ways(settings: GuidanceSettings) -> None:
     """Search as far as from one side of a road to the other, wherever the goal is at present."""
-    road = settings.road
-    if not isinstance(road, Annulus):
-        return
+    road = settings.annulus
     pose, durations = road.middle(), np.full(_STEPS_ACROSS, settings.control_period)
     opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
     space = Task(opposite).space(along_road(opposite, pose, durations), durations)
@@ -135,9 +163,7 @@ def _look_for_ways(settings: GuidanceSettings) -> None:
 
 def _compare_plans(settings: GuidanceSettings) -> None:
     """Tell a plan's way and its merit, which is done where there are several."""
-    road = settings.road
-    if not isinstance(road, Annulus):
-        return
+    road = settings.annulus
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose, held = remaining(0, period, final), road.middle(), np.zeros(2)
     guess = along_road(settings, pose, horizon.durations)

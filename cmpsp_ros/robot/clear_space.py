@@ -5,18 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.annulus_functions import AnnulusSpace
 from cmpsp_ros.robot.arcs import arc_from
 from cmpsp_ros.robot.between_samples import TwistLimits, at_ends, outside, outside_known
 from cmpsp_ros.robot.obstacles import Shape
-from cmpsp_ros.robot.road import Road, RoadSpace
+from cmpsp_ros.robot.road import Road
+from cmpsp_ros.robot.road_space import ANNULUS, RoadSpace
 from cmpsp_ros.robot.shape_functions import distance_from, sweep
 
 Array = NDArray[np.float64]
@@ -24,6 +24,22 @@ Indices = NDArray[np.int64]
 
 # Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
 _JUMP = 0.1
+
+
+class AnnulusLimits(NamedTuple):
+    """Where between two circles the robot's centre may be.
+
+    Attributes:
+        center: Of both circles, shape ``(2,)`` [m].
+        center_radius: ``r_p``, radius of the road's centre line [m].
+        inner: Least distance from the centre, one for all stages or one for each, ``(K,)`` [m].
+        outer: Greatest distance from it, shape ``(K,)`` [m].
+    """
+
+    center: Array
+    center_radius: float
+    inner: Array
+    outer: Array
 
 
 @dataclass(frozen=True)
@@ -75,16 +91,16 @@ class ClearSpace:
         return np.array([np.hypot(*(part - center).T).max() for part, center in parts])
 
     @property
-    def annulus(self) -> AnnulusSpace:
+    def annulus(self) -> AnnulusLimits:
         """The road, for what is about roads between two circles only.
 
         Raises:
             ValueError: It is another.
         """
-        if not isinstance(self.road, AnnulusSpace):
-            found = type(self.road).__name__
-            raise ValueError(f'road: found {found}, wanted AnnulusSpace')  # noqa: TRY004
-        return self.road
+        if self.road.kind != ANNULUS:
+            raise ValueError('road: found another kind, wanted an annulus')
+        x, y, radius = self.road.shape[['center_x', 'center_y', 'center_radius']].item()
+        return AnnulusLimits(np.array([x, y]), radius, self.road.kept[:, 1], self.road.kept[:, 0])
 
     def for_samples(self, limits: TwistLimits, period: float) -> ClearSpace:
         """Space to keep to at samples so that any arcs between them stay within this one.
@@ -122,10 +138,9 @@ class ClearSpace:
         Returns:
             A space for each of the samples.
         """
-        road: Any = of.road
         return replace(
             self,
-            road=self.road.with_some(samples, road),
+            road=self.road.with_some(samples, of.road),
             radii=np.where(samples[:, None], of.radii, self.radii),
         )
 
@@ -187,7 +202,7 @@ class ClearSpace:
 
 
 @allocation_free
-def _edges_at(clearance: Array, road: Any, poses: Array, near: float) -> None:
+def _edges_at(clearance: Array, road: RoadSpace, poses: Array, near: float) -> None:
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
         place = road_functions.find(road, x, y, poses[k, 2], near)
@@ -198,7 +213,7 @@ def _edges_at(clearance: Array, road: Any, poses: Array, near: float) -> None:
 
 @allocation_free
 def _edges_along(
-    clearance: Array, road: Any, near: float, poses: Array, twists: Array, times: Array
+    clearance: Array, road: RoadSpace, near: float, poses: Array, twists: Array, times: Array
 ) -> None:
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):

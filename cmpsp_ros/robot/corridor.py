@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.robot.center_line import CenterLine, Samples, fit, sample
-from cmpsp_ros.robot.corridor_functions import CorridorSpace
+from cmpsp_ros.robot.road_space import CORRIDOR, PIECE, RoadSpace, road_space
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class Corridor:
         """Of the centre line [m]."""
         return self._line.length
 
-    def space(self, distance: float) -> CorridorSpace:
+    def space(self, distance: float) -> RoadSpace:
         """Where the robot's centre is at least so far from both edges [m]."""
         return self._space._replace(kept=np.full((1, 2), float(distance)))
 
@@ -154,7 +154,7 @@ class Corridor:
         return Samples(*(np.concatenate([a, b[..., :1]], axis=-1) for a, b in both))
 
     @cached_property
-    def _space(self) -> CorridorSpace:
+    def _space(self) -> RoadSpace:
         line, at = self._line, self._samples
         inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
         radius = 1.0 / max(float(np.abs(at.curvature).max()), 1e-9)
@@ -167,22 +167,24 @@ class Corridor:
         places = np.arange(count) * (line.length / count)
         stations = (np.interp(places, at.progress, each) for each in (at.x, at.y))
         heading = np.interp(places, at.progress, np.unwrap(np.arctan2(at.sine, at.cosine)))
-        begins = np.linspace(line.knots[0], line.knots[-1], len(line.pieces), endpoint=False)
-        return CorridorSpace(
-            knots=line.knots,
-            pieces=line.pieces,
-            cells=np.searchsorted(line.knots, begins, side='right') - 1,
-            cells_in_metre=len(begins) / float(line.knots[-1] - line.knots[0]),
+        cells = np.linspace(line.knots[0], line.knots[-1], len(line.pieces), endpoint=False)
+        pieces = np.zeros(len(line.knots), PIECE)
+        pieces['begin'] = line.knots
+        pieces['curves'][:-1] = line.pieces.reshape(-1, 4, 4)
+        pieces['at_cell'][:-1] = np.searchsorted(line.knots, cells, side='right') - 1
+        return road_space(
+            CORRIDOR,
+            pieces=pieces,
             stations=np.column_stack([*stations, np.cos(heading), np.sin(heading)]),
+            cells_in_metre=len(cells) / float(line.knots[-1] - line.knots[0]),
             station_step=line.length / count,
             closed=self.closed,
             length=line.length,
             stride=radius / 2.0,
             room=room,
             decides=float(at.widths[:, 0].max()),
-            part=np.array([part for part, _ in bounds]),
-            bend=np.array([bend for _, bend in bounds]),
-            kept=np.zeros((1, 2)),
+            part=[part for part, _ in bounds],
+            bend=[bend for _, bend in bounds],
         )
 
     def _bounds(self, side: int, room: float) -> tuple[float, float]:

@@ -131,37 +131,38 @@ def drive(
 
 
 @allocation_free
-def drive_and_differentiate(
-    A: Array,
-    B: Array,
-    poses: Array,
-    wheel_speeds: Array,
-    k: int,
+def gradients(
+    heading: float,
+    right: float,
+    left: float,
     duration: float,
     wheel_radius: float,
     half_track: float,
-) -> None:
-    """Derivatives of `drive` by its pose and by its wheel speeds, into ``A[k]`` and ``B[k]``."""
-    right, left = wheel_speeds[k, 0], wheel_speeds[k, 1]
+) -> Any:
+    """Derivatives of `drive`, those that are neither 0 nor 1 and not those of another twice.
+
+    Returns:
+        Of x and of y by the heading [m/rad]; of x by the right and the left wheel, and of y, all
+        [m s/rad]; of the heading by the right wheel, and by the left one the same negative [s].
+    """
     length_per_wheel = wheel_radius / 2.0 * duration
     turn_per_wheel = wheel_radius / (2.0 * half_track) * duration
     length = (right + left) * length_per_wheel
     turn = (right - left) * turn_per_wheel
     sinc, slope = _sinc_and_slope(turn / 2.0)
-    course = poses[k, 2] + turn / 2.0
+    course = heading + turn / 2.0
     cosine, sine = math.cos(course), math.sin(course)
-    for i in range(3):
-        A[k, i, i] = 1.0
-    A[k, 0, 2] = -length * sinc * sine
-    A[k, 1, 2] = length * sinc * cosine
     x_turn = length * (slope * cosine - sinc * sine) / 2.0
     y_turn = length * (slope * sine + sinc * cosine) / 2.0
-    B[k, 0, 0] = sinc * cosine * length_per_wheel + x_turn * turn_per_wheel
-    B[k, 0, 1] = sinc * cosine * length_per_wheel - x_turn * turn_per_wheel
-    B[k, 1, 0] = sinc * sine * length_per_wheel + y_turn * turn_per_wheel
-    B[k, 1, 1] = sinc * sine * length_per_wheel - y_turn * turn_per_wheel
-    B[k, 2, 0] = turn_per_wheel
-    B[k, 2, 1] = -turn_per_wheel
+    return (
+        -length * sinc * sine,
+        length * sinc * cosine,
+        sinc * cosine * length_per_wheel + x_turn * turn_per_wheel,
+        sinc * cosine * length_per_wheel - x_turn * turn_per_wheel,
+        sinc * sine * length_per_wheel + y_turn * turn_per_wheel,
+        sinc * sine * length_per_wheel - y_turn * turn_per_wheel,
+        turn_per_wheel,
+    )
 
 
 @allocation_free
@@ -183,6 +184,14 @@ def _jacobians(
     half_track: float,
 ) -> None:
     for k in range(durations.shape[0]):
-        drive_and_differentiate(
-            A, B, poses, wheel_speeds, k, durations[k], wheel_radius, half_track
+        A[k, 0, 2], A[k, 1, 2], B[k, 0, 0], B[k, 0, 1], B[k, 1, 0], B[k, 1, 1], turn = gradients(
+            poses[k, 2],
+            wheel_speeds[k, 0],
+            wheel_speeds[k, 1],
+            durations[k],
+            wheel_radius,
+            half_track,
         )
+        for i in range(3):
+            A[k, i, i] = 1.0
+        B[k, 2, 0], B[k, 2, 1] = turn, -turn

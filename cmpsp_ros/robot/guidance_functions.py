@@ -8,15 +8,15 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free, implements, inlined
-from cmpsp_ros.mpsp.realtime import functions
-from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.differential_drive import drive, drive_and_differentiate
+from cmpsp_ros.robot.differential_drive import drive, gradients
+from cmpsp_ros.robot.road_space import RoadSpace
 from cmpsp_ros.robot.shape_functions import away_from
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Records = NDArray[np.void]
 
 EDGES = 2
 """Path constraints of the road, one an edge; the obstacles' follow."""
@@ -31,6 +31,28 @@ LEVER: Final = 0.02
 """What a radian of heading counts beside a metre of way in the miss of a pose [m]."""
 
 
+PARAMETERS: Final = np.dtype(
+    [
+        # Point to pass at the end [m].
+        ('goal', np.float64, (2,)),
+        # Heading to pass it with, where there are three outputs. Where there is one it is the line
+        # through the goal across this direction that is to be passed [rad].
+        ('heading', np.float64),
+        # The paper's r and L [m].
+        ('wheel_radius', np.float64),
+        ('half_track', np.float64),
+        # Weights: q, on the squared distance to the centre line [1/m^2]; R, on the squared change
+        # between iterations, and the weight of the squared wheel speeds [s^2/rad^2].
+        ('road_center', np.float64),
+        ('control_change', np.float64),
+        ('control_effort', np.float64),
+        # `GAUSS_NEWTON`, `PROJECTED` or `EXACT`.
+        ('hessian', np.int64),
+    ]
+)
+"""What of a problem does not change from one control step to the next, but for its arrays."""
+
+
 class GuidanceData(NamedTuple):
     """One robot's problem from where it is.
 
@@ -39,151 +61,167 @@ class GuidanceData(NamedTuple):
 
     Attributes:
         pose: Present pose, shape ``(3,)`` [m, m, rad].
-        goal: Point to pass at the end, shape ``(2,)`` [m].
-        heading: Heading to pass it with, where there are three outputs. Where there is one it is
-            the line through the goal across this direction that is to be passed [rad].
+        near: Progress of a place near the pose, NaN where none is known [m].
         durations: Length of every step, shape ``(N,)`` [s].
-        road: Where on the road the robot's centre may be, as `road_functions` has it.
-        near: Progress of a place near the pose, not a number where none is known [m].
+        parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
+        road: Where on the road the robot's centre may be.
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
         first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
         radii: Least distances from the obstacles without their radii, ``-inf`` where there is
             nothing to keep to, shape ``(K, M)`` [m].
-        wheel_radius: The paper's ``r`` [m].
-        half_track: The paper's ``L`` [m].
-        road_center: ``q``, on the squared distance to the centre line [1/m^2].
-        control_change: ``R``, on the squared change between iterations [s^2/rad^2].
-        control_effort: On the squared wheel speeds [s^2/rad^2].
-        hessian: `GAUSS_NEWTON`, `PROJECTED` or `EXACT`.
     """
 
     pose: Array
-    goal: Array
-    heading: float
-    durations: Array
-    road: Any
     near: float
+    durations: Array
+    parameters: Records
+    road: RoadSpace
     corners: Array
     first: Indices
     radii: Array
-    wheel_radius: float
-    half_track: float
-    road_center: float
-    control_change: float
-    control_effort: float
-    hessian: int
 
 
-@implements(functions.predict, GuidanceData)
+@allocation_free
 def predict(data: GuidanceData, U: Array, X: Array) -> None:
-    """Exact arcs under zero-order hold; see `functions.predict`."""
+    """Roll out the dynamics (1): exact arcs under zero-order hold.
+
+    Args:
+        data: The problem.
+        U: Controls, shape ``(N + 1, 2)``; this array and all below may be longer than that.
+        X: Filled with the poses, shape ``(N + 1, n)``.
+    """
+    p = data.parameters[0]
     for i in range(3):
         X[0, i] = data.pose[i]
     for k in range(data.durations.shape[0]):
-        drive(X, U, k, data.durations[k], data.wheel_radius, data.half_track)
+        drive(X, U, k, data.durations[k], p.wheel_radius, p.half_track)
 
 
-@implements(functions.evaluate, GuidanceData)
+@allocation_free
 def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Array) -> float:
-    """Value of (95) without its proximal term; see `functions.evaluate`."""
-    cost = 0.0
-    N = data.durations.shape[0]
+    """Value of (95) without its proximal term, terminal output (5) and path constraints (4).
+
+    Args:
+        data: The problem.
+        X: States, shape ``(N + 1, n)``.
+        U: Controls, shape ``(N + 1, 2)``.
+        output_error: Filled with ``Y_N - Y_N*``, shape ``(m,)``.
+        g: Filled with the path constraints, ``-inf`` where one does not apply; ``(N + 1, l)``.
+
+    Returns:
+        ``J``.
+    """
+    p, cost = data.parameters[0], 0.0
+    N, outputs = data.durations.shape[0], output_error.shape[0]
     progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
-        progress, off_center = _keep_on_road(data, X, k, progress, g)
+        progress, off_center, g[k, 0], g[k, 1] = _keep_on_road(data, X, k, progress)
         for j in range(data.radii.shape[1]):
             g[k, EDGES + j], _, _ = _keep_away(data, X, k, j)
-        cost += data.road_center * off_center * off_center
-        cost += data.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
-    _miss(data, X, output_error)
+        cost += p.road_center * off_center * off_center
+        cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
+    errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
+    for j in range(outputs):
+        output_error[j] = errors[j]
     return 0.5 * cost
 
 
-@implements(functions.linearise, GuidanceData)
-def linearise(data: GuidanceData, X: Array, U: Array, qp: StageQP) -> None:
-    """Analytic derivatives; see `functions.linearise`.
+@allocation_free
+def linearise(
+    data: GuidanceData, X: Array, U: Array, stages: Records, path: Records, terminal: Records
+) -> None:
+    """Analytic derivatives along a trajectory, for ``n`` states of which the pose is the first.
 
     The second derivative of half the squared distance from the centre line is ``n n' + a t t'``
     with unit vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term
     out. Where ``a`` is negative, on the inner side of a curve, it is 0 in the projection.
+
+    Entries that are always 0 are not written.
+
+    Args:
+        data: The problem.
+        X: States, shape ``(N + 1, n)``.
+        U: Controls, shape ``(N + 1, 2)``.
+        stages: Records of `layout.stage_type`, shape ``(N + 1,)``.
+        path: Path constraints, records of `layout.row_type`, shape ``(N + 1, l)``.
+        terminal: Terminal constraints, records of `layout.row_type`, shape ``(m,)``.
     """
-    N = data.durations.shape[0]
-    q = data.road_center
-    curvature = data.control_change + data.control_effort
+    p, N = data.parameters[0], data.durations.shape[0]
+    q, curvature = p.road_center, p.control_change + p.control_effort
     progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
+        stage = stages[k]
         if k < N:
-            duration = data.durations[k]
-            drive_and_differentiate(
-                qp.A, qp.B, X, U, k, duration, data.wheel_radius, data.half_track
+            A, B = stage.A, stage.B
+            A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
+                X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
             )
-        progress, off_center = _keep_on_road(data, X, k, progress, qp.g)
-        x, y, along, first_x, first_y, second_x, second_y = road_functions.slopes(
+            for i in range(3):
+                A[i, i] = 1.0
+            B[2, 0], B[2, 1] = turn, -turn
+        outer, inner = path[k, 0], path[k, 1]
+        progress, off_center, outer.value, inner.value = _keep_on_road(data, X, k, progress)
+        x, y, along, outer.X[0], outer.X[1], inner.X[0], inner.X[1] = road_functions.slopes(
             data.road, X[k, 0], X[k, 1], progress
         )
-        if data.hessian == GAUSS_NEWTON:
+        if p.hessian == GAUSS_NEWTON:
             along = 0.0
-        elif data.hessian == PROJECTED:
+        elif p.hessian == PROJECTED:
             along = max(along, 0.0)
-        qp.L_X[k, 0] = q * off_center * x
-        qp.L_X[k, 1] = q * off_center * y
-        qp.L_XX[k, 0, 0] = q * (x * x + along * y * y)
-        qp.L_XX[k, 0, 1] = q * (x * y - along * x * y)
-        qp.L_XX[k, 1, 0] = qp.L_XX[k, 0, 1]
-        qp.L_XX[k, 1, 1] = q * (y * y + along * x * x)
+        stage.L_X[0] = q * off_center * x
+        stage.L_X[1] = q * off_center * y
+        L_XX = stage.L_XX
+        L_XX[0, 0] = q * (x * x + along * y * y)
+        L_XX[0, 1] = q * (x * y - along * x * y)
+        L_XX[1, 0] = L_XX[0, 1]
+        L_XX[1, 1] = q * (y * y + along * x * x)
         for a in range(2):
-            qp.L_U[k, a] = data.control_effort * U[k, a]
-            for b in range(2):
-                qp.L_UU[k, a, b] = curvature if a == b else 0.0
-        qp.g_X[k, 0, 0] = first_x
-        qp.g_X[k, 0, 1] = first_y
-        qp.g_X[k, 1, 0] = second_x
-        qp.g_X[k, 1, 1] = second_y
+            stage.L_U[a] = p.control_effort * U[k, a]
+            stage.L_UU[a, a] = curvature
         for j in range(data.radii.shape[1]):
-            qp.g[k, EDGES + j], x, y = _keep_away(data, X, k, j)
-            qp.g_X[k, EDGES + j, 0] = -x
-            qp.g_X[k, EDGES + j, 1] = -y
-    _miss(data, X, qp.output_error)
-    outputs = qp.output_error.shape[0]
+            row = path[k, EDGES + j]
+            row.value, x, y = _keep_away(data, X, k, j)
+            row.X[0], row.X[1] = -x, -y
+    outputs = terminal.shape[0]
+    errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
+    for j in range(outputs):
+        terminal[j].value = errors[j]
     if outputs == LINE:
-        qp.h_X[0, 0], qp.h_X[0, 1] = math.cos(data.heading), math.sin(data.heading)
+        terminal[0].X[0], terminal[0].X[1] = math.cos(p.heading), math.sin(p.heading)
     else:
-        qp.h_X[0, 0] = qp.h_X[1, 1] = 1.0
+        terminal[0].X[0] = terminal[1].X[1] = 1.0
     if outputs == POSE:
-        qp.h_X[2, 2] = LEVER
+        terminal[2].X[2] = LEVER
 
 
 @allocation_free
-def _miss(data: GuidanceData, X: Array, output_error: Array) -> None:
+def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) -> Any:
     """What the last pose is off the goal; a heading by the shorter way round."""
-    N, outputs = data.durations.shape[0], output_error.shape[0]
-    dx, dy = X[N, 0] - data.goal[0], X[N, 1] - data.goal[1]
+    dx, dy = x - p.goal[0], y - p.goal[1]
     if outputs == LINE:
-        output_error[0] = math.cos(data.heading) * dx + math.sin(data.heading) * dy
-    else:
-        output_error[0], output_error[1] = dx, dy
-    if outputs == POSE:
-        turn = X[N, 2] - data.heading
-        output_error[2] = LEVER * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
+        return math.cos(p.heading) * dx + math.sin(p.heading) * dy, 0.0, 0.0
+    turn = heading - p.heading
+    return dx, dy, LEVER * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
 
 
 @allocation_free
-def _keep_on_road(data: GuidanceData, X: Array, k: int, progress: float, g: Array) -> Any:
+def _keep_on_road(data: GuidanceData, X: Array, k: int, progress: float) -> Any:
     """Constraints (92) of the road's edges, not positive where met.
 
     Where the robot is now it cannot be changed: none applies there.
 
     Returns:
-        Progress, and what is off the centre [m].
+        Progress, distance from the centre line, and the constraint of each edge; all [m].
     """
     progress, off_center, first, second = road_functions.measure(
         data.road, k, X[k, 0], X[k, 1], progress
     )
-    g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
-    return progress, off_center
+    if k == 0:
+        first = second = -math.inf
+    return progress, off_center, first, second
 
 
-@inlined
+@allocation_free
 def _keep_away(data: GuidanceData, X: Array, k: int, j: int) -> Any:
     """Constraint (93) of an obstacle, not positive where met, and the unit vector away from it.
 

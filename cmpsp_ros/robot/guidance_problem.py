@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.riccati.stage_qp import empty_qp
+from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.robot import guidance_functions
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.differential_drive import DifferentialDrive
@@ -25,6 +26,7 @@ from cmpsp_ros.robot.guidance_functions import (
     GAUSS_NEWTON,
     LEVER,
     LINE,
+    PARAMETERS,
     POINT,
     POSE,
     PROJECTED,
@@ -101,8 +103,9 @@ class GuidanceProblem(OptimalControlProblem):
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
         self.target = target_of(goal, heading, outputs)
-        data = guidance_data(robot, space, cost, pose, goal, durations, heading=heading)
-        self.data = data._replace(near=float(near))
+        self.data = guidance_data(
+            robot, space, cost, pose, goal, durations, heading=heading, near=near
+        )
 
     def predict(self, U: Array) -> Array:
         """Exact arcs under zero-order hold; shape ``(N + 1, 3)``."""
@@ -120,24 +123,22 @@ class GuidanceProblem(OptimalControlProblem):
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
         """Analytic derivatives; see `guidance_functions.linearise`."""
-        size = self.size
-        qp = empty_qp(size.horizon, size.state, size.control, size.output, size.path)
-        data = self.data._replace(hessian=_HESSIANS[hessian])
-        guidance_functions.linearise(data, np.ascontiguousarray(X), U, qp)
+        N, sizes = self.size.horizon, (self.size.state, self.size.control)
+        stages, row = np.zeros(N + 1, stage_type(*sizes)), row_type(*sizes)
+        path, terminal = np.zeros((N + 1, self.size.path), row), np.zeros(self.size.output, row)
+        data = with_parameters(self.data, hessian=_HESSIANS[hessian])
+        guidance_functions.linearise(data, np.ascontiguousarray(X), U, stages, path, terminal)
+        of_stages = {name: stages[name].copy() for name in ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')}
         return Linearisation(
-            A=qp.A,
-            B=qp.B,
-            L_X=qp.L_X,
-            L_U=qp.L_U,
-            L_XX=qp.L_XX,
-            L_UX=qp.L_UX,
-            L_UU=qp.L_UU,
-            output_error=qp.output_error,
-            h_X=qp.h_X,
-            h_U=qp.h_U,
-            g=qp.g,
-            g_X=qp.g_X,
-            g_U=qp.g_U,
+            A=stages['A'][:N].copy(),
+            B=stages['B'][:N].copy(),
+            output_error=terminal['value'].copy(),
+            h_X=terminal['X'].copy(),
+            h_U=terminal['U'].copy(),
+            g=path['value'].copy(),
+            g_X=path['X'].copy(),
+            g_U=path['U'].copy(),
+            **of_stages,
         )
 
 
@@ -150,32 +151,44 @@ def guidance_data(
     durations: Array,
     hessian: Hessian = 'gauss_newton',
     heading: float = math.nan,
+    near: float = math.nan,
 ) -> GuidanceData:
     """The problem for compiled code; arguments as of `GuidanceProblem`."""
-    return GuidanceData(
+    data = GuidanceData(
         pose=pose,
-        goal=goal,
-        heading=float(heading),
+        near=float(near),
         durations=durations,
+        parameters=np.zeros(1, PARAMETERS),
         road=space.road,
-        near=math.nan,
         corners=np.ascontiguousarray(space.corners),
         first=space.first,
         radii=np.atleast_2d(space.radii),
-        wheel_radius=float(robot.wheel_radius),
-        half_track=float(robot.half_track),
-        road_center=float(cost.road_center),
-        control_change=float(cost.control_change),
-        control_effort=float(cost.control_effort),
+    )
+    return with_parameters(
+        data,
+        goal=goal,
+        heading=heading,
+        wheel_radius=robot.wheel_radius,
+        half_track=robot.half_track,
+        road_center=cost.road_center,
+        control_change=cost.control_change,
+        control_effort=cost.control_effort,
         hessian=_HESSIANS[hessian],
     )
 
 
+def with_parameters(data: GuidanceData, **changes: Any) -> GuidanceData:
+    """The same problem with other values of some fields of `PARAMETERS`."""
+    parameters = data.parameters.copy()
+    for name, value in changes.items():
+        parameters[name] = value
+    return data._replace(parameters=parameters)
+
+
 def begun_at(data: GuidanceData, pose: Array, durations: Array, near: float) -> GuidanceData:
     """The same problem from another pose; arguments as of `GuidanceData`."""
-    goal, heading, road = data.goal, data.heading, data.road
     # `_replace` takes several times as long.
-    return GuidanceData(pose, goal, heading, durations, road, near, *data[6:])
+    return GuidanceData(pose, near, durations, *data[3:])
 
 
 def target_of(goal: Array, heading: float, outputs: int) -> Array:

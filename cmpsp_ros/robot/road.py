@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robot.annulus_functions import AnnulusSpace
 from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.corridor_functions import CorridorSpace
-from cmpsp_ros.robot.open_floor_functions import OpenSpace
+from cmpsp_ros.robot.road_space import ANNULUS, OPEN_FLOOR, RoadSpace, road_space
 
 Array = NDArray[np.float64]
 
@@ -45,14 +44,10 @@ class Annulus:
         """From edge to edge [m]."""
         return self.outer_radius - self.inner_radius
 
-    def space(self, distance: float) -> AnnulusSpace:
+    def space(self, distance: float) -> RoadSpace:
         """Where the robot's centre is at least so far from both edges [m]."""
-        return AnnulusSpace(
-            np.array(self.center, dtype=float),
-            float(self.center_radius),
-            np.array([self.inner_radius + distance], dtype=float),
-            np.array([self.outer_radius - distance], dtype=float),
-        )
+        kept = np.array([[self.outer_radius - distance, self.inner_radius + distance]], dtype=float)
+        return self._space._replace(kept=kept)
 
     def edges(self) -> list[Array]:
         """Both edges as closed lines, the inner first, each of shape ``(K, 2)`` [m]."""
@@ -75,6 +70,11 @@ class Annulus:
         """A pose that is not on the road, shape ``(3,)`` [m, m, rad]."""
         return np.array([self.center[0] + 1.5 * self.outer_radius, self.center[1], math.pi / 2.0])
 
+    @cached_property
+    def _space(self) -> RoadSpace:
+        x, y = self.center
+        return road_space(ANNULUS, center_x=x, center_y=y, center_radius=self.center_radius)
+
     def _circle(self, radius: float) -> Array:
         (x, y), last = self.center, _CORNERS - 1
         angles = [math.tau * i / last for i in range(_CORNERS)]
@@ -92,9 +92,9 @@ class OpenFloor:
         """What a picture should show around a path [m]."""
         return 2.0
 
-    def space(self, distance: float) -> OpenSpace:  # noqa: ARG002
+    def space(self, distance: float) -> RoadSpace:  # noqa: ARG002
         """The whole plane."""
-        return OpenSpace()
+        return _PLANE
 
     def edges(self) -> list[Array]:
         """None."""
@@ -120,5 +120,4 @@ class OpenFloor:
 Road = Annulus | Corridor | OpenFloor
 """What the settings hold."""
 
-RoadSpace = AnnulusSpace | CorridorSpace | OpenSpace
-"""The same for compiled code, less what is kept from the edges."""
+_PLANE = road_space(OPEN_FLOOR)

@@ -1,23 +1,26 @@
-"""What a road is to compiled code: functions of its data.
+"""Functions of a road for compiled code, the same for every kind of road.
 
-The data are a named tuple, its class standing for a kind of road: where on it the robot's centre
-may be. The functions are given for that class by `cmpsp_ros.mpsp.jit.compiled.implements`. A place on a
-road is told by its progress [m], the length along the centre line from where it begins; a road that
-comes by one point twice is told apart by it. Each road has two edges, and its clearance from an
-edge is never more than the distance to it.
+A place on a road is given by its progress [m], the length along the centre line from where it
+begins: that is unique where a road comes by one point twice. Each road has two edges, and its
+clearance from an edge is never more than the distance to it.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robot import annulus_functions, corridor_functions, open_floor_functions
 from cmpsp_ros.robot.arcs import Arc
+from cmpsp_ros.robot.road_space import ANNULUS, CORRIDOR, RoadSpace
 
 FAR = 1e6
 """Clearance from an edge that is not there [m]: a number that can be added, written and read."""
 
 
-def find(road: Any, x: float, y: float, heading: float, near: float) -> float:
+@allocation_free
+def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
     """Progress of a pose.
 
     Args:
@@ -32,10 +35,14 @@ def find(road: Any, x: float, y: float, heading: float, near: float) -> float:
     Returns:
         Progress [m].
     """
-    raise NotImplementedError
+    if road.shape[0].kind == CORRIDOR:
+        progress: float = corridor_functions.find(road, x, y, heading, near)
+        return progress
+    return 0.0
 
 
-def measure(road: Any, k: int, x: float, y: float, progress: float) -> Any:
+@allocation_free
+def measure(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
     """Where a point is across the road.
 
     Args:
@@ -49,10 +56,16 @@ def measure(road: Any, k: int, x: float, y: float, progress: float) -> Any:
         Progress, distance from the centre line with a sign, and one path constraint an edge, not
         positive where met and ``-inf`` where there is no edge; all [m].
     """
-    raise NotImplementedError
+    kind = road.shape[0].kind
+    if kind == ANNULUS:
+        return annulus_functions.measure(road, k, x, y)
+    if kind == CORRIDOR:
+        return corridor_functions.measure(road, k, x, y, progress)
+    return 0.0, 0.0, -math.inf, -math.inf
 
 
-def slopes(road: Any, x: float, y: float, progress: float) -> Any:
+@allocation_free
+def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """Derivatives of what `measure` returns, at the progress that it returned.
 
     Args:
@@ -66,10 +79,16 @@ def slopes(road: Any, x: float, y: float, progress: float) -> Any:
         second derivative of half its square is along the road; the gradients (x, y) of the first
         and of the second constraint.
     """
-    raise NotImplementedError
+    kind = road.shape[0].kind
+    if kind == ANNULUS:
+        return annulus_functions.slopes(road, x, y)
+    if kind == CORRIDOR:
+        return corridor_functions.slopes(road, x, y, progress)
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def sweep(road: Any, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
+@allocation_free
+def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
     """Least clearance of an arc, from end to end.
 
     Args:
@@ -82,11 +101,17 @@ def sweep(road: Any, arc: Arc, progress: float, enough: float, enough_other: flo
     Returns:
         Progress at its end, and clearance from both edges; all [m].
     """
-    raise NotImplementedError
+    kind = road.shape[0].kind
+    if kind == ANNULUS:
+        return annulus_functions.sweep(road, arc)
+    if kind == CORRIDOR:
+        return corridor_functions.sweep(road, arc, progress, enough, enough_other)
+    return open_floor_functions.sweep(arc, FAR)
 
 
+@allocation_free
 def way_to(
-    road: Any, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
+    road: RoadSpace, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
 ) -> float:
     """Length along the centre line from one place to another, negative against its direction.
 
@@ -102,10 +127,16 @@ def way_to(
     Returns:
         The way [m]; the shorter one where the road closes upon itself.
     """
-    raise NotImplementedError
+    kind = road.shape[0].kind
+    if kind == ANNULUS:
+        return annulus_functions.way_to(road, x, y, goal_x, goal_y)
+    if kind == CORRIDOR:
+        return corridor_functions.way_to(road, progress, goal)
+    return math.hypot(goal_x - x, goal_y - y)
 
 
-def ahead(road: Any, x: float, y: float, progress: float, way: float, to: Any) -> Any:
+@allocation_free
+def ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: Any) -> Any:
     """Point of the centre line (x, y) [m] that is some way ahead.
 
     Args:
@@ -116,4 +147,9 @@ def ahead(road: Any, x: float, y: float, progress: float, way: float, to: Any) -
         way: Length along the centre line, negative against its direction [m].
         to: Where that way leads in the end (x, y) [m], for open floor.
     """
-    raise NotImplementedError
+    kind = road.shape[0].kind
+    if kind == ANNULUS:
+        return annulus_functions.ahead(road, x, y, way)
+    if kind == CORRIDOR:
+        return corridor_functions.ahead(road, progress, way)
+    return open_floor_functions.ahead(x, y, way, to)

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robot import corridor_functions as functions
+from cmpsp_ros.robot import road_functions as functions
 from cmpsp_ros.robot.arcs import arc_from
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.corridor import Corridor, RoadError

@@ -89,14 +89,14 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
         if kkt_residual(subproblem, found, penalties) <= TOLERANCE:
             return found
     hard = weight == np.inf
-    conflict = contradicting_rows(qp, rows, hard, row_multipliers(program, np.array(answer.z)))
-    if not conflict:
-        # Minimise the violation alone: the multipliers of that are a proof where it is positive.
-        program = cone_program(qp, rows, _violation_weights(qp, rows, hard))
-        answer = run(program, [], np.zeros(program.A.shape[1] - len(program.price)))
-        conflict = contradicting_rows(qp, rows, hard, row_multipliers(program, np.array(answer.z)))
-    status = QPStatus.INFEASIBLE if conflict else QPStatus.FAILED
-    return QPSolution.unsolved(size, status, conflict)
+    # Its multipliers prove a contradiction with fewer rows than the ray of the program itself.
+    nearest = cone_program(qp, rows, _violation_weights(qp, rows, hard))
+    least = run(nearest, [], np.zeros(nearest.A.shape[1] - len(nearest.price)))
+    for cones, z in (nearest, least.z), (program, answer.z):
+        multipliers = row_multipliers(cones, np.array(z))
+        if conflict := contradicting_rows(qp, rows, hard, multipliers):
+            return QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
+    return QPSolution.unsolved(size, QPStatus.FAILED)
 
 
 def row_weights(rows: Rows, penalties: Penalties | None) -> Array:

@@ -15,7 +15,7 @@ FARTHEST = 1e6
 
 # Sums of parts are wrong by less than this, relative to the sum of their sizes.
 _ROUNDING = 1e-10
-_THRESHOLDS = (1e-3, 1e-6, 1e-9, 0.0)
+_THRESHOLDS = (0.3, 0.1, 0.03, 1e-2, 1e-3, 1e-6, 1e-9, 0.0)
 
 
 def contradicting_rows(

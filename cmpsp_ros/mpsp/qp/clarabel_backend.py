@@ -34,8 +34,8 @@ _CLARABEL_TOLERANCE = 1e-12
 _MAX_ITERATIONS = 200
 # Limits no farther apart than that, relative to 1 plus their size, are an equality.
 _EQUAL = 1e-10
-# A multiplier so much smaller than its slack, both scaled, is 0.
-_INACTIVE = 1e-6
+# A multiplier so much smaller than its slack, both scaled, is 0: the first that passes the check.
+_INACTIVE = (1e-4, 1e-6, 0.0)
 
 
 class ConeProgram(NamedTuple):
@@ -78,13 +78,13 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     weight = row_weights(rows, penalties)
     if not _is_finite(subproblem, rows, weight):
         return QPSolution.unsolved(size, QPStatus.FAILED)
-    for index in np.flatnonzero(rows.lower > rows.upper):
+    for index in np.flatnonzero(rows.lower > rows.upper).tolist():
         return QPSolution.unsolved(size, QPStatus.INFEASIBLE, (row_of(qp, rows, index),))
     if not factorise(qp, whitening(size.horizon, size.state, size.control)):
         return QPSolution.unsolved(size, QPStatus.FAILED)
     program = cone_program(qp, rows, weight)
     answer = run(program, *cost_of(qp))
-    for threshold in (_INACTIVE, 0.0):
+    for threshold in _INACTIVE:
         found = _solution(qp, rows, program, answer, threshold)
         if kkt_residual(subproblem, found, penalties) <= TOLERANCE:
             return found

@@ -58,15 +58,14 @@ def contradicting_rows(
 
 def row_lengths(rows: Rows) -> Array:
     """Euclidean length of each row in controls and states, shape ``(R,)``."""
-    squares = np.bincount(rows.G.row, rows.G.value**2, minlength=len(rows.lower))
-    lengths: Array = np.sqrt(squares)
-    return lengths
+    squares: Array = np.zeros_like(rows.lower)
+    np.add.at(squares, rows.G.row, rows.G.value**2)
+    return np.sqrt(squares)
 
 
 def row_of(qp: StageQP, rows: Rows, index: int) -> Row:
     """The row at an index of `Rows`."""
     N, r = len(qp.A), qp.lower.shape[1]
-    index = int(index)
     if index < len(qp.output_error):
         return Row('terminal', N, index)
     index -= len(qp.output_error)
@@ -83,12 +82,9 @@ def _combine(qp: StageQP, rows: Rows, ray: Array, threshold: float) -> list[int]
     used = np.flatnonzero(ray)
     limit = np.where(ray > 0.0, rows.upper, rows.lower)[used]
     parts = -ray[used] * limit
-    slope = _eliminate_states(
-        qp,
-        np.bincount(
-            rows.G.column, rows.G.value * ray[rows.G.row], minlength=qp.lower.size + qp.L_X[1:].size
-        ),
-    )
+    gradient: Array = np.zeros(qp.lower.size + qp.L_X[1:].size)
+    np.add.at(gradient, rows.G.column, rows.G.value * ray[rows.G.row])
+    slope = _eliminate_states(qp, gradient)
     # Where the sum is least: the bound whose multiplier would be the slope.
     bound = np.where(slope > 0.0, -qp.lower, qp.upper)
     at_bound = np.isfinite(bound) & (np.abs(slope) > threshold)

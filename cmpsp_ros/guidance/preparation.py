@@ -25,7 +25,7 @@ from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import ways_through
 from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
-from cmpsp_ros.mpsp.qp import RICCATI_INTERIOR_POINT, QPSolution, QPStatus, backend
+from cmpsp_ros.mpsp.qp import CLARABEL, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
 from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.robot.corridor import Corridor
@@ -128,7 +128,7 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 def _meet_difficulties(settings: GuidanceSettings) -> None:
     """Run what the general iteration seldom needs: the second-order correction, and the fall-back.
 
-    The active-set method falls back on the interior point.
+    The active-set method falls back on Clarabel, which is imported when it is first asked.
     """
     planner, road = BackEndPlanner(Task(settings)), settings.road
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
@@ -142,7 +142,7 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     unmoved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
     after = iterate.evaluation
     second_order_correction(subproblem, unmoved, after.output_error, after.g)
-    backend(RICCATI_INTERIOR_POINT)(subproblem, None)
+    backend(CLARABEL)(subproblem, None)
 
 
 def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:

@@ -16,9 +16,9 @@ import numpy as np
 from cmpsp_ros.guidance.preparation import prepare
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, old_folders, wanted_place
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT
+from cmpsp_ros.mpsp.jit.watch import compilations
+from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -146,6 +146,6 @@ def _method() -> None:
         target=[0.0],
         g=lambda _k, x, _u: x - 2.0,
     )
-    for qp in (RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT, 'daqp', 'hildreth'):
+    for qp in (RICCATI_ACTIVE_SET, CLARABEL, 'daqp', 'hildreth'):
         options = Options(penalty_terminal=np.array([100.0]), penalty_path=np.array([100.0]), qp=qp)
         solve(problem, np.zeros((4, 1)), options, max_iterations=2)

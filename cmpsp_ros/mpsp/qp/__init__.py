@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.qp import daqp_backend, hildreth, interior_backend, riccati_backend
+from cmpsp_ros.mpsp.qp import clarabel_backend, daqp_backend, hildreth, riccati_backend
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Backend,
@@ -20,8 +21,8 @@ from cmpsp_ros.mpsp.qp.solution import (
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 __all__ = [
+    'CLARABEL',
     'RICCATI_ACTIVE_SET',
-    'RICCATI_INTERIOR_POINT',
     'Backend',
     'Penalties',
     'QPSolution',
@@ -36,12 +37,14 @@ __all__ = [
 RICCATI_ACTIVE_SET = 'riccati_active_set'
 """The default back end."""
 
-RICCATI_INTERIOR_POINT = 'riccati_interior_point'
+CLARABEL = 'clarabel'
 """The back end that the default one falls back on."""
+
+_RENAMED = {'riccati_interior_point': CLARABEL}
 
 _NATIVE: dict[str, Backend] = {
     RICCATI_ACTIVE_SET: riccati_backend.solve,
-    RICCATI_INTERIOR_POINT: interior_backend.solve,
+    CLARABEL: clarabel_backend.solve,
     'daqp': daqp_backend.solve,
     'hildreth': hildreth.solve,
 }
@@ -61,9 +64,15 @@ def available() -> tuple[str, ...]:
 def backend(name: str) -> Backend:
     """The back end of that name.
 
+    A name of an earlier release is accepted with a `FutureWarning` that names the new one.
+
     Raises:
         ProblemError: No back end of that name is installed; says which are.
     """
+    if name in _RENAMED:
+        new = _RENAMED[name]
+        warnings.warn(f'qp: {name!r} is now {new!r}', FutureWarning, stacklevel=2)
+        name = new
     if name in _NATIVE:
         return _NATIVE[name]
     if name not in available():

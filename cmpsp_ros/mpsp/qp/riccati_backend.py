@@ -1,6 +1,6 @@
 """The compiled Riccati active-set method as a back end; nothing is condensed.
 
-Where it gives up, or takes rounding for a contradiction, the interior point is asked.
+Where it gives up, or takes rounding for a contradiction, Clarabel is asked.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
-from cmpsp_ros.mpsp.qp import interior_backend
+from cmpsp_ros.mpsp.qp import clarabel_backend
 from cmpsp_ros.mpsp.qp.rooms import Rooms
 from cmpsp_ros.mpsp.qp.solution import (
     Penalties,
@@ -32,7 +32,7 @@ _rooms = Rooms(solver.solver)
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-    """Solve a subproblem by the dual active-set method, or else by the interior point."""
+    """Solve a subproblem by the dual active-set method, or else by Clarabel."""
     return solve_from(subproblem, penalties, empty_hint(subproblem.size))
 
 
@@ -42,8 +42,8 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
     Args:
         subproblem: The program.
         penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        hint: Rows to begin with; left as those of this solution, and empty where the interior point
-            found it: there are too many of them, or the active-set method cannot use them.
+        hint: Rows to begin with; left as those of this solution, and empty where Clarabel found
+            it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
     otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
@@ -62,7 +62,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) 
             if _contradict(subproblem, conflict):
                 return otherwise
     hint.length[0] = 0
-    answer = interior_backend.solve(subproblem, penalties)
+    answer = clarabel_backend.solve(subproblem, penalties)
     return otherwise if answer.status is QPStatus.FAILED else answer
 
 
@@ -75,7 +75,7 @@ def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
             least.terminal[row.index] = np.inf
         elif row.kind == 'path':
             least.path[row.stage, row.index] = np.inf
-    alone = interior_backend.solve(subproblem.only(rows), least)
+    alone = clarabel_backend.solve(subproblem.only(rows), least)
     return alone.status is QPStatus.INFEASIBLE
 
 

@@ -79,7 +79,7 @@ for hessian, rate, limit, between, delay in changes:
     assert law.update(50 * PERIOD, START).finished
 assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
 
-# Where the active set gives up, the general iteration has the interior point's answers.
+# Where the active set gives up, the general iteration has Clarabel's answers.
 def general(radius):
     changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
     law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))

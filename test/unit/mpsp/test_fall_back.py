@@ -1,11 +1,11 @@
-"""Where the active set gives up, the interior point has the answer."""
+"""Where the active set gives up, Clarabel has the answer."""
 
 import numpy as np
 import pytest
 from programs import contradicting, penalties, program, solve_rows, staged
 
 from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import QPStatus, interior_backend, kkt_residual, solve_qp
+from cmpsp_ros.mpsp.qp import QPStatus, clarabel_backend, kkt_residual, solve_qp
 from cmpsp_ros.mpsp.qp.riccati_backend import empty_hint, solve_from
 from cmpsp_ros.mpsp.riccati import solver
 from cmpsp_ros.mpsp.riccati.active_set import find_active_set
@@ -14,15 +14,15 @@ from cmpsp_ros.mpsp.subproblem import Subproblem
 
 @pytest.fixture
 def asked(monkeypatch):
-    """How often the interior point was asked."""
+    """How often Clarabel was asked."""
     calls = []
 
     def solve(subproblem, penalties):
         calls.append(subproblem)
         return own(subproblem, penalties)
 
-    own = interior_backend.solve
-    monkeypatch.setattr(interior_backend, 'solve', solve)
+    own = clarabel_backend.solve
+    monkeypatch.setattr(clarabel_backend, 'solve', solve)
     return calls
 
 
@@ -72,7 +72,7 @@ def test_rows_that_seem_to_contradict_each_other_are_tried_alone(asked):
 
 
 @pytest.mark.parametrize('seed', range(4))
-def test_an_active_set_that_gives_up_leaves_it_to_the_interior_point(asked, stopped, seed):
+def test_an_active_set_that_gives_up_leaves_it_to_clarabel(asked, stopped, seed):
     qp = program(seed)
     for weights in (None, penalties(qp)):
         found = solve_rows(qp, 'riccati_active_set', weights)
@@ -107,6 +107,6 @@ def test_more_rows_than_there_is_room_for(asked):
 def test_without_curvature_neither_is_of_use(asked):
     qp = program()
     qp = qp.__class__(**(vars(qp) | {'H': -qp.H}))
-    for name in ('riccati_active_set', 'riccati_interior_point'):
+    for name in ('riccati_active_set', 'clarabel'):
         assert solve_rows(qp, name).status is QPStatus.FAILED
     assert asked == []

@@ -25,11 +25,9 @@ from cmpsp_ros.mpsp.qp import (
     solve_qp,
 )
 from cmpsp_ros.mpsp.qp.dense import DensePenalties
+from cmpsp_ros.mpsp.qp.qpsolvers_backend import QpsolversBackend
 
 BACKENDS = available()
-
-# One test of its own says that a caller of this room hears none of this.
-pytestmark = pytest.mark.filterwarnings('ignore:Clarabel.rs terminated')
 
 
 def relaxed_cost(qp, dU, weights):
@@ -195,7 +193,7 @@ def test_not_a_number_is_no_solution(name):
 
 
 def test_unknown_back_end_names_those_that_are_there():
-    wanted = r"qp: found 'newton', wanted one of riccati_active_set, riccati_interior_point, daqp"
+    wanted = r"qp: found 'newton', wanted one of riccati_active_set, clarabel, daqp"
     with pytest.raises(ProblemError, match=wanted):
         backend('newton')
 
@@ -220,3 +218,16 @@ def test_program_is_left_as_it_was():
         np.testing.assert_array_equal(getattr(qp.condensed, name), array)
     for name in ('lower', 'upper', 'trust_radius'):
         np.testing.assert_array_equal(getattr(qp, name), getattr(untouched, name))
+
+
+@pytest.mark.parametrize('solver', ['daqp', 'clarabel'])
+def test_solvers_of_qpsolvers_agree(solver):
+    solve = QpsolversBackend(solver)
+    for seed in range(3):
+        qp = program(seed)
+        for weights in (None, penalties(qp, 2.0, 3.0)):
+            found, reference = solve_rows(qp, solve, weights), solve_rows(qp, 'daqp', weights)
+            assert found.status is reference.status is QPStatus.SOLVED
+            np.testing.assert_allclose(found.dU, reference.dU, atol=1e-5)
+            np.testing.assert_allclose(found.path, reference.path, atol=1e-3)
+        assert solve_rows(contradicting(seed), solve).status is not QPStatus.SOLVED

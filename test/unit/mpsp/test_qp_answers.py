@@ -27,9 +27,6 @@ from cmpsp_ros.mpsp.subproblem import Subproblem
 
 BACKENDS = available()
 
-# One test of its own says that a caller of this room hears none of this.
-pytestmark = pytest.mark.filterwarnings('ignore:Clarabel.rs terminated')
-
 
 def test_residual_rejects_every_perturbed_part():
     qp = program(2)

@@ -6,12 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from cmpsp_ros.mpsp.qp import QPSolution
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.solution import QPSolution
 from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, StageQP
 
-Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
@@ -53,6 +52,10 @@ class Rows(NamedTuple):
 
 def assembled(parts: list[Entries], shape: tuple[int, int]) -> Any:
     """The sparse matrix of all the entries, by columns, without those that are 0."""
+    from scipy import sparse  # noqa: PLC0415 (takes 0.2 s to import, and few runs need it)
+
+    if not parts:
+        return sparse.csc_array(shape)
     row, column, value = (
         np.concatenate([part[index].ravel() for part in parts]) for index in range(3)
     )

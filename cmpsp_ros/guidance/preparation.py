@@ -72,6 +72,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     """
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
     on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
+    on_road.model.roll_out(pose, controls, durations)
     space = ClearSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     space.along(pose[None], controls[:1], durations)

@@ -25,7 +25,7 @@ _BEYOND = 10.0
 
 
 class CenterLine(NamedTuple):
-    """Cubic pieces; see `CorridorSpace`.
+    """Cubic pieces; see `road_space.PIECE`.
 
     Attributes:
         knots: Shape ``(S + 1,)`` [m].

@@ -9,7 +9,9 @@ from typing import Any, Final, ParamSpec, TypeVar, cast
 import numba
 from numba.extending import overload
 
-from cmpsp_ros.mpsp.jit.cache import enable_cache, note_implementation
+from cmpsp_ros.mpsp.jit import fingerprint, internals
+from cmpsp_ros.mpsp.jit.cache import KernelCache
+from cmpsp_ros.mpsp.jit.folder import kernel_folder
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.
@@ -99,7 +101,7 @@ def implements(
             return function if is_it else None
 
         overload(stub, jit_options=ALLOCATION_FREE, strict=False)(choose)
-        note_implementation(data_class, function)
+        fingerprint.implementations.setdefault(data_class, []).append(function)
         return allocation_free(function)
 
     return decorate
@@ -107,5 +109,5 @@ def implements(
 
 def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
     dispatcher = numba.njit(**options)(function)
-    enable_cache(dispatcher, function)
+    internals.set_cache(dispatcher, KernelCache(dispatcher, kernel_folder()))
     return cast('Callable[_P, _R]', dispatcher)

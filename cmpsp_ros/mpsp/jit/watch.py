@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from typing import Any, Final, TextIO
+from contextlib import ExitStack, closing, contextmanager
+from typing import Any, Final
 
 from numba.core.event import Listener, install_listener
 
@@ -84,64 +84,62 @@ def compilations(
 
 
 class ProgressLine:
-    """Says on a terminal, in one line, what is being compiled; elsewhere a line every 5 s.
+    """Shows what is being compiled: in one line of a terminal, elsewhere by a line every 5 s.
 
     Args:
         expected: About how many kernels there are; None if that is not known.
-        stream: Where to; without, the standard error.
+        say: Called with each line; without, it goes to the standard error.
         clock: Seconds.
     """
 
     def __init__(
         self,
         expected: int | None = None,
-        stream: TextIO | None = None,
+        say: Callable[[str], object] | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._expected, self._clock = expected, clock
-        self._stream = sys.stderr if stream is None else stream
+        self._is_terminal = say is None and sys.stderr.isatty()
+        self._say = say or (lambda text: _write(f'{text}\n'))
         self._next: float | None = None
 
     def show(self, count: int, what: str) -> None:
-        """Say what is compiled now, and that so many kernels have been begun."""
+        """Show what is compiled now, and how many kernels have been begun."""
         total, bar = '', ''
         if self._expected is not None and count <= self._expected:
             total = f' of about {self._expected}'
             done = _BAR * count // self._expected
-            bar = f'[{"#" * done}{" " * (_BAR - done)}] '
-        text = f'Compiling kernels (once): {count}{total}: {what}'
-        if self._stream.isatty():
-            self._write(f'\r\x1b[K{bar}{text}')
-        elif self._next is None or self._clock() >= self._next:
-            self._write(f'{text}\n')
+            bar = f'[{"#" * done}{"." * (_BAR - done)}] '
+        text, now = f'Compiling kernels (once): {count}{total}: {what}', self._clock()
+        if self._is_terminal:
+            _write(f'\r\x1b[K{bar}{text}')
+        elif self._next is None or now >= self._next:
+            self._say(text)
         else:
             return
-        self._next = self._clock() + _LINE_PERIOD
+        self._next = now + _LINE_PERIOD
 
     def close(self) -> None:
-        """Leave a clean line."""
-        if self._next is not None and self._stream.isatty():
-            self._write('\r\x1b[K')
+        """Leave an empty line on a terminal."""
+        if self._is_terminal and self._next is not None:
+            _write('\r\x1b[K')
 
-    def _write(self, text: str) -> None:
-        self._stream.write(text)
-        self._stream.flush()
+
+def _write(text: str) -> None:
+    sys.stderr.write(text)
+    sys.stderr.flush()
 
 
 @contextmanager
-def progress(expected: int | None = None, stream: TextIO | None = None) -> Iterator[list[str]]:
-    """Like `compilations`, and says on the standard error what is compiled.
-
-    Args:
-        expected: About how many kernels there are; None if that is not known.
-        stream: Where to say it instead.
-    """
-    line = ProgressLine(expected, stream)
-    with compilations(
-        lambda name: line.show(len(names), name),
-        wait=lambda name: line.show(len(names), f'{name} (another process compiles it)'),
-    ) as names:
-        try:
-            yield names
-        finally:
-            line.close()
+def progress(
+    expected: int | None = None, say: Callable[[str], object] | None = None
+) -> Iterator[list[str]]:
+    """Like `compilations`, with a `ProgressLine` of these arguments."""
+    with (
+        closing(ProgressLine(expected, say)) as line,
+        compilations(
+            lambda name: line.show(len(names), name),
+            wait=lambda name: line.show(len(names), f'{name} (another process compiles it)'),
+        ) as names,
+    ):
+        yield names

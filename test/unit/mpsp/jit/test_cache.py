@@ -1,4 +1,4 @@
-"""Machine code is compiled by one process and loaded by the others, whatever happens to its file."""
+"""Machine code is compiled by one process and loaded by the others, whatever its file suffers."""
 
 from __future__ import annotations
 

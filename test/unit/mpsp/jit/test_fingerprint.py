@@ -148,7 +148,9 @@ def test_many_constants_are_told_apart(module):
 
 
 def test_functions_that_call_each_other_have_one(module):
-    source = 'def even(n):\n    return n == 0 or odd(n - 1)\ndef odd(n):\n    return n and even(n - 1)'
+    source = (
+        'def even(n):\n    return n == 0 or odd(n - 1)\ndef odd(n):\n    return n and even(n - 1)'
+    )
     first, second = module(source), module(source.replace('n and', 'n or'))
     assert fingerprint(first.even) == fingerprint(module(source).even)
     assert len({fingerprint(each) for each in (first.even, first.odd, second.even)}) == 3

@@ -92,11 +92,11 @@ class KernelCache:
             parts = [fingerprint(self._dispatcher), *map(describe_type, arguments)]
         except TypeError:  # no two processes could agree on what it is made of
             return None
-        parts += [function.__module__ or '', function.__qualname__, VERSIONS]
-        parts += map(str, internals.target_description(target_context))
+        name = f'{function.__module__}.{function.__qualname__}'
+        parts += [name, VERSIONS, *map(str, internals.target_description(target_context))]
         digest = hashlib.sha256('\0'.join(parts).encode()).hexdigest()
-        name = re.sub(r'\W+', '-', function.__qualname__).strip('-')
-        return self._folder / f'{name[-80:]}.{digest[:32]}.kernel'
+        name = re.sub(r'[^\w.]+', '-', name)[-150:]
+        return self._folder / f'{name}.{digest[:32]}.kernel'
 
 
 class _Failures(event.Listener):  # type: ignore[misc]  # numba has no types

@@ -46,8 +46,6 @@ class _Node(NamedTuple):
 
 _nodes: WeakKeyDictionary[FunctionType, _Node] = WeakKeyDictionary()
 _overloads: tuple[int, dict[int, list[tuple[Any, str]]]] = 0, {}
-implementations: dict[type, list[Any]] = {}
-"""What `implements` has registered, by class of data."""
 
 
 def fingerprint(kernel: Any) -> str:
@@ -121,9 +119,6 @@ def _with_implementations(
         yield name, value
     for function, options in _overloads[1].get(id(value), ()):
         yield f'{name} by {options}', function
-    if isinstance(value, type):
-        for function in implementations.get(value, ()):
-            yield f'{name} by', function
 
 
 def _names(code: CodeType) -> Iterator[str]:
@@ -219,11 +214,10 @@ def describe_type(kind: Any) -> str:
         return str(kind)
     inside = [describe_type(each) for each in kind.types]
     if isinstance(kind, numba.types.BaseNamedTuple):
-        made_of = [fingerprint(each) for each in implementations.get(kind.instance_class, ())]
-        return f'{_describe(kind.instance_class, [])} {inside} {made_of}'
+        return f'{_describe(kind.instance_class, [])} {inside}'
     return f'tuple {inside}'
 
 
 def _is_known(module: str) -> bool:
     """Whether a module's content goes by a version."""
-    return module.partition('.')[0] in _KNOWN or f'{module}.'.startswith(f'{__package__}.')
+    return module.partition('.')[0] in _KNOWN

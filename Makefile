@@ -84,7 +84,7 @@ demo: setup  ## watch the robot drive: PRESET=case3
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
 test: setup  ## run the tests; more options for pytest in PYTEST_ARGS
-	@$(BIN)/cmpsp warmup > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
+	@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
 	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
 
 lint: check-ros $(PACKAGE)  ## ruff, mypy, and who may import whom
@@ -149,5 +149,5 @@ $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 # memory that compiling takes.
 $(KERNELS): $(PACKAGE) $(shell find cmpsp_ros -name '*.py')
 	@echo 'Compiling what is not compiled yet: minutes, once.'
-	@$(BIN)/cmpsp warmup > $(VENV)/compile.log 2>&1 || { cat $(VENV)/compile.log >&2; exit 1; }
+	@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
 	@touch $@

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
@@ -178,19 +179,20 @@ def study(
 
 
 def warmup() -> None:
-    """Compile whatever nodes and commands run, so that each of them starts at once.
+    """Compile all kernels of nodes and commands, so that each of them starts at once.
 
     Exit code 1 only if there is no folder to keep it in.
     """
+    from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
 
-    with exit_on(ParameterError, code=1), console.status('') as status:
-        outcome = warm_up_all(status.update)
+    with exit_on(ParameterError, code=1), closing(ProgressLine()) as line:
+        outcome = warm_up_all(line.show)
     for part in outcome.parts:
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
         console.print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
     if outcome.removed:
-        console.print(f'removed: machine code of {len(outcome.removed)} other version(s)')
+        console.print(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:
         console.print(f'kept in: {outcome.folder}', soft_wrap=True, highlight=False)
     if outcome.hindrance:

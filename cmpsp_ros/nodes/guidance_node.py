@@ -9,7 +9,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from cmpsp_ros.nodes.compiling import prepare_aloud
+from cmpsp_ros.nodes.compiling import LateCompilations, prepare_aloud
 from cmpsp_ros.nodes.garbage import GarbageCollection
 from cmpsp_ros.nodes.guidance_loop import GuidanceLoop
 from cmpsp_ros.nodes.guidance_report import report_on
@@ -60,6 +60,7 @@ class GuidanceNode(LifecycleNode):
         self._refusal = ''
         self._state = UNCONFIGURED
         self._garbage = GarbageCollection()
+        self._late = LateCompilations()
         autostart = True
         try:
             self._values = declare(self, TABLE, 'guidance')
@@ -124,6 +125,7 @@ class GuidanceNode(LifecycleNode):
         for each in self._scheduling.apply():
             self.get_logger().warning(f'{each} The node goes on without.')
         self._rivals.begin()
+        self._late.begin()
         self._state, self._loop.active = ACTIVE, True
         self.get_logger().info('active')
         return super().on_activate(state)
@@ -166,6 +168,7 @@ class GuidanceNode(LifecycleNode):
     def _give_back(self) -> None:
         """Give back what an active node takes of Python, the system and the robot."""
         self._rivals.end()
+        self._late.end()
         self._garbage.end()
         self._scheduling.restore()
 
@@ -211,8 +214,9 @@ class GuidanceNode(LifecycleNode):
 
     def _report(self) -> Report:
         if not self._is_configured:
-            return report_on(self._state, self._refusal, None, ())
-        return report_on(self._state, self._refusal, self._loop, self._rivals.warnings())
+            return report_on(self._state, self._refusal, None)
+        warnings, errors = self._rivals.warnings(), self._late.errors()
+        return report_on(self._state, self._refusal, self._loop, warnings, errors)
 
     @property
     def _is_configured(self) -> bool:

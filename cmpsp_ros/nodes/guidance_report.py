@@ -17,7 +17,11 @@ if TYPE_CHECKING:
 
 
 def report_on(
-    state: str, refusal: str, loop: GuidanceLoop | None, warnings: Sequence[str]
+    state: str,
+    refusal: str,
+    loop: GuidanceLoop | None,
+    warnings: Sequence[str] = (),
+    errors: Sequence[str] = (),
 ) -> Report:
     """Report on the guidance node.
 
@@ -26,6 +30,7 @@ def report_on(
         refusal: Why it would not go on to another one; empty when it would.
         loop: What it guides by, while it is configured.
         warnings: What is wrong beside that, in sentences.
+        errors: The same, where it must not be.
     """
     decision = None if loop is None else loop.decision
     listeners = {} if loop is None else loop.subscribers
@@ -33,8 +38,8 @@ def report_on(
     if loop is not None and state == ACTIVE:
         if said := [*warnings, *loop.warnings()]:
             level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *said])
-        if loop.road.refusal:
-            level, message = DiagnosticStatus.ERROR, f'{message} {loop.road.refusal}'
+        if said := [*filter(None, [loop.road.refusal]), *errors]:
+            level, message = DiagnosticStatus.ERROR, ' '.join([message, *said])
 
     def figures() -> dict[str, object]:
         values: dict[str, object] = {'state': state, **listeners}

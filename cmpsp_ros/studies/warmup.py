@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
-import shutil
 import time
 from collections.abc import Callable
-from concurrent.futures import as_completed
+from concurrent.futures import wait
+from contextlib import ExitStack
 from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.queues import SimpleQueue
 from pathlib import Path
 from typing import Final
 
@@ -16,7 +18,7 @@ import numpy as np
 from cmpsp_ros.guidance.preparation import prepare
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit.folder import kernel_folder, old_folders, wanted_place
+from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
 from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -27,6 +29,9 @@ from cmpsp_ros.studies.pool import new_pool
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
 """Memory that a process takes while it compiles [GB]."""
+_POLL: Final = 0.2
+"""How often progress is looked for [s]."""
+_reports: Final = ExitStack()
 
 
 @dataclass(frozen=True)
@@ -51,7 +56,7 @@ class Outcome:
     Attributes:
         folder: Where the machine code is; None when there is no place for it.
         parts: What was run, as it was done.
-        removed: Folders of other versions that are gone.
+        removed: Files that were not used for long and are gone.
     """
 
     folder: Path | None
@@ -72,37 +77,42 @@ class Outcome:
         return f'{wanted} is no folder that only you can write to: {instead} (NUMBA_CACHE_DIR).'
 
 
-def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
-    """Run everything that is compiled, and remove what other versions have left.
+def warm_up_all(progress: Callable[[int, str], None] = lambda _count, _name: None) -> Outcome:
+    """Run everything that is compiled, and remove machine code that was not used for long.
 
     Kinds of roads and obstacles have code of their own, and processes share them. Nothing is run
     where there is no folder to keep machine code in.
 
     Args:
-        progress: Told what is under way.
+        progress: Called with the number of kernels begun, and the one being compiled.
 
     Raises:
         ParameterError: The presets cannot be read.
     """
-    if kernel_folder() is None:
+    folder = kernel_folder()
+    if folder is None:
         return Outcome(None, (), ())
-    parts = []
     # The method last: most of its code is the roads' too.
     work = {**_kinds(), 'the method': None}
-    pool = new_pool(min(_workers(), len(work)))
+    begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()
+    count, parts = 0, []
+    pool = new_pool(min(_workers(), len(work)), _report_to, begun)
     try:
-        left = {pool.submit(_do, name, presets): name for name, presets in work.items()}
-        progress(', '.join(left.values()))
-        for done in as_completed(left.copy()):
-            parts.append(done.result())
-            del left[done]
-            progress(', '.join(left.values()))
+        left = {pool.submit(_do, name, presets) for name, presets in work.items()}
+        while left:
+            done, left = wait(left, _POLL)
+            parts += [each.result() for each in done]
+            while not begun.empty():
+                count += 1
+                progress(count, begun.get())
     finally:
         pool.shutdown(cancel_futures=True)
-    removed = old_folders()
-    for each in removed:
-        shutil.rmtree(each, ignore_errors=True)
-    return Outcome(kernel_folder(), tuple(parts), tuple(removed))
+    return Outcome(folder, tuple(parts), tuple(prune(folder.parent, time.time())))
+
+
+def _report_to(begun: SimpleQueue[str]) -> None:
+    """Send the names of kernels from this process, from now on."""
+    _reports.enter_context(compilations(begun.put))
 
 
 def _workers() -> int:

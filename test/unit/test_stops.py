@@ -46,6 +46,7 @@ SOURCES = [
         ROOT / 'cmpsp_ros/nodes' / f'{name}.py'
         for name in (
             'clock_watch',
+            'compiling',
             'guidance_loop',
             'guidance_node',
             'guidance_report',

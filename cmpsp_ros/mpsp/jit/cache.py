@@ -1,132 +1,182 @@
-"""Keeps the machine code of kernels from one process to the next."""
+"""Keeps the machine code of kernels from one process to the next: one file for each signature.
+
+A file is named by a digest of all that its machine code depends on, so it is never out of date.
+One process compiles a kernel; others that want it wait, and load its file.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
-from collections.abc import Callable
-from functools import cache
+import os
+import re
+import tempfile
+import time
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Final
 
-import numba
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
-from numba.core.runtime import rtsys
+from numba.core import event
 
-from cmpsp_ros.mpsp.jit.files import KernelFiles
-from cmpsp_ros.mpsp.jit.folder import PACKAGE, kernel_folder
-from cmpsp_ros.mpsp.jit.library import rebuild
+from cmpsp_ros.mpsp.jit import internals
+from cmpsp_ros.mpsp.jit.fingerprint import VERSIONS, describe_type, fingerprint
 
-_implementations: dict[type, set[str]] = {}
+WAITING: Final = 'cmpsp_ros:wait'
+"""Kind of numba's event while another process compiles what is wanted."""
+
+_PATIENCE: Final = 300.0
+_POLL: Final = 0.05
+_DAY: Final = 86_400.0
+_CHECKSUM: Final = 16
+
+_held: dict[Path, IO[bytes]] = {}
 
 
-class _Place(_CacheLocator):  # type: ignore[misc]  # numba has no types
-    """Where the machine code of the functions of one file is kept.
+class KernelCache:
+    """What numba asks for the machine code of one kernel; it has the methods of numba's own.
 
-    For a file of this package it depends on its path in the package alone, and the folder's name
-    stands for what is in it. A file of anybody else's goes by where it is and what it holds.
+    Args:
+        dispatcher: The kernel, as numba knows it.
+        folder: Where files are kept; None to keep none.
     """
 
-    def __init__(self, path: str, stamp: str, line: int) -> None:
-        self._path, self._stamp, self._line = path, stamp, line
+    def __init__(self, dispatcher: Any, folder: Path | None) -> None:
+        self._dispatcher, self._folder = dispatcher, folder
+        self._compiling: dict[Any, Path] = {}
 
-    @classmethod
-    def from_function(cls, function: Callable[..., Any], file: str) -> _Place | None:
-        """The place of a function's machine code; None where there is no folder or no file."""
-        folder, path = kernel_folder(), Path(file).absolute()
-        if folder is None or not path.is_file():
-            return None
-        if path.is_relative_to(PACKAGE):
-            inside, stamp = path.relative_to(PACKAGE).parent.as_posix().replace('/', '.'), ''
-        else:
-            inside = f'{path.stem}-{hashlib.sha256(bytes(path)).hexdigest()[:16]}'
-            stamp = _digest_of(str(path))
-        return cls(str(folder / inside), stamp, function.__code__.co_firstlineno)
-
-    def get_cache_path(self) -> str:
-        """The folder of the files."""
-        return self._path
-
-    def get_source_stamp(self) -> str:
-        """What has to be the same for the files to be used."""
-        return self._stamp
-
-    def get_disambiguator(self) -> str:
-        """Tells functions of one name apart."""
-        return str(self._line)
-
-
-class _Files(CompileResultCacheImpl):  # type: ignore[misc]  # numba has no types
-    _locator_classes = (_Place,)
-
-    def rebuild(self, target_context: Any, payload: tuple[Any, ...]) -> Any:
-        """What numba makes of a kernel, from what is kept of it."""
-        return rebuild(target_context, payload)
-
-
-class KernelCache(FunctionCache):  # type: ignore[misc]  # numba has no types
-    """Numba's cache of one kernel, which knows its implementations and forgives a bad disk."""
-
-    _impl_class = _Files
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
-        locator = self._impl.locator
-        self._cache_file = KernelFiles(
-            Path(locator.get_cache_path()), self._impl.filename_base, locator.get_source_stamp()
-        )
+    @property
+    def cache_path(self) -> str:
+        """The folder, for numba's statistics."""
+        return str(self._folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The machine code for a signature, or None.
-
-        Numba's own would first load all that it compiles with, which takes longer than the rest.
-        """
-        try:
-            rtsys.initialize(target_context)
-            return self._load_overload(sig, target_context)
-        except Exception:
-            # A file cut short, as by a loss of power, must not keep a robot from starting.
+        """The machine code for a signature; None if it has to be compiled, by this process then."""
+        path = self._path(sig, target_context)
+        if path is None:
             return None
+        if (found := _load(path, sig, target_context)) is None:
+            is_mine = _acquire(path, self._dispatcher)
+            if is_mine and (found := _load(path, sig, target_context)) is not None:
+                _release(path)
+        if found is None:
+            self._compiling[sig] = path
+        return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Keep the machine code for a signature, if that can be done."""
+        path = self._compiling.pop(sig, None)
+        if path is None:
+            return
         try:
-            super().save_overload(sig, data)
+            if (content := internals.dump(data)) is not None:
+                _save(path, content)
+        except OSError:  # the disk is full, or the folder has gone
+            pass
+        finally:
+            _release(path)
+
+    def give_up(self, sig: Any) -> None:
+        """Let others compile it: here that has failed."""
+        if (path := self._compiling.pop(sig, None)) is not None:
+            _release(path)
+
+    def enable(self) -> None:
+        """Numba asks for it; there is nothing to do."""
+
+    disable = flush = enable
+
+    def _path(self, arguments: Any, target_context: Any) -> Path | None:
+        if self._folder is None:
+            return None
+        function = self._dispatcher.py_func
+        try:
+            parts = [fingerprint(self._dispatcher), *map(describe_type, arguments)]
+        except TypeError:  # no two processes could agree on what it is made of
+            return None
+        name = f'{function.__module__}.{function.__qualname__}'
+        parts += [name, VERSIONS, *map(str, internals.target_description(target_context))]
+        digest = hashlib.sha256('\0'.join(parts).encode()).hexdigest()
+        name = re.sub(r'[^\w.]+', '-', name)[-150:]
+        return self._folder / f'{name}.{digest[:32]}.kernel'
+
+
+class _Failures(event.Listener):  # type: ignore[misc]  # numba has no types
+    def on_start(self, event: Any) -> None:
+        """Nothing to do."""
+
+    def on_end(self, event: Any) -> None:
+        cache = internals.cache_of(event.data['dispatcher'])
+        if isinstance(cache, KernelCache) and internals.has_failed(event):
+            cache.give_up(event.data['args'])
+
+
+event.register('numba:compile', _Failures())
+
+
+def _load(path: Path, arguments: Any, target_context: Any) -> Any:
+    try:
+        content = path.read_bytes()
+        if _checksum(content[_CHECKSUM:]) != content[:_CHECKSUM]:  # cut short by a loss of power
+            return None
+        classes = internals.named_tuples(arguments)
+        found = internals.load(content[_CHECKSUM:], classes, target_context)
+        if time.time() - path.stat().st_mtime > _DAY:
+            os.utime(path)
+    except Exception:  # a file that cannot be used must not keep a robot from starting
+        return None
+    return found if tuple(found.signature.args) == tuple(arguments) else None
+
+
+def _save(path: Path, content: bytes) -> None:
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        unfinished = Path(file.name)
+        try:
+            file.write(_checksum(content) + content)
+            file.flush()
+            unfinished.replace(path)
         except OSError:
-            self.disable()
-
-    def _index_key(self, sig: Any, codegen: Any) -> tuple[Any, ...]:
-        return (*super()._index_key(sig, codegen), *sorted(_sources_behind(sig)))
+            unfinished.unlink()
+            raise
 
 
-def enable_cache(dispatcher: Any, function: Callable[..., Any]) -> None:
-    """Have numba's dispatcher of ``function`` load from the cache, if there can be one."""
+def _checksum(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=_CHECKSUM).digest()
+
+
+def _acquire(path: Path, dispatcher: Any) -> bool:
+    """Become the one who compiles what ``path`` is for; False if that is not to be found out."""
+    lock = path.with_suffix('.lock')
+    if path in _held:
+        return False
     try:
-        dispatcher._cache = KernelCache(function)  # noqa: SLF001 (enable_caching has no choice)
-    except (RuntimeError, OSError):
-        # No folder can be had, or its source is in no file.
-        return
-
-
-def note_implementation(data_class: type, function: Callable[..., Any]) -> None:
-    """Make the file of ``function`` part of the key of whatever is compiled for ``data_class``."""
-    source = _digest_of(function.__code__.co_filename)
-    _implementations.setdefault(data_class, set()).add(source)
-
-
-def _sources_behind(sig: Any) -> set[str]:
-    """Digests of the files that implement something for the named tuples of a signature."""
-    found: set[str] = set()
-    for each in sig:
-        if isinstance(each, numba.types.BaseNamedTuple):
-            found |= _implementations.get(each.instance_class, set())
-        if isinstance(each, numba.types.BaseTuple):
-            found |= _sources_behind(each.types)
-    return found
-
-
-@cache
-def _digest_of(filename: str) -> str:
-    try:
-        return hashlib.sha256(Path(filename).read_bytes()).hexdigest()
+        if not _try(path, lock):
+            with event.trigger_event(WAITING, {'dispatcher': dispatcher}):
+                until = time.monotonic() + _PATIENCE
+                while not _try(path, lock):
+                    if time.monotonic() > until:
+                        return False
+                    time.sleep(_POLL)
     except OSError:
-        return filename
+        return False
+    return True
+
+
+def _try(path: Path, lock: Path) -> bool:
+    file = lock.open('ab')
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        # Whoever had it before has removed the file: it then locks nothing.
+        if os.fstat(file.fileno()).st_ino == lock.stat().st_ino:
+            _held[path] = file
+            return True
+    except (BlockingIOError, FileNotFoundError):
+        pass
+    finally:
+        if path not in _held:
+            file.close()
+    return False
+
+
+def _release(path: Path) -> None:
+    if (file := _held.pop(path, None)) is not None:
+        path.with_suffix('.lock').unlink(missing_ok=True)
+        file.close()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
-from numba.extending import overload
 
-from cmpsp_ros.mpsp.jit.cache import enable_cache, note_implementation
+from cmpsp_ros.mpsp.jit import internals
+from cmpsp_ros.mpsp.jit.cache import KernelCache
+from cmpsp_ros.mpsp.jit.folder import kernel_folder
 
 ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
 """Options of numba for functions that allocate nothing.
@@ -40,19 +40,11 @@ def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compile(function, **ALLOCATION_FREE)
 
 
-def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Like `allocation_free`, for a function that becomes a part of its callers.
-
-    Handing over named tuples of a hundred arrays takes longer than many a function does its work.
-    For small functions and for those with one caller: of any other there would be many copies.
-    """
-    return _compile(function, forceinline=True, **ALLOCATION_FREE)
-
-
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
     """The machine code for arguments of these types, called without looking for it each time.
 
-    Looking at the types of a few named tuples of arrays takes microseconds.
+    Looking at the types of a few named tuples of arrays takes microseconds. It relies on
+    `typeof_pyval`, `compile` and `overloads[...].entry_point` of numba's dispatchers.
 
     Args:
         function: A compiled function.
@@ -65,47 +57,7 @@ def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
     return cast('Callable[_P, _R]', dispatcher.overloads[types].entry_point)
 
 
-def implements(
-    stub: Callable[..., Any], data_class: type[tuple[Any, ...]]
-) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Make a function what ``stub`` does in compiled code for one class of data.
-
-    A compiled loop that calls ``stub(data, ...)`` is compiled anew for every class of ``data``,
-    with the implementation for that class inside: no call by pointer is left.
-
-    Args:
-        stub: Plain function that stands for all implementations; it is never run.
-        data_class: Named tuple, the class of the first argument.
-
-    Returns:
-        Decorator; what it returns is compiled and can be called from Python as well.
-
-    Raises:
-        TypeError: From the decorator, if the parameters are not named as those of the stub.
-    """
-
-    def decorate(function: Callable[_P, _R]) -> Callable[_P, _R]:
-        wanted, found = (list(inspect.signature(each).parameters) for each in (stub, function))
-        if found != wanted:
-            raise TypeError(
-                f'{function.__qualname__} has the parameters ({", ".join(found)}), wanted'
-                f' ({", ".join(wanted)}) as {stub.__qualname__}'
-            )
-
-        def choose(data: Any, *_rest: Any) -> Callable[_P, _R] | None:
-            is_it = (
-                isinstance(data, numba.types.BaseNamedTuple) and data.instance_class is data_class
-            )
-            return function if is_it else None
-
-        overload(stub, jit_options=ALLOCATION_FREE, strict=False)(choose)
-        note_implementation(data_class, function)
-        return allocation_free(function)
-
-    return decorate
-
-
 def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:
     dispatcher = numba.njit(**options)(function)
-    enable_cache(dispatcher, function)
+    internals.set_cache(dispatcher, KernelCache(dispatcher, kernel_folder()))
     return cast('Callable[_P, _R]', dispatcher)

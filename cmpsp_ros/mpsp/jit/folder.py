@@ -1,47 +1,31 @@
-"""The folder of the machine code made from these sources, and what the sources are.
-
-Numba by itself notices only a change of the file in which a cached function stands: not of the
-kernels that it calls, nor of the constants that it imports from elsewhere. Here the folder's name
-is a digest of all these sources, so that changed code never meets machine code of before, and the
-same code meets it wherever it was installed.
-"""
+"""The folder of machine code: one for all versions, whose files are named by what they hold."""
 
 from __future__ import annotations
 
-import hashlib
 import os
-import re
 import stat
-import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Final
 
-import numba
-
-PACKAGE: Final = Path(__file__).parents[2]
-"""Folder of this package."""
-
-_NAME: Final = PACKAGE.name
-_MARK: Final = f'{_NAME}.mpsp.jit.compiled import'.encode()
-_IMPORT: Final = re.compile(rb'\b%b((?:\.\w+)+)(?: import (\([^)]*\)|[^\n(]*))?' % _NAME.encode())
+_NAME: Final = __name__.partition('.')[0]
+MAX_AGE: Final = 30 * 86_400.0
+"""How long a file may go unused before it can be removed [s]."""
+MAX_SIZE: Final = 500_000_000
+"""Size up to which nothing is removed [bytes]."""
 
 
 @cache
 def kernel_folder() -> Path | None:
-    """Folder of the machine code made from these sources, or None where there can be none.
+    """Folder of the machine code, or None where there can be none.
 
     It is in ``$NUMBA_CACHE_DIR``, ``$XDG_CACHE_HOME`` or ``~/.cache``; where none of them can be
     used, below the folder for temporary files.
     """
-    try:
-        name = f'kernels-{_key()}'
-    except OSError:
-        return None
-    usable = (each / name for each in _candidates() if _is_ours(each) and _is_ours(each / name))
-    return next(usable, None)
+    folders = (each / 'kernels' for each in _candidates())
+    return next((each for each in folders if _is_ours(each.parent) and _is_ours(each)), None)
 
 
 def wanted_place() -> Path:
@@ -49,12 +33,36 @@ def wanted_place() -> Path:
     return next(_candidates())
 
 
-def old_folders() -> list[Path]:
-    """Folders of the machine code of other versions, beside the one in use."""
-    folder = kernel_folder()
-    if folder is None:
-        return []
-    return sorted(each for each in folder.parent.glob('kernels-*') if each != folder)
+def prune(
+    folder: Path, now: float, max_age: float = MAX_AGE, max_size: int = MAX_SIZE
+) -> list[Path]:
+    """Remove what has not been used for long, oldest first, while the folder is too large.
+
+    Args:
+        folder: The folder; files in folders below count as well.
+        now: Time since the epoch [s].
+        max_age: Files used since so long ago stay [s].
+        max_size: Size that the folder may have [bytes].
+
+    Returns:
+        The files that are gone.
+    """
+    files = []
+    for each in folder.rglob('*'):
+        try:
+            found = each.lstat()
+        except OSError:  # another process has removed it
+            continue
+        if stat.S_ISREG(found.st_mode):
+            files.append((found.st_mtime, found.st_size, each))
+    size, removed = sum(each[1] for each in files), []
+    for used, length, path in sorted(files):
+        if size <= max_size or now - used <= max_age:
+            break
+        path.unlink(missing_ok=True)
+        size -= length
+        removed.append(path)
+    return removed
 
 
 def _candidates() -> Iterator[Path]:
@@ -88,33 +96,3 @@ def _is_ours(folder: Path) -> bool:
     except OSError:
         return False
     return True
-
-
-def _key() -> str:
-    digest = hashlib.sha256(f'{numba.__version__} {sys.version}'.encode())
-    for name, source in sorted(kernel_sources().items()):
-        digest.update(f'\0{name}\0{len(source)}\0'.encode() + source)
-    return digest.hexdigest()[:16]
-
-
-def kernel_sources() -> dict[str, bytes]:
-    """Sources, by path in the package, of all modules with kernels and of what they import."""
-    every = {
-        path.relative_to(PACKAGE).as_posix(): path.read_bytes() for path in PACKAGE.rglob('*.py')
-    }
-    waiting = [name for name, source in every.items() if _MARK in source]
-    found: dict[str, bytes] = {}
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found[name] = every[name]
-            waiting += _imported(every[name], every)
-    return found
-
-
-def _imported(source: bytes, every: Mapping[str, bytes]) -> Iterator[str]:
-    for module, names in _IMPORT.findall(source):
-        path = module.decode().strip('.').replace('.', '/')
-        inside = [f'{path}/{each}' for each in re.findall(r'\w+', names.decode())]
-        for each in (path, *inside):
-            yield from (file for file in (f'{each}.py', f'{each}/__init__.py') if file in every)

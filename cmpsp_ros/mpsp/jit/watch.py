@@ -1,41 +1,145 @@
-"""Notices when numba compiles, so that whoever waits for it can be told."""
+"""Notices when kernels are compiled, so that whoever waits for it can be told."""
 
 from __future__ import annotations
 
+import sys
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from contextlib import ExitStack, closing, contextmanager
+from typing import Any, Final
 
 from numba.core.event import Listener, install_listener
 
-_PACKAGE = f'{__name__.partition(".")[0]}.'
+from cmpsp_ros.mpsp.jit.cache import WAITING, KernelCache
+from cmpsp_ros.mpsp.jit.internals import cache_of
+
+_LINE_PERIOD: Final = 5.0
+_BAR: Final = 20
+
+
+def _ignore(_name: str) -> None:
+    pass
 
 
 class _Watch(Listener):  # type: ignore[misc]  # numba has no types
-    def __init__(self, begin: Callable[[], None]) -> None:
+    def __init__(self, begin: Callable[[str], None], end: Callable[[str], None]) -> None:
         self.names: list[str] = []
-        self._begin = begin
+        self._begin, self._end, self._depth = begin, end, 0
 
     def on_start(self, event: Any) -> None:
-        function = event.data['dispatcher'].py_func
-        # Numba compiles its own functions under way, and tells of them as well.
-        if not function.__module__.startswith(_PACKAGE):
+        name = _name(event)
+        if name is None:
             return
-        if not self.names:
-            self._begin()
-        self.names.append(function.__qualname__)
+        self.names.append(name)
+        self._depth += 1
+        if self._depth == 1:
+            self._begin(name)
 
     def on_end(self, event: Any) -> None:
-        """Nothing to do: who waits knows when it is over."""
+        name = _name(event)
+        if name is None:
+            return
+        self._depth -= 1
+        if self._depth == 0:
+            self._end(name)
+
+
+class _Waits(Listener):  # type: ignore[misc]  # numba has no types
+    def __init__(self, wait: Callable[[str], None]) -> None:
+        self._wait = wait
+
+    def on_start(self, event: Any) -> None:
+        self._wait(_name(event) or '')
+
+    def on_end(self, event: Any) -> None:
+        """Nothing to do."""
+
+
+def _name(event: Any) -> str | None:
+    """The kernel's name; None for functions of numba, which it compiles under way."""
+    dispatcher = event.data['dispatcher']
+    is_ours = isinstance(cache_of(dispatcher), KernelCache)
+    return str(dispatcher.py_func.__qualname__) if is_ours else None
 
 
 @contextmanager
-def compilations(begin: Callable[[], None] = lambda: None) -> Iterator[list[str]]:
-    """The kernels of this package that are compiled within; those that the cache has are not.
+def compilations(
+    begin: Callable[[str], None] = _ignore,
+    end: Callable[[str], None] = _ignore,
+    wait: Callable[[str], None] = _ignore,
+) -> Iterator[list[str]]:
+    """The names of all kernels that are compiled within; those loaded from files are not.
 
     Args:
-        begin: Called before the first of them is compiled.
+        begin: Called with the name of a kernel before it is compiled; not for the kernels that it
+            calls, which are compiled as a part of it.
+        end: The same, when it has been compiled or that has failed.
+        wait: Called with the name of a kernel that another process is compiling.
     """
-    watch = _Watch(begin)
-    with install_listener('numba:compile', watch):
+    watch = _Watch(begin, end)
+    with ExitStack() as stack:
+        stack.enter_context(install_listener('numba:compile', watch))
+        stack.enter_context(install_listener(WAITING, _Waits(wait)))
         yield watch.names
+
+
+class ProgressLine:
+    """Shows what is being compiled: in one line of a terminal, elsewhere by a line every 5 s.
+
+    Args:
+        expected: About how many kernels there are; None if that is not known.
+        say: Called with each line; without, it goes to the standard error.
+        clock: Seconds.
+    """
+
+    def __init__(
+        self,
+        expected: int | None = None,
+        say: Callable[[str], object] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._expected, self._clock = expected, clock
+        self._is_terminal = say is None and sys.stderr.isatty()
+        self._say = say or (lambda text: _write(f'{text}\n'))
+        self._next: float | None = None
+
+    def show(self, count: int, what: str) -> None:
+        """Show what is compiled now, and how many kernels have been begun."""
+        total, bar = '', ''
+        if self._expected is not None and count <= self._expected:
+            total = f' of about {self._expected}'
+            done = _BAR * count // self._expected
+            bar = f'[{"#" * done}{"." * (_BAR - done)}] '
+        text, now = f'Compiling kernels (once): {count}{total}: {what}', self._clock()
+        if self._is_terminal:
+            _write(f'\r\x1b[K{bar}{text}')
+        elif self._next is None or now >= self._next:
+            self._say(text)
+        else:
+            return
+        self._next = now + _LINE_PERIOD
+
+    def close(self) -> None:
+        """Leave an empty line on a terminal."""
+        if self._is_terminal and self._next is not None:
+            _write('\r\x1b[K')
+
+
+def _write(text: str) -> None:
+    sys.stderr.write(text)
+    sys.stderr.flush()
+
+
+@contextmanager
+def progress(
+    expected: int | None = None, say: Callable[[str], object] | None = None
+) -> Iterator[list[str]]:
+    """Like `compilations`, with a `ProgressLine` of these arguments."""
+    with (
+        closing(ProgressLine(expected, say)) as line,
+        compilations(
+            lambda name: line.show(len(names), name),
+            wait=lambda name: line.show(len(names), f'{name} (another process compiles it)'),
+        ) as names,
+    ):
+        yield names

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -37,35 +38,37 @@ def run(tmp_path):
 
 @pytest.fixture
 def caches(tmp_path):
-    """A cache in which the machine code of some files is missing, and that of another version."""
+    """A cache in which the machine code of some files is missing, and a file nobody has used."""
     caches = tmp_path / 'home' / '.cache' / 'cmpsp_ros'
     caches.mkdir(parents=True, mode=0o700)
     folder = kernel_folder()
     shutil.copytree(folder, caches / folder.name)
-    for each in ('guidance/audit.*', 'mpsp/condensing.*'):
-        missing = [*(caches / folder.name).glob(each)]
+    for each in ('guidance.audit', 'mpsp.condensing'):
+        missing = [*(caches / folder.name).glob(f'cmpsp_ros.{each}.*')]
         assert missing
         for file in missing:
             file.unlink()
-    (caches / 'kernels-of-before').mkdir()
+    with (caches / folder.name / 'unused.kernel').open('wb') as unused:
+        unused.truncate(500_000_000)
+    os.utime(unused.name, (time.time() - 31 * 86_400.0,) * 2)
     return caches
 
 
 def test_the_second_time_everything_is_there(run, caches):
-    old = caches / 'kernels-of-before'
     first = run()
     assert first.returncode == 0, first.stderr
     assert 'kernels compiled' in first.stdout
-    assert 'removed: machine code of 1 other version(s)' in first.stdout
-    assert not old.exists()
+    assert 'removed: 1 files not used for 30 days' in first.stdout
     (folder,) = caches.iterdir()
     assert f'kept in: {folder}' in first.stdout
-    assert [*folder.glob('guidance/audit.*.kernel')]
-    assert first.stderr == ''
+    assert [*folder.glob('cmpsp_ros.guidance.audit.*')]
+    assert not (folder / 'unused.kernel').exists()
+    assert first.stderr.startswith('Compiling kernels (once): 1: ')
 
     second = run()
     assert second.returncode == 0, second.stderr
     assert 'kernels compiled' not in second.stdout
+    assert second.stderr == ''
     # Each kind of road with and without what moves, and the method for any problem.
     assert second.stdout.count('all there') == 7
     assert 'removed' not in second.stdout

@@ -1,0 +1,159 @@
+"""Everything that is used of numba beyond its documented interface.
+
+Works with numba 0.59 to 0.68; `test_numba_versions.py` tests both ends.
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+
+from llvmlite import binding
+from numba import types
+from numba.core import config
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
+from numba.core.serialize import NumbaPickler
+from numba.core.typing.templates import builtin_registry
+
+
+def set_cache(dispatcher: Any, cache: object) -> None:
+    """Have a dispatcher ask ``cache`` before it compiles; numba's own way knows no other cache."""
+    dispatcher._cache = cache  # noqa: SLF001
+
+
+def cache_of(dispatcher: Any) -> object:
+    """The cache of a dispatcher."""
+    return getattr(dispatcher, '_cache', None)
+
+
+def has_failed(event: Any) -> bool:
+    """Whether a compilation has ended in an exception; numba's `is_failed` says the opposite."""
+    return event._exc_details is not None  # noqa: SLF001
+
+
+def target_description(target_context: Any) -> tuple[Any, ...]:
+    """Processor, its features and the options of the optimiser."""
+    options = config.OPT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK
+    return (*target_context.codegen().magic_tuple(), *options)
+
+
+def overloads(is_known: Callable[[str], bool]) -> dict[int, list[tuple[Any, str]]]:
+    """Functions that implement something for compiled code, and their options.
+
+    Args:
+        is_known: Whether the functions of a module are of no interest.
+
+    Returns:
+        By the `id` of the function that is called.
+    """
+    found: dict[int, list[tuple[Any, str]]] = {}
+    for called, kind in builtin_registry.globals:
+        for template in getattr(kind, 'templates', ()):
+            function = getattr(template, '_overload_func', None)
+            if function is not None and not is_known(function.__module__ or ''):
+                options = str(getattr(template, '_jit_options', ''))
+                found.setdefault(id(called), []).append((function, options))
+    return found
+
+
+def overload_count() -> int:
+    """How many functions have been registered for compiled code so far."""
+    return len(builtin_registry.globals)
+
+
+def dump(result: Any) -> bytes | None:
+    """What numba has compiled, as bytes; None when it holds addresses of this process."""
+    if any(not each.can_cache for each in result.lifted) or result.library.has_dynamic_globals:
+        return None
+    file = io.BytesIO()
+    _Pickler(file, protocol=4).dump(result._reduce())  # noqa: SLF001 (as numba's own cache does)
+    return file.getvalue()
+
+
+def load(data: bytes, classes: Iterable[type], target_context: Any) -> Any:
+    """What numba makes of the bytes of `dump`.
+
+    Numba's own way of loading begins with `target_context.refresh()`, which takes a second, and
+    parses bitcode that only a compilation needs, which takes twice as long as the rest.
+
+    Args:
+        data: The bytes.
+        classes: Named tuples in the signature; others are imported.
+        target_context: Numba's description of this processor.
+
+    Raises:
+        Exception: Of any kind: a class that cannot be imported, or another version's bytes.
+    """
+    rtsys.initialize(target_context)
+    kept = _Unpickler(io.BytesIO(data), classes).load()
+    codegen, (_, description, *_) = target_context.codegen(), kept
+    codegen._engine._defined_symbols |= {  # noqa: SLF001 (numba finds them in the bitcode)
+        description.llvm_func_name,
+        description.llvm_cpython_wrapper_name,
+    }
+    codegen.unserialize_library = partial(_restore, codegen)
+    try:
+        return CompileResult._rebuild(target_context, *kept)  # noqa: SLF001
+    finally:
+        del codegen.unserialize_library
+
+
+class _Library(JITCodeLibrary):  # type: ignore[misc]  # numba has no types
+    """Machine code with bitcode that is parsed when something else is linked to it."""
+
+    bitcode: bytes | None = None
+
+    @property
+    def _shared_module(self) -> Any:
+        if self.bitcode is not None:
+            self._parsed, self.bitcode = binding.parse_bitcode(self.bitcode), None
+        return self._parsed
+
+    @_shared_module.setter
+    def _shared_module(self, module: Any) -> None:
+        self._parsed = module
+
+
+def _restore(codegen: Any, kept: tuple[str, str, tuple[bytes, bytes]]) -> Any:
+    """Do what `JITCodeLibrary._unserialize` does, without parsing the bitcode."""
+    name, _, (machine_code, bitcode) = kept
+    library = _Library(codegen, name)
+    library.enable_object_caching()
+    library._set_compiled_object(machine_code)  # noqa: SLF001
+    library._finalize_final_module()  # noqa: SLF001
+    library.bitcode = bitcode
+    return library
+
+
+class _Pickler(NumbaPickler):  # type: ignore[misc]  # numba has no types
+    """Keeps the names of classes; numba keeps copies of those of `__main__` and of functions."""
+
+    def persistent_id(self, found: object) -> tuple[str, str] | None:
+        if isinstance(found, type) and issubclass(found, tuple) and hasattr(found, '_fields'):
+            return found.__module__, found.__qualname__
+        return None
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, classes: Iterable[type]) -> None:
+        super().__init__(file)
+        self._classes = {(each.__module__, each.__qualname__): each for each in classes}
+
+    def persistent_load(self, name: tuple[str, str]) -> Any:
+        return self._classes.get(name) or self.find_class(*name)
+
+
+def named_tuples(signature: Iterable[Any]) -> list[type]:
+    """The classes of named tuples in a signature, also within each other."""
+    found: list[type] = []
+    for each in signature:
+        if isinstance(each, types.BaseNamedTuple):
+            found.append(each.instance_class)
+        if isinstance(each, types.BaseTuple):
+            found += named_tuples(each.types)
+    return found

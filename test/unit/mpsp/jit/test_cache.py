@@ -1,0 +1,178 @@
+"""Machine code is compiled by one process and loaded by the others, whatever its file suffers."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import time
+
+import pytest
+
+from cmpsp_ros.mpsp.jit import cache
+from cmpsp_ros.mpsp.jit.compiled import compiled
+
+DOUBLE = """
+from typing import NamedTuple
+from cmpsp_ros.mpsp.jit.compiled import compiled
+
+class Data(NamedTuple):
+    x: int
+
+@compiled
+def double(data):
+    return Data(2 * data.x)
+
+def explain():
+    return 'it went wrong'
+"""
+RUN = 'print(double(Data(4)).x, sum(double.stats.cache_hits.values()))\n'
+SLOW = """
+import time, numba
+from cmpsp_ros.mpsp.jit.compiled import compiled
+
+def add(x):
+    raise NotImplementedError
+
+@numba.extending.overload(add)
+def _add(x):
+    time.sleep(1.0)
+    return lambda x: x + 1
+
+@compiled
+def kernel(x):
+    return add(x)
+
+print(kernel(1), sum(kernel.stats.cache_hits.values()))
+"""
+
+
+def test_the_next_process_loads_it_with_classes_of_its_own_program(run):
+    assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '1']]
+    assert run(DOUBLE.replace('it went wrong', 'no') + '\n# The end.\n' + RUN) == ['8', '1']
+    assert run(DOUBLE.replace('2 *', '3 *') + RUN) == ['12', '0']
+
+
+def test_code_that_is_in_no_file_is_kept_as_well(run):
+    source = f'exec({DOUBLE + RUN!r})'
+    assert [run(source) for _ in range(2)] == [['8', '0'], ['8', '1']]
+
+
+def test_a_copy_of_a_module_elsewhere_finds_it(run, tmp_path, monkeypatch):
+    said = []
+    for name in ('first', 'second'):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / 'copied.py').write_text(DOUBLE)
+        monkeypatch.syspath_prepend(tmp_path / name)
+        program = f'import sys; sys.path.insert(0, {name!r}); from copied import *\n'
+        said.append(run(program + RUN))
+    assert said == [['8', '0'], ['8', '1']]
+
+
+def test_a_damaged_file_is_compiled_anew_and_mended(run, folder):
+    run(DOUBLE + RUN)
+    (file,) = folder.iterdir()
+    whole = file.read_bytes()
+    for damaged in (b'', whole[:10], whole[:-1], whole[:5000] + bytes(len(whole) - 5000)):
+        file.write_bytes(damaged)
+        assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '1']]
+    assert [*folder.iterdir()] == [file]
+
+
+def test_without_any_folder_kernels_are_compiled_all_the_same(run, environment, tmp_path):
+    (tmp_path / 'file').touch()
+    environment(NUMBA_CACHE_DIR=tmp_path / 'file')
+    (tmp_path / 'tmp' / f'cmpsp_ros-{os.getuid()}').touch()
+    assert [run(DOUBLE + RUN) for _ in range(2)] == [['8', '0'], ['8', '0']]
+
+
+def test_bitcode_is_parsed_only_for_what_is_compiled_against_it(run):
+    program = f'import numba\n{DOUBLE}{RUN}'
+    run(program)
+    program += 'loaded = double.overloads[double.signatures[0]].library\n'
+    program += 'print(type(loaded.bitcode).__name__)\n'
+    program += 'four_times = numba.njit(lambda data: double(double(data)))\n'
+    program += 'print(four_times(Data(4)).x, type(loaded.bitcode).__name__)'
+    assert run(program) == ['8', '1', 'bytes', '16', 'NoneType']
+
+
+def test_what_numba_keeps_for_others_is_loaded_as_ever(run, tmp_path):
+    (tmp_path / 'others.py').write_text(
+        'import numba\n@numba.njit(cache=True)\ndef treble(x):\n    return 3 * x\n'
+    )
+    program = f'from others import *\n{DOUBLE}{RUN}'
+    program += 'print(treble(4), sum(treble.stats.cache_hits.values()))\n'
+    assert [run(program) for _ in range(2)] == [['8', '0', '12', '0'], ['8', '1', '12', '1']]
+
+
+def test_two_processes_that_want_it_at_once_compile_it_once(start, folder):
+    both = [start(SLOW), start(SLOW)]
+    said = sorted(each.communicate(timeout=120.0)[0] for each in both)
+    assert said == ['2 0\n', '2 1\n']
+    assert [each.suffix for each in folder.iterdir()] == ['.kernel']
+
+
+def kernel():
+    @compiled
+    def successor(x):
+        return x + 1
+
+    return successor
+
+
+def test_who_cannot_wait_any_longer_compiles(folder, monkeypatch):
+    monkeypatch.setattr(cache, '_PATIENCE', 0.2)
+    kernel()(1)
+    (file,) = folder.iterdir()
+    file.unlink()
+    with file.with_suffix('.lock').open('wb') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        began = time.monotonic()
+        assert kernel()(1) == 2
+        assert time.monotonic() - began > 0.2
+    assert file.exists()
+
+
+def test_the_lock_of_a_process_that_died_holds_up_nobody(folder):
+    kernel()(1)
+    (file,) = folder.iterdir()
+    file.rename(file.with_suffix('.lock'))
+    began = time.monotonic()
+    assert kernel()(1) == 2
+    assert time.monotonic() - began < 10.0
+    assert [*folder.iterdir()] == [file]
+
+
+def test_a_kernel_that_cannot_be_compiled_leaves_no_lock(folder):
+    @compiled
+    def wrong(x):
+        return x.nowhere
+
+    with pytest.raises(Exception, match='nowhere'):
+        wrong(1)
+    assert [*folder.iterdir()] == []
+
+
+def test_a_full_disk_is_forgiven(folder, monkeypatch):
+    def full(path, content):
+        raise OSError(errno.ENOSPC, 'No space left on device')
+
+    monkeypatch.setattr(cache, '_save', full)
+    assert kernel()(1) == 2
+    assert [*folder.iterdir()] == []
+
+
+def test_a_folder_that_vanishes_in_between_does_no_harm(folder):
+    successor = kernel()
+    folder.rmdir()
+    assert successor(1) == 2
+
+
+def test_using_a_file_renews_its_date_once_a_day(folder):
+    kernel()(1)
+    (file,) = folder.iterdir()
+    now = time.time()
+    for age, renewed in ((2 * 86_400, True), (3_600, False)):
+        os.utime(file, (now - age, now - age))
+        kernel()(1)
+        assert (file.stat().st_mtime >= now - 60) == renewed

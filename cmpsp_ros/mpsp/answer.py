@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
-from cmpsp_ros.mpsp.realtime.giving_way import RANKS
+from cmpsp_ros.mpsp.sqp.elastic import LEVELS
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
@@ -55,10 +55,10 @@ def answer(
 
 
 def _giving_way(penalties: Penalties) -> Iterator[Penalties]:
-    """The lightest rows first, as `cmpsp_ros.mpsp.realtime.giving_way` has it."""
+    """The lightest rows first, as `cmpsp_ros.mpsp.sqp.elastic` has it."""
     both = penalties.terminal, penalties.path
     weights = np.unique(np.concatenate([each.ravel() for each in both]))
-    for heaviest in (*weights[: RANKS - 1], np.inf):
+    for heaviest in (*weights[: LEVELS - 1], np.inf):
         yield Penalties(*(np.where(each <= heaviest, each, np.inf) for each in both))
         if heaviest >= weights.max(initial=-np.inf):
             return

@@ -13,9 +13,9 @@ from cmpsp_ros.mpsp.definiteness import (
     nearest_positive_semidefinite,
 )
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
 from cmpsp_ros.mpsp.spectrum import (
     extreme_eigenvalues,
-    is_positive_definite_with,
     largest_diagonal,
 )
 from cmpsp_ros.mpsp.subproblem import Subproblem
@@ -48,7 +48,7 @@ def convexify(subproblem: Subproblem) -> Subproblem:
     """
     stages = subproblem.stages
     margin = CURVATURE_MARGIN * largest_diagonal(stages)
-    if is_positive_definite_with(stages, -margin):
+    if is_positive_definite(stages, -margin):
         return subproblem
     least, largest = extreme_eigenvalues(stages)
     size = max(abs(least), abs(largest)) or 1.0

@@ -8,8 +8,8 @@ import numpy as np
 
 from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
-from cmpsp_ros.mpsp.riccati.whitening import factorise, whitening
+from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
 _RESOLUTION = 1e-15
 # Both ends nearer to 0 than this are 0 themselves.
@@ -21,27 +21,11 @@ def largest_diagonal(stages: StageQP) -> float:
     return _largest_diagonal(stages.A, stages.B, stages.L_XX, stages.L_UU)
 
 
-def is_positive_definite_with(stages: StageQP, shift: float, sign: float = 1.0) -> bool:
-    """Whether ``sign H + shift I`` is positive definite, with ``H`` the condensed Hessian.
-
-    One Riccati sweep, which takes time linear in the horizon.
-    """
-    N, n, r = stages.B.shape
-    # What is beyond all numbers is not definite.
-    with np.errstate(over='ignore', invalid='ignore'):
-        changed = stages._replace(
-            L_XX=sign * stages.L_XX,
-            L_UX=sign * stages.L_UX,
-            L_UU=sign * stages.L_UU + shift * np.eye(r),
-        )
-    return factorise(changed, whitening(N, n, r))
-
-
 def extreme_eigenvalues(stages: StageQP) -> tuple[float, float]:
     """Least and largest eigenvalue of the condensed Hessian.
 
     Found by bisection, to rounding relative to the largest entry of the diagonal; 100 to 200
-    sweeps of `is_positive_definite_with`.
+    sweeps of `is_positive_definite`.
 
     Args:
         stages: The program.
@@ -62,12 +46,12 @@ def extreme_eigenvalues(stages: StageQP) -> tuple[float, float]:
 def _least_shift(stages: StageQP, sign: float, size: float) -> float:
     """Least shift from ``-size`` on with which ``sign H`` is positive definite."""
     low, high = -size, size
-    while high < np.inf and not is_positive_definite_with(stages, high, sign):
+    while high < np.inf and not is_positive_definite(stages, high, sign):
         low, high = high, 2.0 * high
     resolution = _RESOLUTION * high
     while high - low > resolution:
         middle = 0.5 * (low + high)
-        if is_positive_definite_with(stages, middle, sign):
+        if is_positive_definite(stages, middle, sign):
             high = middle
         else:
             low = middle

@@ -11,7 +11,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
-from cmpsp_ros.mpsp.riccati.stage_qp import StageQP, propagate
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.qp.solution import Row
@@ -47,14 +47,12 @@ class Subproblem:
 
     @cached_property
     def stages(self) -> StageQP:
-        """The same program for compiled code, with the shift in it."""
+        """The same program as plain arrays, with the shift in it."""
         shifted = _shifted(self.linearisation, self.shift)
         derivatives = {
             field.name: _plain(getattr(shifted, field.name)) for field in fields(Linearisation)
         }
         return StageQP(
-            state=self.size.state,
-            control=self.size.control,
             lower=_plain(self.lower),
             upper=_plain(self.upper),
             trust_radius=_plain(self.trust_radius),
@@ -109,8 +107,11 @@ class Subproblem:
         Args:
             dU: Control deviations, shape ``(N + 1, r)``.
         """
-        dX: Array = np.empty((self.size.horizon + 1, self.size.state))
-        propagate(self.stages, np.ascontiguousarray(dU), dX)
+        lin = self.linearisation
+        dX: Array = np.zeros((self.size.horizon + 1, self.size.state))
+        moved = np.einsum('kia,ka->ki', lin.B, dU[:-1])
+        for k, (A, change) in enumerate(zip(lin.A, moved, strict=True)):
+            dX[k + 1] = A @ dX[k] + change
         return dX
 
     def terminal(self, dU: Array, dX: Array) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.infeasibility import contradicting_rows, row_lengths, row_of
+from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, kkt_residual
 from cmpsp_ros.mpsp.qp.sparse_rows import (
     Entries,
@@ -23,8 +24,7 @@ from cmpsp_ros.mpsp.qp.sparse_rows import (
     multipliers_of,
     rows_of,
 )
-from cmpsp_ros.mpsp.riccati.stage_qp import StageQP
-from cmpsp_ros.mpsp.riccati.whitening import factorise, whitening
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 TOLERANCE = 1e-8
@@ -80,7 +80,7 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
         return QPSolution.unsolved(size, QPStatus.FAILED)
     for index in np.flatnonzero(rows.lower > rows.upper).tolist():
         return QPSolution.unsolved(size, QPStatus.INFEASIBLE, (row_of(qp, rows, index),))
-    if not factorise(qp, whitening(size.horizon, size.state, size.control)):
+    if not is_positive_definite(qp):
         return QPSolution.unsolved(size, QPStatus.FAILED)
     program = cone_program(qp, rows, weight)
     answer = run(program, *cost_of(qp))

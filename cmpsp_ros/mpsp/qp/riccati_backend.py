@@ -5,65 +5,81 @@ Where it gives up, or takes rounding for a contradiction, Clarabel is asked.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
 from cmpsp_ros.mpsp.qp import clarabel_backend
-from cmpsp_ros.mpsp.qp.rooms import Rooms
-from cmpsp_ros.mpsp.qp.solution import (
-    Penalties,
-    QPSolution,
-    QPStatus,
-    Row,
-    largest_multipliers,
+from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_warm_start
+from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
+from cmpsp_ros.mpsp.qp.riccati.fill import (
+    Space,
+    borrowed_space,
+    compiled_size,
+    fill,
+    multipliers_of,
+    put_solution,
 )
-from cmpsp_ros.mpsp.qp.stage_answer import named, solved
-from cmpsp_ros.mpsp.riccati import solver
-from cmpsp_ros.mpsp.riccati.correction import activate, correct
-from cmpsp_ros.mpsp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers
-from cmpsp_ros.mpsp.riccati.whitening import factorise
-from cmpsp_ros.mpsp.riccati.working_set import CONFLICT, Hint, no_hint
+from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, locate
+from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
+from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, Row
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
-
-_rooms = Rooms(solver.solver)
 
 
 def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     """Solve a subproblem by the dual active-set method, or else by Clarabel."""
-    return solve_from(subproblem, penalties, empty_hint(subproblem.size))
+    return solve_from(subproblem, penalties, no_warm_start(subproblem.size))
 
 
-def solve_from(subproblem: Subproblem, penalties: Penalties | None, hint: Hint) -> QPSolution:
+def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: Indices) -> QPSolution:
     """Solve a subproblem, beginning with the active rows of another one of its sizes.
 
     Args:
         subproblem: The program.
         penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
-        hint: Rows to begin with; left as those of this solution, and empty where Clarabel found
+        warm: Rows to begin with; left as those of this solution, and empty where Clarabel found
             it: there are too many of them, or the active-set method cannot use them.
     """
     qp, size = subproblem.stages, subproblem.size
     otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
-    with _rooms.of(size) as room:
-        outcome = NO_CURVATURE
-        if factorise(qp, room.white):
-            outcome = solver.solve(qp, largest_multipliers(size, penalties), hint, room)
+    with borrowed_space(size) as space:
+        if penalties is None:
+            fill(space, qp)
+        else:
+            fill(space, qp, penalties.terminal, penalties.path)
+        outcome = solve_program(space.program, space.active, warm)
         if outcome == SOLVED:
-            return solved(room.dU, room.multipliers, int(solver.iterations(room)))
+            dU = space.program.stages['dU'][:, : size.control].copy()
+            iterations = int(space.program.head['iterations'][0])
+            return QPSolution(QPStatus.SOLVED, dU, *multipliers_of(space), iterations)
         if outcome == NO_CURVATURE:
             return otherwise
         if outcome == INFEASIBLE:
-            at = room.active
-            conflict = named(qp, at.conflict[: at.counts[CONFLICT]].tolist())
+            count = int(space.program.head['conflicting'][0])
+            conflict = _named(space, space.active.conflict[:count].tolist())
             otherwise = QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
             if _contradict(subproblem, conflict):
                 return otherwise
-    hint.length[0] = 0
+    warm[0] = 0
     answer = clarabel_backend.solve(subproblem, penalties)
     return otherwise if answer.status is QPStatus.FAILED else answer
+
+
+def _named(space: Space, numbers: Iterable[int]) -> tuple[Row, ...]:
+    """Rows by their numbers, in the order of these; a bound with both its sides once."""
+    return tuple(dict.fromkeys(_row(space, number) for number in sorted(numbers)))
+
+
+def _row(space: Space, number: int) -> Row:
+    if number < space.size.output:
+        return Row('terminal', space.size.horizon, number)
+    kind, stage, component, _ = locate(space.program, number)
+    if kind == PATH:
+        return Row('path', stage, component)
+    return Row('bound' if kind == BOUND else 'trust', stage, component)
 
 
 def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
@@ -82,7 +98,7 @@ def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
 def second_order_correction(
     subproblem: Subproblem, solution: QPSolution, output_error: Array, g: Array
 ) -> Array:
-    """Second-order correction (see `cmpsp_ros.mpsp.riccati.correction.correct`).
+    """Second-order correction (see `cmpsp_ros.mpsp.qp.riccati.correction.correct`).
 
     Args:
         subproblem: The program.
@@ -93,15 +109,18 @@ def second_order_correction(
     Returns:
         Deviations on top of the step, shape ``(N + 1, r)``; 0 where the Hessian is not definite.
     """
-    qp, bend = subproblem.stages, np.zeros_like(solution.dU)
-    multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-    with _rooms.of(subproblem.size) as room:
-        if factorise(qp, room.white):
-            activate(qp, room, multipliers)
-            correct(qp, room, output_error, g, bend)
-    return bend
+    with borrowed_space(subproblem.size) as space:
+        fill(space, subproblem.stages)
+        multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
+        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
+        if not activate(space.program, space.active):
+            return np.zeros_like(solution.dU)
+        correct(space.program, space.active, output_error, g)
+        correction: Array = space.program.stages['correction_U'][:, : subproblem.size.control]
+        return correction.copy()
 
 
-def empty_hint(size: Dimensions) -> Hint:
-    """A hint with nothing in it."""
-    return no_hint(size.horizon, size.state, size.control, size.output, size.path)
+def no_warm_start(size: Dimensions) -> Indices:
+    """A warm start with nothing in it."""
+    n, r = compiled_size(size.state, size.control)
+    return empty_warm_start(size.horizon, n, r, size.output, size.path)

@@ -9,8 +9,9 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
-from cmpsp_ros.mpsp.riccati import residual
-from cmpsp_ros.mpsp.riccati.stage_qp import Multipliers, Penalty
+from cmpsp_ros.mpsp.qp.riccati import kkt
+from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 TOLERANCE = 1e-5
@@ -116,22 +117,10 @@ def kkt_residual(
     where the data or the solution are not.
     """
     multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-    return residual.kkt_residual(
-        subproblem.stages,
-        largest_multipliers(subproblem.size, penalties),
-        solution.dU,
-        subproblem.propagate(solution.dU),
-        multipliers,
-        np.empty((4, subproblem.size.state)),
-    )
-
-
-def largest_multipliers(size: Dimensions, penalties: Penalties | None) -> Penalty:
-    """Penalties for compiled code, ``inf`` for hard rows."""
-    if penalties is None:
-        hard = np.full((size.horizon + 1, size.path), np.inf)
-        return Penalty(np.full(size.output, np.inf), hard)
-    return Penalty(
-        np.ascontiguousarray(penalties.terminal, dtype=float),
-        np.ascontiguousarray(penalties.path, dtype=float),
-    )
+    with borrowed_space(subproblem.size) as space:
+        if penalties is None:
+            fill(space, subproblem.stages)
+        else:
+            fill(space, subproblem.stages, penalties.terminal, penalties.path)
+        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
+        return float(kkt.kkt_residual(space.program))

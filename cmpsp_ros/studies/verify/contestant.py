@@ -1,4 +1,4 @@
-"""The back end under test, asked with and without a hint."""
+"""The back end under test, asked with and without a warm."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, backend
-from cmpsp_ros.mpsp.qp.riccati_backend import empty_hint, solve_from
+from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve_from
 from cmpsp_ros.studies.verify.case import Program
 
 
@@ -16,9 +16,9 @@ class Contestant:
 
     Attributes:
         name: Its name.
-        cold: Solves a program without a hint.
-        warm: Solves a program after the one that is given second, whose solution is the hint;
-            None where a hint means nothing to the back end.
+        cold: Solves a program without a warm.
+        warm: Solves a program after the one that is given second, whose solution is the warm;
+            None where a warm means nothing to the back end.
     """
 
     name: str
@@ -41,6 +41,6 @@ def contestant(name: str) -> Contestant:
 
 
 def _active_set_after(program: Program, before: Program) -> QPSolution:
-    hint = empty_hint(program.subproblem.size)
-    solve_from(before.subproblem, before.penalties, hint)
-    return solve_from(program.subproblem, program.penalties, hint)
+    warm = no_warm_start(program.subproblem.size)
+    solve_from(before.subproblem, before.penalties, warm)
+    return solve_from(program.subproblem, program.penalties, warm)

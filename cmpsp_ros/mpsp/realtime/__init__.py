@@ -1,1 +1,0 @@
-"""The C-MPSP iteration compiled whole, for problems whose functions are compiled as well."""

@@ -1,1 +1,0 @@
-"""Compiled solvers that work along the stages of a subproblem instead of condensing it."""

@@ -179,7 +179,12 @@ def study(
     say(f'{folder}: summary, every run and pictures')
 
 
-def warmup() -> None:
+def warmup(
+    presets: Annotated[
+        list[str] | None,
+        typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
+    ] = None,
+) -> None:
     """Compile what nodes and commands run, so that each starts at once.
 
     Exit code 1 only if there is no folder to keep it in.
@@ -187,7 +192,7 @@ def warmup() -> None:
     from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
 
     with exit_on(ParameterError, code=1), console().status('') as status:
-        outcome = warm_up_all(status.update)
+        outcome = warm_up_all(status.update, presets or ())
     for part in outcome.parts:
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
         console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, old_folders, wanted_place
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.studies.pool import new_pool
 
@@ -72,7 +72,9 @@ class Outcome:
         return f'{wanted} is no folder that only you can write to: {instead} (NUMBA_CACHE_DIR).'
 
 
-def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
+def warm_up_all(
+    progress: Callable[[str], None] = lambda _: None, presets: Sequence[str] = ()
+) -> Outcome:
     """Run everything that is compiled, and remove what other versions have left.
 
     Kinds of roads and obstacles have code of their own, and processes share them. Nothing is run
@@ -80,6 +82,7 @@ def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
 
     Args:
         progress: Told what is under way.
+        presets: Only what these need, presets or paths of parameter files; everything without.
 
     Raises:
         ParameterError: The presets cannot be read.
@@ -88,7 +91,9 @@ def warm_up_all(progress: Callable[[str], None] = lambda _: None) -> Outcome:
         return Outcome(None, (), ())
     parts = []
     # The method last: most of its code is the roads' too.
-    work = {**_kinds(), 'the method': None}
+    work: dict[str, tuple[GuidanceSettings, ...] | None] = dict(_kinds(presets))
+    if not presets:
+        work['the method'] = None
     pool = new_pool(min(_workers(), len(work)))
     try:
         left = {pool.submit(_do, name, presets): name for name, presets in work.items()}
@@ -111,16 +116,17 @@ def _workers() -> int:
     return max(1, min(os.cpu_count() or 1, memory // _NEEDED))
 
 
-def _kinds() -> dict[str, tuple[GuidanceSettings, ...]]:
-    """The presets, by what decides on the code that they need."""
+def _kinds(presets: Sequence[str]) -> dict[str, tuple[GuidanceSettings, ...]]:
+    """Presets, all without any named, by what decides on the code that they need."""
     found: dict[str, tuple[GuidanceSettings, ...]] = {}
-    for preset in preset_names():
-        values = TABLE.resolve(load_parameter_file(preset))
-        settings = guidance_settings(values)
-        around = settings.moving_obstacles
-        moving = ' with what moves' if around.capacity or around.others else ''
-        name = f'road {values["road.type"]}{moving}'
-        found[name] = (*found.get(name, ()), settings)
+    for preset in presets or preset_names():
+        for robot in robots_in(preset) or (None,):
+            values = TABLE.resolve(load_parameter_file(preset, namespace=robot))
+            settings = guidance_settings(values)
+            around = settings.moving_obstacles
+            moving = ' with what moves' if around.capacity or around.others else ''
+            name = f'road {values["road.type"]}{moving}'
+            found[name] = (*found.get(name, ()), settings)
     return found
 
 

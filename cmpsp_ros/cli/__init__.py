@@ -12,6 +12,7 @@ from typing import Final
 import typer
 
 from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies, viewing
+from cmpsp_ros.quick_exit import quick_exit
 
 __all__ = ['app', 'main']
 
@@ -50,4 +51,9 @@ def main() -> None:
     # Importing makes many objects that stay: looking through them again and again takes a tenth of
     # the time that a short command needs.
     gc.set_threshold(_OBJECTS_BEFORE_COLLECTION)
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if isinstance(end.code, int):
+            quick_exit(end.code)
+        raise

@@ -16,8 +16,8 @@ import numpy as np
 from cmpsp_ros.guidance.preparation import prepare
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, old_folders, wanted_place
+from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in

@@ -22,6 +22,7 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, RICCATI_INTERIOR_POINT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.studies.pool import new_pool
 
 _GIGABYTE: Final = 1 << 30
@@ -138,7 +139,15 @@ def _do(name: str, presets: tuple[GuidanceSettings, ...] | None) -> Part:
         else:
             for each in presets:
                 prepare(each)
+                _measure(each)
     return Part(name, len(compiled), time.perf_counter() - began)
+
+
+def _measure(settings: GuidanceSettings) -> None:
+    """Find the clearance of a path driven, as is done of every run and of every bag."""
+    pose = settings.road.middle()
+    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
 
 
 def _method() -> None:

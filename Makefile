@@ -34,6 +34,8 @@ endif
 ENVIRONMENT := $(VENV)/.environment
 PACKAGE := $(VENV)/.package
 KERNELS := $(VENV)/.kernels
+DEMO_KERNELS := $(KERNELS)-$(subst /,_,$(PRESET))
+SOURCES := $(shell find cmpsp_ros -name '*.py')
 MADE_FOR := $(CURDIR) with ROS from $(ROS)
 
 # An environment is bound to its place, to its ROS and to its Python (when one is asked for).
@@ -79,7 +81,7 @@ endif
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
-demo: setup  ## watch the robot drive: PRESET=case3
+demo: check-ros $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
 	$(BIN)/cmpsp demo $(PRESET)
 
 test: export ROS_PYTHON_CHECK_FIELDS := 1
@@ -147,7 +149,12 @@ $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 
 # What is compiled here the nodes load from the user's cache: they start at once, and without the
 # memory that compiling takes.
-$(KERNELS): $(PACKAGE) $(shell find cmpsp_ros -name '*.py')
+$(KERNELS): $(PACKAGE) $(SOURCES)
 	@echo 'Compiling what is not compiled yet: minutes, once.'
 	@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
+	@touch $@
+
+# Of all this, what the demo of one preset needs.
+$(DEMO_KERNELS): $(PACKAGE) $(SOURCES) $(wildcard $(PRESET))
+	@$(BIN)/cmpsp warmup $(PRESET)
 	@touch $@

@@ -88,7 +88,7 @@ setup(
     name=NAME,
     version='0.1.0',
     packages=find_packages(include=[NAME, f'{NAME}.*'], exclude=['test*']),
-    package_data={NAME: ['py.typed', 'bags/report/assets/*', 'view/assets/*']},
+    package_data={NAME: ['py.typed', 'bags/report/assets/*', 'demo/*.xml', 'view/assets/*']},
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (str(SHARE), ['package.xml']),

@@ -12,6 +12,7 @@ from typing import Final
 import typer
 
 from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies, viewing
+from cmpsp_ros.quick_exit import quick_exit
 
 __all__ = ['app', 'main']
 
@@ -20,6 +21,8 @@ _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 app = typer.Typer(
     help='Guidance of a differential-drive robot by C-MPSP.',
     no_args_is_help=True,
+    # Plain help: what draws boxes around it takes longer to import than all the rest.
+    rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -48,4 +51,9 @@ def main() -> None:
     # Importing makes many objects that stay: looking through them again and again takes a tenth of
     # the time that a short command needs.
     gc.set_threshold(_OBJECTS_BEFORE_COLLECTION)
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if isinstance(end.code, int):
+            quick_exit(end.code)
+        raise

@@ -10,18 +10,17 @@ from types import FrameType
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.folder import make_folder
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import robots_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+
+    from rich.table import Table
 
     from cmpsp_ros.demo.fleet import Robot
     from cmpsp_ros.demo.scenario import Scenario
@@ -57,6 +56,8 @@ def demo(
     A file with a section for each of several robots drives them all at once. Exit code 0 only if
     the goal was reached within its tolerance, by every robot, and the path driven is clear.
     """
+    from cmpsp_ros.parameters.presets import robots_in  # noqa: PLC0415 (starts faster without)
+
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
             if len(namespaces := robots_in(preset)) > 1:
@@ -68,7 +69,7 @@ def demo(
                 folder = make_folder(output, force=force)
                 failure = _drive(scenario, folder, port if view else None)
     except KeyboardInterrupt:
-        errors.print('interrupted; all nodes were stopped', style='red')
+        errors().print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
     if failure:
         complain(failure)
@@ -104,7 +105,7 @@ def _fleet(
 def _say_remarks(scenario: Scenario) -> None:
     whose = f'{scenario.namespace}: ' if scenario.namespace else ''
     for remark in scenario.remarks:
-        errors.print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
+        errors().print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
 
 
 def _drive(scenario: Scenario, folder: Path, view_port: int | None) -> str:
@@ -113,7 +114,7 @@ def _drive(scenario: Scenario, folder: Path, view_port: int | None) -> str:
 
     with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
         summary = run(scenario, folder, progress, view_port)
-    console.print(_table(summary, scenario))
+    console().print(_table(summary, scenario))
     say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
     return summary.failure
 
@@ -125,7 +126,7 @@ def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None)
     total = max(each.settings.final_time for each in fleet)
     with _progress(fleet[0].name, total, view_port) as progress:
         robots = run_fleet(fleet, folder, progress, view_port)
-    console.print(_fleet_table(robots))
+    console().print(_fleet_table(robots))
     say(f'{folder}: bag, summary.json, trajectory.png')
     return '\n'.join(f'{each.namespace}: {each.failure}' for each in robots if each.failure)
 
@@ -133,11 +134,18 @@ def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None)
 @contextmanager
 def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
     """Show how far a run has come, of so many seconds."""
+    from rich.progress import (  # noqa: PLC0415 (`--help` is quicker without)
+        BarColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
     signal.signal(signal.SIGTERM, _interrupt)
     if view_port is not None:
-        errors.print(f'http://127.0.0.1:{view_port}/ shows the run', soft_wrap=True)
+        errors().print(f'http://127.0.0.1:{view_port}/ shows the run', soft_wrap=True)
     columns = TextColumn('{task.description}'), BarColumn(), TextColumn('{task.fields[time]}')
-    with Progress(*columns, TimeElapsedColumn(), console=errors) as bar:
+    with Progress(*columns, TimeElapsedColumn(), console=errors()) as bar:
         task = bar.add_task(name, total=total, time='starting nodes')
 
         def progress(seconds: float) -> None:
@@ -151,6 +159,8 @@ def _interrupt(_number: int, _frame: FrameType | None) -> NoReturn:
 
 
 def _table(summary: Summary, scenario: Scenario) -> Table:
+    from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
+
     limit = scenario.settings.robot.max_wheel_speed
     limited = f'limit {limit:g} rad/s' if math.isfinite(limit) else 'no limit'
     times = summary.step_times
@@ -176,6 +186,8 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
 
 
 def _fleet_table(robots: Sequence[Robot]) -> Table:
+    from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
+
     from cmpsp_ros.robot.road_functions import FAR  # noqa: PLC0415 (loads kernels)
 
     headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'rungs')

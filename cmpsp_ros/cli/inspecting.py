@@ -28,7 +28,9 @@ def audit(
         typer.Option(metavar='FILE', help='Judge by these parameters, not by those in the bag.'),
     ] = None,
 ) -> None:
-    """Check a drive by its odometry and the parameters alone: road, limits, goal, timing, ladder.
+    """Check a drive: road, limits, goal, timing and ladder.
+
+    The odometry and the parameters are all that it is judged by.
 
     Exit code 0 if nothing is wrong, 1 if something is, 2 if the bag cannot be audited.
     """
@@ -39,7 +41,7 @@ def audit(
         findings = auditing.audit_record(evidence)
         if junit is not None:
             auditing.write_junit(junit, findings, evidence)
-    console.print(auditing.table(findings, f'audit of {bag}'))
+    console().print(auditing.table(findings, f'audit of {bag}'))
     for remark in auditing.remarks(findings):
         say(remark)
     if any(each.outcome is auditing.Outcome.FAILED for each in findings):
@@ -56,7 +58,9 @@ def film(
         typer.Option(metavar='SECONDS', help='Time of a frame; may be repeated.'),
     ] = None,
 ) -> None:
-    """Show a run as a camera behind the robot would have seen it; drawn by MuJoCo.
+    """Show a run as a camera behind the robot would have seen it.
+
+    MuJoCo draws it.
 
     Exit code 2 if the bag cannot be used, or nothing can be drawn.
     """
@@ -84,7 +88,9 @@ def report(
     ] = None,
     force: Annotated[bool, typer.Option('--force', help='Replace an earlier report.')] = False,
 ) -> None:
-    """Make a page of one bag, or of several to compare them; it opens from disk, offline.
+    """Make a page of one bag, or of several to compare them.
+
+    It opens from disk, offline.
 
     Exit code 2 if a bag cannot be used.
     """
@@ -105,7 +111,9 @@ def export(
         Literal['csv', 'parquet'], typer.Option('--format', help='Format of the tables.')
     ] = 'csv',
 ) -> None:
-    """Write odometry, commands, wheel speeds, decisions and plans as tables with units.
+    """Write what a bag has as tables with units.
+
+    These are odometry, commands, wheel speeds, decisions and plans.
 
     Exit code 2 if the bag cannot be used.
     """

@@ -38,8 +38,9 @@ def record(
         bool, typer.Option('--use-sim-time', help='Stamp messages with the simulated time.')
     ] = False,
 ) -> None:
-    """Record a running system until SIGINT or SIGTERM: the topics of guidance and sim, or others.
+    """Record a running system until SIGINT or SIGTERM.
 
+    Without other wishes these are the topics of guidance and sim.
     Parameters of all nodes, QoS profiles and software versions go into the bag as well, and
     /clock and /parameter_events in any case. Exit code 2 if recording ended by itself.
     """
@@ -70,7 +71,9 @@ def recover(
         Path | None, typer.Option(help='New folder; <BAG>_recovered when absent.')
     ] = None,
 ) -> None:
-    """Make a whole bag of one whose recorder was killed; the other stays as it is.
+    """Make a whole bag of one whose recorder was killed.
+
+    The other stays as it is.
 
     Exit code 2 if nothing in it can be read.
     """
@@ -79,7 +82,7 @@ def recover(
     with exit_on(BagError, code=2):
         found = rescue.recover(bag, output)
     for each in found.remarks:
-        errors.print(each, markup=False, highlight=False, soft_wrap=True)
+        errors().print(each, markup=False, highlight=False, soft_wrap=True)
     count = f'{found.messages} messages of {found.topics} topics'
     say(f'{found.path}: {count}')
 
@@ -107,9 +110,10 @@ def play(
         list[str] | None, typer.Option(metavar='OLD:=NEW', help='Another name; repeatable.')
     ] = None,
 ) -> None:
-    """Publish recorded topics to live nodes, with /clock; the space key pauses.
+    """Publish recorded topics to live nodes, with /clock.
 
-    For live nodes with use_sim_time. To try a guidance node on recorded odometry: --topics /odom
+    The space key pauses. For live nodes with use_sim_time. To try a guidance node on recorded
+    odometry: --topics /odom
     """
     from cmpsp_ros.nodes import player  # noqa: PLC0415 (needs ROS)
 

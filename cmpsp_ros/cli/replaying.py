@@ -10,7 +10,6 @@ import typer
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.cli.console import console, errors, exit_on, say
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 
 if TYPE_CHECKING:
     from cmpsp_ros.bags.recording import Names
@@ -42,7 +41,7 @@ def replay(
         str, typer.Option(help='Topic of commands; <namespace>/cmd_vel when absent.')
     ] = '',
 ) -> None:
-    """Decide again on recorded odometry, and compare every decision with the recorded one.
+    """Decide again on recorded odometry, and compare the decisions.
 
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
     --params-file it shows what a changed guidance law would have said instead.
@@ -68,6 +67,10 @@ def _what_if(
     """Show what a changed guidance law would have said."""
     from cmpsp_ros.bags.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.bags.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
+    from cmpsp_ros.parameters.presets import (  # noqa: PLC0415 (starts faster without)
+        load_parameter_file,
+        parse_assignment,
+    )
 
     base = None if params_file is None else load_parameter_file(params_file)
     change = Change(base, dict(parse_assignment(each) for each in assignments))
@@ -75,8 +78,8 @@ def _what_if(
     result = what_if(bag, names, change, folder / 'bag')
     title = ', '.join([params_file or 'recorded parameters', *assignments])
     draw_what_if(result, f'What if: {title}', folder / 'what_if.png')
-    console.print(str(result), markup=False, highlight=False)
+    console().print(str(result), markup=False, highlight=False)
     say(f'{folder}: bag, what_if.png')
-    console.print('open loop: the robot followed the recorded commands, not the changed ones')
+    console().print('open loop: the robot followed the recorded commands, not the changed ones')
     for each in result.left_out:
-        errors.print(f'left out: {each}: its type is not known here', markup=False)
+        errors().print(f'left out: {each}: its type is not known here', markup=False)

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
-from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
+from cmpsp_ros.cli.console import complain, console, errors, exit_on, progress_bar, say
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.parameters.errors import ParameterError
 
@@ -54,14 +53,14 @@ def bench(
         typer.Option(min=1, max=50, metavar='COUNT', help='Instead, so many robots at once.'),
     ] = None,
 ) -> None:
-    """Time control steps, alone and beside other solvers, over horizons and over DDS."""
+    """Time control steps, alone and beside other solvers."""
     if robots is not None:
         _many_robots(robots)
         return
     if obstacles:
         from cmpsp_ros.studies.bench import many_obstacles  # noqa: PLC0415 (compiles kernels)
 
-        console.print(many_obstacles.table(many_obstacles.measure(runs)).rich())
+        console().print(many_obstacles.table(many_obstacles.measure(runs)).rich())
         return
     if verify is not None or verify_case is not None:
         from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
@@ -76,7 +75,7 @@ def bench(
     )
 
     order = Order(presets or (), runs, tail, peers=peers, latency=latency, output=output)
-    with exit_on(BenchError, ParameterError, code=1), Progress(console=errors) as bar:
+    with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
 
         def progress(part: str, pieces: int) -> Callable[[], None]:
             task = bar.add_task(part, total=pieces)
@@ -84,9 +83,9 @@ def bench(
 
         results = run(order, progress)
     for table in tables(results):
-        console.print(table.rich())
+        console().print(table.rich())
     if output is not None:
-        console.print(f'{output}: written')
+        console().print(f'{output}: written')
 
 
 def paper(
@@ -103,20 +102,23 @@ def paper(
         typer.Option('--starts', help='Instead, drive its starts with the law as it is here.'),
     ] = False,
 ) -> None:
-    """Draw every figure and check every claim of the paper; no ROS is needed."""
+    """Draw every figure and check every claim of the paper.
+
+    No ROS is needed.
+    """
     if starts:
         _starts(judge=judge)
         return
     from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run  # noqa: PLC0415 (plots, kernels)
 
-    with exit_on(PaperError, ParameterError, code=1), Progress(console=errors) as bar:
+    with exit_on(PaperError, ParameterError, code=1), progress_bar() as bar:
         task = bar.add_task('paper', total=len(only or ARTEFACTS))
 
         def progress(what: str) -> None:
             bar.update(task, advance=what in ARTEFACTS, description=what)
 
         report = run(output, only or (), progress, judge=judge)
-    console.print(f'{report}: every claim, and ours beside it')
+    console().print(f'{report}: every claim, and ours beside it')
 
 
 def study(
@@ -145,9 +147,9 @@ def study(
         typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
     ] = None,
 ) -> None:
-    """Drive many random courses and count what happens; no ROS is needed.
+    """Drive many random courses and count what happens.
 
-    Whatever is interrupted or killed goes on with the same command.
+    No ROS is needed. Whatever is interrupted or killed goes on with the same command.
     """
     from cmpsp_ros.studies import monte_carlo as room  # noqa: PLC0415 (plots, kernels)
 
@@ -162,7 +164,7 @@ def study(
             say(f'{picture}: drawn')
             return
         try:
-            with Progress(console=errors) as bar:
+            with progress_bar() as bar:
 
                 def progress(part: str, pieces: int) -> Callable[[int], None]:
                     task = bar.add_task(part, total=pieces)
@@ -174,12 +176,17 @@ def study(
             complain(f'{folder}: interrupted; the same command goes on')
             raise typer.Exit(130) from None
     for table in room.tables(values):
-        console.print(table)
+        console().print(table)
     say(f'{folder}: summary, every run and pictures')
 
 
-def warmup() -> None:
-    """Compile all kernels of nodes and commands, so that each of them starts at once.
+def warmup(
+    presets: Annotated[
+        list[str] | None,
+        typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
+    ] = None,
+) -> None:
+    """Compile what nodes and commands run, so that each starts at once.
 
     Exit code 1 only if there is no folder to keep it in.
     """
@@ -187,16 +194,16 @@ def warmup() -> None:
     from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
 
     with exit_on(ParameterError, code=1), closing(ProgressLine()) as line:
-        outcome = warm_up_all(line.show)
+        outcome = warm_up_all(line.show, presets or ())
     for part in outcome.parts:
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
-        console.print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
+        console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
     if outcome.removed:
-        console.print(f'removed: {len(outcome.removed)} files not used for 30 days')
+        console().print(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:
-        console.print(f'kept in: {outcome.folder}', soft_wrap=True, highlight=False)
+        console().print(f'kept in: {outcome.folder}', soft_wrap=True, highlight=False)
     if outcome.hindrance:
-        errors.print(outcome.hindrance, style='red', markup=False, soft_wrap=True)
+        errors().print(outcome.hindrance, style='red', markup=False, soft_wrap=True)
     if outcome.folder is None:
         raise typer.Exit(1)
 
@@ -206,24 +213,24 @@ def _starts(*, judge: bool) -> None:
     from cmpsp_ros.studies.paper import PaperError  # noqa: PLC0415 (plots, kernels)
     from cmpsp_ros.studies.paper import starts as room  # noqa: PLC0415 (plots, kernels)
 
-    with exit_on(PaperError, code=1), Progress(console=errors) as bar:
+    with exit_on(PaperError, code=1), progress_bar() as bar:
         task = bar.add_task('starts')
 
         def progress(label: str, count: int) -> None:
             bar.update(task, advance=1, total=count, description=label)
 
         table = room.run(progress, compare=judge)
-    console.print(table)
+    console().print(table)
 
 
 def _many_robots(count: int) -> None:
     """Drive so many robots at once; exit code 1 if one was ever late."""
     from cmpsp_ros.studies.bench import BenchError, many_robots  # noqa: PLC0415 (needs ROS)
 
-    with exit_on(BenchError, ParameterError, code=1), Progress(console=errors) as bar:
+    with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
         task = bar.add_task(f'{count} robots', total=None)
         crowd = many_robots.measure(count, lambda seconds: bar.update(task, completed=seconds))
-    console.print(many_robots.table(crowd).rich())
+    console().print(many_robots.table(crowd).rich())
     if crowd.skipped or crowd.late or crowd.stops:
         raise typer.Exit(1)
 
@@ -236,18 +243,18 @@ def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None
         file = None if output is None else study.new_file(output)
         if isinstance(what, str):
             compared = [study.verify_case(what, qp)]
-            console.print(study.describe(compared[0]), markup=False, highlight=False)
+            console().print(study.describe(compared[0]), markup=False, highlight=False)
         else:
-            with Progress(console=errors) as bar:
+            with progress_bar() as bar:
                 task = bar.add_task(f'QPs by {qp}', total=what)
                 compared = study.verify(what, qp, workers, lambda count: bar.advance(task, count))
-            console.print(study.table(compared, qp))
+            console().print(study.table(compared, qp))
     if file is not None:
         file.write_text(study.to_json(compared, qp), encoding='utf-8')
-        console.print(f'{file}: all findings')
+        console().print(f'{file}: all findings')
     wrong = study.mismatches(compared)
     if wrong and not isinstance(what, str):
         for each in wrong:
-            errors.print(study.describe(each), markup=False, highlight=False, soft_wrap=True)
+            errors().print(study.describe(each), markup=False, highlight=False, soft_wrap=True)
     if wrong:
         raise typer.Exit(1)

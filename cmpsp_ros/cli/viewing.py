@@ -14,7 +14,9 @@ def view(
         str, typer.Option(help='Address to listen on; on another than this a token is asked for.')
     ] = '127.0.0.1',
 ) -> None:
-    """Show a running system on a page for a browser, live and offline, until SIGINT or SIGTERM.
+    """Show a running system on a page for a browser.
+
+    It is live, offline, and lasts until SIGINT or SIGTERM.
 
     Exit code 2 if the page cannot be served.
     """

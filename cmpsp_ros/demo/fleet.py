@@ -12,7 +12,7 @@ from pathlib import Path
 from cmpsp_ros.bags.other_robots import meetings
 from cmpsp_ros.bags.run import Run, read_run
 from cmpsp_ros.demo.fleet_picture import draw_fleet
-from cmpsp_ros.demo.run import drive
+from cmpsp_ros.demo.run import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.demo.summary import Summary, summarise, window
 from cmpsp_ros.parameters.errors import ParameterError, Problem
@@ -105,7 +105,11 @@ def run_fleet(
         BagError: The recording does not cover the run.
     """
     write_fleet_file(folder / 'parameters.yaml', {each.namespace: each.values for each in fleet})
-    drive(fleet, folder, progress, view_port)
+    with driven(fleet, folder, progress, view_port):
+        return _sum_up(fleet, folder)
+
+
+def _sum_up(fleet: Sequence[Scenario], folder: Path) -> tuple[Robot, ...]:
     runs = [read_run(folder / 'bag', each.namespace) for each in fleet]
     robots = tuple(_robot(each, run, fleet, runs) for each, run in zip(fleet, runs, strict=True))
     values = {each.namespace: each.summary.values() | {'apart_m': each.apart} for each in robots}

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
@@ -18,14 +18,17 @@ from cmpsp_ros.demo.errors import DemoError
 
 _STOP_TIMEOUT = 10.0
 _DOMAINS = range(1, 101)
+_PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _PR_SET_PDEATHSIG = 1
+_claims: list[socket.socket] = []
 _prctl = ctypes.CDLL(None).prctl if sys.platform == 'linux' else None
 
 
 def use_free_domain() -> int:
     """Choose a ROS domain nobody uses on this machine, and keep all traffic on loopback.
 
-    The choice is put into this process' environment, which its children inherit.
+    Where Fast DDS is not told otherwise, nodes that start at once find each other at once. The
+    choice is put into this process' environment, which its children inherit.
 
     Raises:
         DemoError: All domains are taken.
@@ -34,20 +37,43 @@ def use_free_domain() -> int:
     offset = os.getpid() % len(_DOMAINS)
     for candidate in (*_DOMAINS[offset:], *_DOMAINS[:offset]):
         if _is_free(candidate):
+            _claim(candidate)
             os.environ['ROS_DOMAIN_ID'] = str(candidate)
             os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+            os.environ.setdefault(_PROFILES, str(Path(__file__).with_name('fastdds.xml')))
             return candidate
     raise DemoError(f'ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use on this machine')
 
 
 def _is_free(domain: int) -> bool:
-    """Whether no DDS participant has the first unicast port of a domain (RTPS 2.2, 9.6.1.1)."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('127.0.0.1', 7400 + 250 * domain + 10))
-        except OSError:
-            return False
+    """Whether no DDS participant has the first unicast port of a domain, and nobody a claim."""
+    for port in (_first_port(domain), _last_port(domain)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(('127.0.0.1', port))
+            except OSError:
+                return False
     return True
+
+
+def _claim(domain: int) -> None:
+    """Keep other runs out of a domain until nodes of this one have joined it, and after."""
+    while _claims:
+        _claims.pop().close()
+    claim = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    _claims.append(claim)
+    with suppress(OSError):
+        claim.bind(('127.0.0.1', _last_port(domain)))
+
+
+def _first_port(domain: int) -> int:
+    """Unicast port of the first participant of a domain (RTPS 2.2, 9.6.1.1)."""
+    return 7400 + 250 * domain + 10
+
+
+def _last_port(domain: int) -> int:
+    """Port of a domain that none of its participants comes to use."""
+    return 7400 + 250 * domain + 249
 
 
 @dataclass(frozen=True)

@@ -1,27 +1,39 @@
-"""One run: start simulator, guidance and recorder, watch them, stop them, sum up."""
+"""One run: start simulator, guidance and recorder, watch them, stop them, sum up.
+
+The nodes take a second to start: what watches them is imported after they were started, and what
+sums up while they get ready.
+"""
 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cmpsp_ros.bags.run import read_run
 from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
 from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.demo.summary import Summary, summarise
-from cmpsp_ros.nodes.observer import Observer, Seen
 from cmpsp_ros.nodes.written import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
+
+if TYPE_CHECKING:
+    from cmpsp_ros.demo.summary import Summary
+    from cmpsp_ros.nodes.observer import Observer, Seen
 
 _START_TIMEOUT = 30.0
 _STALL_TIMEOUT = 15.0
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
+
+_RECORDER = 'recorder'
+
+_RESULTS = 'cmpsp_ros.demo.results'
+"""What is imported while the nodes get ready."""
 
 _DRIVEN = ('/odom', '/sim/truth', '/sim/wheel_speeds')
 """What a simulator publishes again and again."""
@@ -49,22 +61,22 @@ def run(
         BagError: The recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
-    drive([scenario], folder, progress, view_port)
-    recorded = read_run(folder / 'bag')
-    summary = summarise(recorded, scenario.settings, scenario.name)
-    summary.write(folder / 'summary.json')
-    draw_trajectory(recorded, scenario.settings, folder / 'trajectory.png')
-    draw_wheel_speeds(recorded, scenario.settings, folder / 'wheel_speeds.png')
-    return summary
+    with driven([scenario], folder, progress, view_port):
+        from cmpsp_ros.demo.results import sum_up  # noqa: PLC0415 (imported meanwhile)
+
+        return sum_up(scenario, folder)
 
 
-def drive(
+@contextmanager
+def driven(
     robots: Sequence[Scenario],
     folder: Path,
     progress: Callable[[float], None],
     view_port: int | None = None,
-) -> None:
-    """Make a run of one robot or several at once.
+) -> Iterator[None]:
+    """Make a run of one robot or several at once; its bag is whole before the block begins.
+
+    The other nodes end while the block is worked on, and have ended after it.
 
     Args:
         robots: As of `started`.
@@ -85,6 +97,13 @@ def drive(
             end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
             _ask(node, 'cannot be deactivated', end)
         _wait_for_the_end(observer, children, robots)
+        # The robots stand, and the bag has it: no node has anything to say to another any more.
+        for child in children:
+            child.interrupt()
+        for child in children:
+            if child.name == _RECORDER:
+                child.stop()
+        yield
 
 
 @contextmanager
@@ -104,15 +123,20 @@ def started(
         DemoError: A node failed.
     """
     children: list[Child] = []
-    with Observer(use_free_domain(), [each.namespace for each in robots]) as observer:
-        try:
-            for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
-                children.append(Child.start(name, arguments, folder, namespace))
+    try:
+        domain = use_free_domain()
+        for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
+            children.append(Child.start(name, arguments, folder, namespace))
+        from cmpsp_ros.nodes.observer import Observer  # noqa: PLC0415 (the nodes need longer)
+
+        with Observer(domain, [each.namespace for each in robots]) as observer:
+            if record:
+                threading.Thread(target=import_module, args=[_RESULTS], daemon=True).start()
             _get_ready(observer, children, robots, record=record)
             yield observer, children
-        finally:
-            # Guidance first, so that its last zero twist is still driven, recorded and shown.
-            stop_all(children)
+    finally:
+        # Guidance first, so that its last zero twist is still driven, recorded and shown.
+        stop_all(children)
 
 
 def _nodes(
@@ -124,7 +148,7 @@ def _nodes(
     if view_port is not None:
         yield 'viewer', ['-p', f'port:={view_port}'], robots[0].namespace
     if record:
-        yield 'recorder', ['-p', f'output:={folder / "bag"}', '-p', clock], ''
+        yield _RECORDER, ['-p', f'output:={folder / "bag"}', '-p', clock], ''
     for each in robots:
         yield 'sim_node', ['--params-file', parameters], each.namespace
     for each in robots:

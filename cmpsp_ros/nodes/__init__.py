@@ -1,7 +1,12 @@
 """Everything that knows ROS: the nodes, their messages and their parameters."""
 
+import gc
 import os
 
 # Matrices here are small: a second thread of the linear algebra gains nothing and may wait for a
 # core for a hundred milliseconds. To have an effect it must be said before numpy is imported.
 os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
+
+# Importing makes many objects that stay: a tenth of a node's start would go into looking through
+# them again and again.
+gc.set_threshold(max(gc.get_threshold()[0], 100_000))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from rcl_interfaces.msg import SetParametersResult
@@ -31,6 +30,7 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.roads import lacks_road
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleState
@@ -225,7 +225,7 @@ class GuidanceNode(LifecycleNode):
 
 def main() -> None:
     """Run the node until a signal."""
-    sys.exit(run(GuidanceNode, name='guidance'))
+    quick_exit(run(GuidanceNode, name='guidance'))
 
 
 if __name__ == '__main__':

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections import defaultdict
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from cmpsp_ros.nodes.runtime import StartupError, run
 from cmpsp_ros.nodes.simulated_time import TOPIC, SimulatedTime
 from cmpsp_ros.nodes.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.written import ByTopic, Written, to_json
+from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -284,7 +284,7 @@ def _run(make_node: Callable[[], Recorder], args: Sequence[str] | None = None) -
 
 def main() -> None:
     """Run the recorder as a process."""
-    sys.exit(_run(Recorder))
+    quick_exit(_run(Recorder))
 
 
 if __name__ == '__main__':

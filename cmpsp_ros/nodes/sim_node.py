@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -36,6 +35,7 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
 from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robot.plant import Plant, TwistError
 
 try:
@@ -352,7 +352,7 @@ def _transform(odometry: Odometry) -> TransformStamped:
 
 def main() -> None:
     """Run the simulator until it is told to stop."""
-    sys.exit(run(SimNode, name='sim'))
+    quick_exit(run(SimNode, name='sim'))
 
 
 if __name__ == '__main__':

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import wait
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -22,8 +22,9 @@ from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
 from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.studies.pool import new_pool
 
 _GIGABYTE: Final = 1 << 30
@@ -77,7 +78,9 @@ class Outcome:
         return f'{wanted} is no folder that only you can write to: {instead} (NUMBA_CACHE_DIR).'
 
 
-def warm_up_all(progress: Callable[[int, str], None] = lambda _count, _name: None) -> Outcome:
+def warm_up_all(
+    progress: Callable[[int, str], None] = lambda _count, _name: None, presets: Sequence[str] = ()
+) -> Outcome:
     """Run everything that is compiled, and remove machine code that was not used for long.
 
     Kinds of roads and obstacles have code of their own, and processes share them. Nothing is run
@@ -85,6 +88,7 @@ def warm_up_all(progress: Callable[[int, str], None] = lambda _count, _name: Non
 
     Args:
         progress: Called with the number of kernels begun, and the one being compiled.
+        presets: Only what these need, presets or paths of parameter files; everything without.
 
     Raises:
         ParameterError: The presets cannot be read.
@@ -93,7 +97,9 @@ def warm_up_all(progress: Callable[[int, str], None] = lambda _count, _name: Non
     if folder is None:
         return Outcome(None, (), ())
     # The method last: most of its code is the roads' too.
-    work = {**_kinds(), 'the method': None}
+    work: dict[str, tuple[GuidanceSettings, ...] | None] = dict(_kinds(presets))
+    if not presets:
+        work['the method'] = None
     begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()
     count, parts = 0, []
     pool = new_pool(min(_workers(), len(work)), _report_to, begun)
@@ -121,16 +127,17 @@ def _workers() -> int:
     return max(1, min(os.cpu_count() or 1, memory // _NEEDED))
 
 
-def _kinds() -> dict[str, tuple[GuidanceSettings, ...]]:
-    """The presets, by what decides on the code that they need."""
+def _kinds(presets: Sequence[str]) -> dict[str, tuple[GuidanceSettings, ...]]:
+    """Presets, all without any named, by what decides on the code that they need."""
     found: dict[str, tuple[GuidanceSettings, ...]] = {}
-    for preset in preset_names():
-        values = TABLE.resolve(load_parameter_file(preset))
-        settings = guidance_settings(values)
-        around = settings.moving_obstacles
-        moving = ' with what moves' if around.capacity or around.others else ''
-        name = f'road {values["road.type"]}{moving}'
-        found[name] = (*found.get(name, ()), settings)
+    for preset in presets or preset_names():
+        for robot in robots_in(preset) or (None,):
+            values = TABLE.resolve(load_parameter_file(preset, namespace=robot))
+            settings = guidance_settings(values)
+            around = settings.moving_obstacles
+            moving = ' with what moves' if around.capacity or around.others else ''
+            name = f'road {values["road.type"]}{moving}'
+            found[name] = (*found.get(name, ()), settings)
     return found
 
 
@@ -142,7 +149,15 @@ def _do(name: str, presets: tuple[GuidanceSettings, ...] | None) -> Part:
         else:
             for each in presets:
                 prepare(each)
+                _measure(each)
     return Part(name, len(compiled), time.perf_counter() - began)
+
+
+def _measure(settings: GuidanceSettings) -> None:
+    """Find the clearance of a path driven, as is done of every run and of every bag."""
+    pose = settings.road.middle()
+    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
 
 
 def _method() -> None:

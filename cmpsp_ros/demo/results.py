@@ -1,0 +1,31 @@
+"""What is made of the bag of a run: figures and pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
+from cmpsp_ros.demo.scenario import Scenario
+from cmpsp_ros.demo.summary import Summary, summarise
+
+
+def sum_up(scenario: Scenario, folder: Path) -> Summary:
+    """Write `summary.json` and the pictures of a run beside its bag.
+
+    Args:
+        scenario: What was run.
+        folder: Of the run.
+
+    Returns:
+        Its figures.
+
+    Raises:
+        BagError: The recording does not cover the run.
+    """
+    recorded = read_run(folder / 'bag')
+    summary = summarise(recorded, scenario.settings, scenario.name)
+    summary.write(folder / 'summary.json')
+    draw_trajectory(recorded, scenario.settings, folder / 'trajectory.png')
+    draw_wheel_speeds(recorded, scenario.settings, folder / 'wheel_speeds.png')
+    return summary

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import (
     Array,
     Dimensions,
@@ -13,6 +16,8 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
 class ControlRateProblem(OptimalControlProblem):
@@ -89,3 +94,78 @@ class ControlRateProblem(OptimalControlProblem):
             g_X=np.concatenate([lin.g_X, no_rows], axis=2),
             g_U=lin.g_U,
         )
+
+
+class ControlRateData(NamedTuple):
+    """Data of a compiled problem with the cost.
+
+    Attributes:
+        inner: Data of the problem without it.
+        weight: ``w``.
+        previous: Control held before the horizon begins, shape ``(r,)``.
+    """
+
+    inner: object
+    weight: float
+    previous: Array
+
+
+def with_control_rate(functions: Functions) -> Functions:
+    """The functions of a compiled problem, for `ControlRateData`."""
+
+    def predict(data: ControlRateData, U: Array, X: Array) -> None:
+        functions.predict(data.inner, U, X)
+        _put_previous(data.previous, U, X)
+
+    def evaluate(data: ControlRateData, X: Array, U: Array, output_error: Array, g: Array) -> float:
+        cost = functions.evaluate(data.inner, X, U, output_error, g)
+        return cost + 0.5 * data.weight * _squared_changes(X, U)
+
+    def linearise(
+        data: ControlRateData,
+        X: Array,
+        U: Array,
+        stages: Records,
+        path: Records,
+        terminal: Records,
+    ) -> None:
+        functions.linearise(data.inner, X, U, stages, path, terminal)
+        _add_derivatives(data.weight, X, U, stages)
+
+    return Functions(predict, evaluate, linearise)
+
+
+@allocation_free
+def _put_previous(previous: Array, U: Array, X: Array) -> None:
+    r = U.shape[1]
+    n = X.shape[1] - r
+    for k in range(U.shape[0]):
+        for a in range(r):
+            X[k, n + a] = U[k - 1, a] if k else previous[a]
+
+
+@allocation_free
+def _squared_changes(X: Array, U: Array) -> float:
+    r = U.shape[1]
+    n = X.shape[1] - r
+    total = 0.0
+    for k in range(U.shape[0]):
+        for a in range(r):
+            total += (U[k, a] - X[k, n + a]) ** 2
+    return total
+
+
+@allocation_free
+def _add_derivatives(weight: float, X: Array, U: Array, stages: Records) -> None:
+    r = U.shape[1]
+    n = X.shape[1] - r
+    for k in range(U.shape[0]):
+        stage = stages[k]
+        for a in range(r):
+            slope = weight * (U[k, a] - X[k, n + a])
+            stage.L_X[n + a] = -slope
+            stage.L_U[a] += slope
+            stage.L_XX[n + a, n + a] = weight
+            stage.L_UX[a, n + a] = -weight
+            stage.L_UU[a, a] += weight
+            stage.B[n + a, a] = 1.0

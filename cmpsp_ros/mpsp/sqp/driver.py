@@ -1,9 +1,9 @@
-"""Drives the iteration: provides what it asks for, from a problem and a QP back end."""
+"""Drives the iteration: provides what it asks for, from a problem's functions and the solver."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any, NamedTuple
 
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Dimensions
@@ -12,9 +12,7 @@ from cmpsp_ros.mpsp.qp.riccati.correction import correct
 from cmpsp_ros.mpsp.qp.riccati.solver import solve
 from cmpsp_ros.mpsp.sqp.iteration import advance
 from cmpsp_ros.mpsp.sqp.workspace import (
-    ADD_CURVATURE,
     CORRECT,
-    DONE,
     EVALUATE,
     LINEARISE,
     SOLVE_QP,
@@ -23,7 +21,34 @@ from cmpsp_ros.mpsp.sqp.workspace import (
     workspace,
 )
 
-_NEVER: Final = 1 << 40
+
+class Functions(NamedTuple):
+    """A problem as functions of its data, which may be anything.
+
+    Arrays may be longer than the horizon, whose end ``N`` the data know.
+
+    Attributes:
+        predict: ``predict(data, U, X)`` rolls the dynamics (1) out from the initial state (6):
+            fills `X`, shape ``(N + 1, n)``, for controls `U`, shape ``(N + 1, r)``.
+        evaluate: ``evaluate(data, X, U, output_error, g)`` returns the cost (3), and fills the
+            terminal error (5), shape ``(m,)``, and the path constraints (4), shape
+            ``(N + 1, l)``, ``-inf`` where one does not apply.
+        linearise: ``linearise(data, X, U, stages, path, terminal)`` fills the derivatives of
+            `cmpsp_ros.mpsp.qp.riccati.layout`. Entries that are always 0 need not be written.
+    """
+
+    predict: Callable[[Any, Array, Array], None]
+    evaluate: Callable[[Any, Array, Array, Array, Array], float]
+    linearise: Callable[..., None]
+
+    def entries(self, data: Any, ws: Workspace) -> Functions:
+        """The machine code of compiled functions, for data of this type."""
+        at, p = ws.trial, ws.program
+        return Functions(
+            entry_for(self.predict, data, at.U, at.X),
+            entry_for(self.evaluate, data, at.X, at.U, at.output_error, at.g),
+            entry_for(self.linearise, data, at.X, at.U, p.stages, p.path, p.terminal),
+        )
 
 
 class Driver:
@@ -36,11 +61,7 @@ class Driver:
     ws: Workspace
 
     def __init__(
-        self,
-        size: Dimensions,
-        penalty_terminal: Array,
-        penalty_path: Array,
-        trust_radius: Array,
+        self, size: Dimensions, penalty_terminal: Array, penalty_path: Array, trust_radius: Array
     ) -> None:
         """Make room for plans of some sizes; arguments as of `workspace`."""
         self.ws = ws = workspace(size, penalty_terminal, penalty_path, trust_radius)
@@ -58,35 +79,33 @@ class Driver:
         for warm in self._warm:
             warm[0] = 0
 
-    def improve(
-        self,
-        steps: int,
-        over: int,
-        evaluate: Callable[[], float],
-        linearise: Callable[[], Any],
-    ) -> None:
+    def improve(self, functions: Functions, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
+        Where the condensed Hessian is not positive definite the iteration ends.
+
         Args:
+            functions: The problem's, compiled ones by their `Functions.entries`.
+            data: The problem's data.
             steps: ``N``, at most those there is room for.
             over: How many stages of the last plan's horizon are over.
-            evaluate: Predicts along ``trial.U`` and evaluates, into `trial`; returns the cost.
-            linearise: Writes the derivatives along `now` into `program`.
         """
-        ws = self.ws
+        ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
+        predict, evaluate, linearise = functions
+        advance, solve, outcome, cost = self._advance, self._solve, self._outcome, self._cost
         self._horizon[0] = steps
-        self._begun[0] += min(over, _NEVER)
+        self._begun[0] += over
         self._phase[0] = START
         while True:
-            request = self._advance(ws)
+            request = advance(ws)
             if request == EVALUATE:
-                self._cost[0] = evaluate()
+                predict(data, trial.U, trial.X)
+                cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
             elif request == SOLVE_QP:
-                warm = self._warm[self._level[0] > 0]
-                self._outcome[0] = self._solve(ws.program, self._active, warm)
+                outcome[0] = solve(program, self._active, self._warm[self._level[0] > 0])
             elif request == LINEARISE:
-                linearise()
+                linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
             elif request == CORRECT:
-                correct(ws.program, self._active, ws.trial.output_error, ws.trial.g)
-            elif request in (DONE, ADD_CURVATURE):
+                correct(program, self._active, trial.output_error, trial.g)
+            else:
                 return

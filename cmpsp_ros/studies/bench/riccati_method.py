@@ -7,30 +7,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Imported whole: a file that takes names from it counts as one with kernels of its own.
-from cmpsp_ros.mpsp.jit import compiled
+from cmpsp_ros.guidance.planner import FUNCTIONS
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.realtime.iteration import OUTCOME, Rules, improve
-from cmpsp_ros.mpsp.realtime.packed import pack
-from cmpsp_ros.mpsp.realtime.workspace import workspace
-from cmpsp_ros.mpsp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.sqp.driver import Driver
 from cmpsp_ros.robot.guidance_problem import begun_at
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.methods import ITERATIONS, PENALTY
 from cmpsp_ros.studies.bench.task import Task
 
 Array = NDArray[np.float64]
-
-# With no change small enough, all iterations are done however good the plan is already.
-_RULES = Rules(
-    iterations=ITERATIONS,
-    line_search=False,
-    output_tolerance=0.0,
-    control_tolerance=0.0,
-    violation_tolerance=0.0,
-    slack_tolerance=SLACK_TOLERANCE,
-    growth_limit=math.inf,
-)
 
 
 class RiccatiActiveSet:
@@ -49,12 +35,13 @@ class RiccatiActiveSet:
 
     def prepare(self, steps: int) -> None:
         """Make room for the longest horizon."""
-        if steps >= len(self._room.lower):
+        if steps >= len(self._driver.ws.lower):
             self._make_room(steps)
 
     def begin(self, steps: int) -> None:
-        """Forget the active rows: all stages of the last plan count as over."""
-        self._left = steps + len(self._room.lower)
+        """Forget the active rows."""
+        self._driver.forget()
+        self._left = steps
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
         """Two iterations.
@@ -62,26 +49,29 @@ class RiccatiActiveSet:
         Raises:
             BenchError: A program was not solved.
         """
-        steps, room = len(durations), self._room
+        steps, ws = len(durations), self._driver.ws
         over, self._left = self._left - steps, steps
-        room.at.U[: steps + 1] = U
+        ws.trial.U[: steps + 1] = U
         data = begun_at(self._data, pose, durations, math.nan)
-        self._improve(data, self._packed, steps, over, _RULES)
-        if room.counts[OUTCOME] != SOLVED:
+        self._driver.improve(self._functions, data, steps, over)
+        if self._outcome[0] != SOLVED:
             raise BenchError('it does not solve one of its programs')
-        return room.at.U[: steps + 1].copy()
+        return ws.now.U[: steps + 1].copy()
 
     def _make_room(self, steps: int) -> None:
         pose, durations = self._task.pose, self._task.durations(steps)
         problem = self._task.problem(pose, durations)
         size = problem.size
-        room = workspace(
+        self._driver = driver = Driver(
             size,
             np.full(size.output, PENALTY),
             np.full(size.path, PENALTY),
             np.full(size.state, math.inf),
         )
-        room.lower[:], room.upper[:] = problem.control_lower, problem.control_upper
-        self._packed, self._room = pack(room)
-        self._data = problem.data
-        self._improve = compiled.entry_for(improve, self._data, self._packed, steps, 0, _RULES)
+        ws = driver.ws
+        ws.lower[:], ws.upper[:] = problem.control_lower, problem.control_upper
+        # With no change small enough, all iterations are done however good the plan is already.
+        ws.run['max_iterations'], ws.run['line_search'] = ITERATIONS, 0
+        ws.run['slack_tolerance'], ws.run['growth_limit'] = SLACK_TOLERANCE, math.inf
+        self._outcome, self._data = ws.run['outcome'], problem.data
+        self._functions = FUNCTIONS.entries(self._data, ws)

@@ -101,11 +101,13 @@ class ControlRateData(NamedTuple):
 
     Attributes:
         inner: Data of the problem without it.
+        steps: ``N``.
         weight: ``w``.
         previous: Control held before the horizon begins, shape ``(r,)``.
     """
 
     inner: object
+    steps: int
     weight: float
     previous: Array
 
@@ -115,11 +117,11 @@ def with_control_rate(functions: Functions) -> Functions:
 
     def predict(data: ControlRateData, U: Array, X: Array) -> None:
         functions.predict(data.inner, U, X)
-        _put_previous(data.previous, U, X)
+        _put_previous(data.previous, data.steps, U, X)
 
     def evaluate(data: ControlRateData, X: Array, U: Array, output_error: Array, g: Array) -> float:
         cost = functions.evaluate(data.inner, X, U, output_error, g)
-        return cost + 0.5 * data.weight * _squared_changes(X, U)
+        return cost + 0.5 * data.weight * _squared_changes(data.steps, X, U)
 
     def linearise(
         data: ControlRateData,
@@ -130,36 +132,36 @@ def with_control_rate(functions: Functions) -> Functions:
         terminal: Records,
     ) -> None:
         functions.linearise(data.inner, X, U, stages, path, terminal)
-        _add_derivatives(data.weight, X, U, stages)
+        _add_derivatives(data.weight, data.steps, X, U, stages)
 
     return Functions(predict, evaluate, linearise)
 
 
 @allocation_free
-def _put_previous(previous: Array, U: Array, X: Array) -> None:
+def _put_previous(previous: Array, steps: int, U: Array, X: Array) -> None:
     r = U.shape[1]
     n = X.shape[1] - r
-    for k in range(U.shape[0]):
+    for k in range(steps + 1):
         for a in range(r):
             X[k, n + a] = U[k - 1, a] if k else previous[a]
 
 
 @allocation_free
-def _squared_changes(X: Array, U: Array) -> float:
+def _squared_changes(steps: int, X: Array, U: Array) -> float:
     r = U.shape[1]
     n = X.shape[1] - r
     total = 0.0
-    for k in range(U.shape[0]):
+    for k in range(steps + 1):
         for a in range(r):
             total += (U[k, a] - X[k, n + a]) ** 2
     return total
 
 
 @allocation_free
-def _add_derivatives(weight: float, X: Array, U: Array, stages: Records) -> None:
+def _add_derivatives(weight: float, steps: int, X: Array, U: Array, stages: Records) -> None:
     r = U.shape[1]
     n = X.shape[1] - r
-    for k in range(U.shape[0]):
+    for k in range(steps + 1):
         stage = stages[k]
         for a in range(r):
             slope = weight * (U[k, a] - X[k, n + a])

@@ -67,17 +67,16 @@ class Driver:
         self.ws = ws = workspace(size, penalty_terminal, penalty_path, trust_radius)
         sizes = size.horizon, size.state, size.control, size.output, size.path
         self._active = empty_active_set(*sizes)
-        self._warm = empty_warm_start(*sizes), empty_warm_start(*sizes)
+        self._warm_hard, self._warm_relaxed = empty_warm_start(*sizes), empty_warm_start(*sizes)
         self._advance = entry_for(advance, ws)
-        self._solve = entry_for(solve, ws.program, self._active, self._warm[0])
+        self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
         self._phase, self._level = ws.run['phase'], ws.run['level']
         self._outcome, self._cost = ws.run['outcome'], ws.run['trial_cost']
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']
 
     def forget(self) -> None:
         """Begin the next plan without what is known of the last one."""
-        for warm in self._warm:
-            warm[0] = 0
+        self._warm_hard[0] = self._warm_relaxed[0] = 0
 
     def improve(self, functions: Functions, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
@@ -102,7 +101,8 @@ class Driver:
                 predict(data, trial.U, trial.X)
                 cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
             elif request == SOLVE_QP:
-                outcome[0] = solve(program, self._active, self._warm[self._level[0] > 0])
+                warm = self._warm_relaxed if self._level[0] else self._warm_hard
+                outcome[0] = solve(program, self._active, warm)
             elif request == LINEARISE:
                 linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
             elif request == CORRECT:

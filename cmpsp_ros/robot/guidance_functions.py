@@ -119,10 +119,10 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
             data.road, k, X[k, 0], X[k, 1], progress
         )
         g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
-            g[k, EDGES + j], _, _ = _keep_away(
-                data.corners, data.first, data.radii, k, j, X[k, 0], X[k, 1]
-            )
+            distance, _, _ = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            g[k, EDGES + j] = _keep_away(distance, data.radii[at, j], k)
         cost += p.road_center * off_center * off_center
         cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -187,11 +187,11 @@ def linearise(
         for a in range(2):
             stage.L_U[a] = p.control_effort * U[k, a]
             stage.L_UU[a, a] = curvature
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
             row = path[k, EDGES + j]
-            row.value, x, y = _keep_away(
-                data.corners, data.first, data.radii, k, j, X[k, 0], X[k, 1]
-            )
+            distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            row.value = _keep_away(distance, data.radii[at, j], k)
             row.X[0], row.X[1] = -x, -y
     outputs = terminal.shape[0]
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -216,15 +216,10 @@ def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) ->
 
 
 @allocation_free
-def _keep_away(
-    corners: Array, first: Indices, radii: Array, k: int, j: int, x: float, y: float
-) -> Any:
-    """Constraint (93) of an obstacle, not positive where met, and the unit vector away from it.
+def _keep_away(distance: float, least: float, k: int) -> float:
+    """Constraint (93) of an obstacle, not positive where met.
 
     It is a distance, not its square: its linearisation then errs on the safe side of every convex
     obstacle.
     """
-    at, there = min(k, radii.shape[0] - 1), min(k, corners.shape[0] - 1)
-    distance, away_x, away_y = away_from(corners, first, there, j, x, y)
-    applies = k > 0 and radii[at, j] > -math.inf
-    return (radii[at, j] - distance if applies else -math.inf), away_x, away_y
+    return least - distance if k > 0 and least > -math.inf else -math.inf

@@ -1,13 +1,21 @@
-"""The road along a centre line, for compiled code; see `road_functions`."""
+"""The road along a centre line, for compiled code; see `road_functions`.
+
+A shape is a record of `road_space.SHAPE`; the other arrays are those of `road_space.RoadSpace`.
+"""
 
 from __future__ import annotations
 
 import math
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robot.arcs import Arc, arc_part
-from cmpsp_ros.robot.road_space import RoadSpace
+
+Array = NDArray[np.float64]
+Records = NDArray[np.void]
 
 # What a projection leaves of its last step is of second order in it [m].
 _MOST_STEPS = 30
@@ -28,16 +36,23 @@ X, Y, LEFT, RIGHT = 0, 1, 2, 3
 
 
 @allocation_free
-def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
+def find(
+    shape: Any,
+    pieces: Records,
+    stations: Array,
+    x: float,
+    y: float,
+    heading: float,
+    near: float,
+) -> float:
     """Progress of the nearest place that leads the same way.
 
     Nearness and direction are added up as squares; which way along the road does not matter.
     """
     progress: float
     if not math.isnan(near):
-        progress = _across(road, x, y, near)[0]
+        progress = _across(shape, pieces, x, y, near)[0]
         return progress
-    shape, stations = road.shape[0], road.stations
     cosine, sine, weight = math.cos(heading), math.sin(heading), shape.decides * shape.decides
     if math.isnan(heading):
         cosine = sine = weight = 0.0
@@ -48,29 +63,29 @@ def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> fl
         score = dx * dx + dy * dy + weight * across * across
         if score < best:
             best, nearest = score, i
-    progress = _across(road, x, y, nearest * shape.station_step)[0]
+    progress = _across(shape, pieces, x, y, nearest * shape.station_step)[0]
     return progress
 
 
 @allocation_free
-def measure(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
+def measure(
+    shape: Any, pieces: Records, kept: float, other: float, x: float, y: float, progress: float
+) -> Any:
     """Widths less the distance from the centre line."""
-    progress, off, left, right = _across(road, x, y, progress)
-    at = min(k, road.kept.shape[0] - 1)
-    part = road.shape[0].part
-    first = (off - left) * part[0] + road.kept[at, 0]
-    return progress, off, first, (-off - right) * part[1] + road.kept[at, 1]
+    progress, off, left, right = _across(shape, pieces, x, y, progress)
+    part = shape.part
+    return progress, off, (off - left) * part[0] + kept, (-off - right) * part[1] + other
 
 
 @allocation_free
-def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
+def slopes(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
     """Exact derivatives at a projection.
 
     With the curvature ``c`` of the centre line and the distance ``e`` to its left, that of ``e^2 /
     2`` is ``n n' - e c / (1 - c e) t t'``.
     """
-    i, t = _piece(road, progress)
-    shape, piece = road.shape[0], road.pieces[i]
+    i, t = _piece(shape, pieces, progress)
+    piece = pieces[i]
     here_x, here_y, dx, dy, ddx, ddy = _center_line(piece, t)
     rx, ry = x - here_x, y - here_y
     squared = dx * dx + dy * dy
@@ -94,7 +109,16 @@ def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
 
 
 @allocation_free
-def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_other: float) -> Any:
+def sweep(
+    shape: Any,
+    pieces: Records,
+    kept: float,
+    other_kept: float,
+    arc: Arc,
+    progress: float,
+    enough: float,
+    enough_other: float,
+) -> Any:
     """Least clearance to a hundredth of it, or a micrometre.
 
     The arc is halved until no part can hide a smaller clearance than was found at the ends of all
@@ -102,14 +126,14 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
     below between two ends where value and slope are known. It is bounded near the road only, which
     a part does not leave if it is short, or if clearances at its ends are as long as it is.
     """
-    shape, length, turn = road.shape[0], abs(arc.length), abs(arc.turn)
+    length, turn = abs(arc.length), abs(arc.turn)
     bound = shape.bend[0] * length * length + turn * length
     bound_other = shape.bend[1] * length * length + turn * length
-    depth, i, here = 0, 0, _on_arc(road, arc, 0.0, progress)
+    depth, i, here = 0, 0, _on_arc(shape, pieces, kept, other_kept, arc, 0.0, progress)
     least, other = here[1], here[2]
     while i < 1 << depth:
         step = 1.0 / (1 << depth)
-        there = _on_arc(road, arc, (i + 1) * step, here[0])
+        there = _on_arc(shape, pieces, kept, other_kept, arc, (i + 1) * step, here[0])
         least, other = min(least, there[1]), min(other, there[2])
         lowest = _lowest(here[1], here[3] * step, there[1], there[3] * step, bound * step * step)
         lowest_other = _lowest(
@@ -134,19 +158,19 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
 
 
 @allocation_free
-def way_to(road: RoadSpace, progress: float, goal: float) -> float:
+def way_to(shape: Any, progress: float, goal: float) -> float:
     """Difference of the two."""
-    shape, way = road.shape[0], goal - progress
+    way = goal - progress
     if shape.closed:
         way -= shape.length * round(way / shape.length)
     return way
 
 
 @allocation_free
-def ahead(road: RoadSpace, progress: float, way: float) -> Any:
+def ahead(shape: Any, pieces: Records, progress: float, way: float) -> Any:
     """The point with so much more progress."""
-    i, t = _piece(road, _within(road, progress + way))
-    at_x, at_y, _, _, _, _ = _center_line(road.pieces[i], t)
+    i, t = _piece(shape, pieces, _within(shape, pieces, progress + way))
+    at_x, at_y, _, _, _, _ = _center_line(pieces[i], t)
     return at_x, at_y
 
 
@@ -170,7 +194,15 @@ def _lowest(here: float, slope: float, there: float, slope_there: float, bound: 
 
 
 @allocation_free
-def _on_arc(road: RoadSpace, arc: Arc, t: float, progress: float) -> Any:
+def _on_arc(
+    shape: Any,
+    pieces: Records,
+    kept: float,
+    other_kept: float,
+    arc: Arc,
+    t: float,
+    progress: float,
+) -> Any:
     """A point of an arc: progress, both clearances, and their slopes by ``t`` from 0 to 1."""
     if t == 0.0:
         x, y, cosine, sine = arc.x, arc.y, arc.cosine, arc.sine
@@ -178,46 +210,46 @@ def _on_arc(road: RoadSpace, arc: Arc, t: float, progress: float) -> Any:
         x, y, cosine, sine = arc.end_x, arc.end_y, arc.end_cosine, arc.end_sine
     else:
         x, y, cosine, sine = arc_part(arc, t)
-    progress, off, left, right = _across(road, x, y, progress)
-    part = road.shape[0].part
-    clear = (left - off) * part[0] - road.kept[0, 0]
-    clear_other = (right + off) * part[1] - road.kept[0, 1]
-    _, _, _, first_x, first_y, second_x, second_y = slopes(road, x, y, progress)
+    progress, off, left, right = _across(shape, pieces, x, y, progress)
+    part = shape.part
+    clear = (left - off) * part[0] - kept
+    clear_other = (right + off) * part[1] - other_kept
+    _, _, _, first_x, first_y, second_x, second_y = slopes(shape, pieces, x, y, progress)
     slope = -(first_x * cosine + first_y * sine) * arc.length
     return progress, clear, clear_other, slope, -(second_x * cosine + second_y * sine) * arc.length
 
 
 @allocation_free
-def _across(road: RoadSpace, x: float, y: float, progress: float) -> Any:
+def _across(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
     """Progress of the nearest place of the centre line, going along it from a place nearby.
 
     Newton's method on the derivative of half the squared distance. With it come the distance to the
     left of the centre line, and the widths to the left and the right.
     """
-    progress, stride = _within(road, progress), road.shape[0].stride
+    progress, stride = _within(shape, pieces, progress), shape.stride
     i, t, step = 0, 0.0, 0.0
     dx, dy, rx, ry, squared = 1.0, 0.0, 0.0, 0.0, 1.0
     for _ in range(_MOST_STEPS):
-        i, t = _piece(road, progress)
-        here_x, here_y, dx, dy, ddx, ddy = _center_line(road.pieces[i], t)
+        i, t = _piece(shape, pieces, progress)
+        here_x, here_y, dx, dy, ddx, ddy = _center_line(pieces[i], t)
         rx, ry = x - here_x, y - here_y
         squared = dx * dx + dy * dy
         curved = squared - ddx * rx - ddy * ry
         # Beyond the centre of curvature Newton's step would lead away.
         step = (dx * rx + dy * ry) / (curved if curved > _LEAST_PART * squared else squared)
         step = min(max(step, -stride), stride)
-        progress = _within(road, progress + step)
+        progress = _within(shape, pieces, progress + step)
         if abs(step) <= _SETTLED:
             break
     off = (dx * ry - dy * rx) / math.sqrt(squared)
-    left, right = _widths(road.pieces[i], t + step)
+    left, right = _widths(pieces[i], t + step)
     return progress, off, left, right
 
 
 @allocation_free
-def _within(road: RoadSpace, progress: float) -> float:
+def _within(shape: Any, pieces: Records, progress: float) -> float:
     """The same place with a progress that the table has; NaN becomes the start."""
-    shape, low, high = road.shape[0], road.pieces[0].begin, road.pieces[-1].begin
+    low, high = pieces[0].begin, pieces[-1].begin
     if math.isnan(progress):
         progress = low
     if shape.closed and not 0.0 <= progress < shape.length:
@@ -227,11 +259,10 @@ def _within(road: RoadSpace, progress: float) -> float:
 
 
 @allocation_free
-def _piece(road: RoadSpace, progress: float) -> Any:
+def _piece(shape: Any, pieces: Records, progress: float) -> Any:
     """The piece that a place is on, and its progress since the beginning of that piece."""
-    pieces = road.pieces
     last = pieces.shape[0] - 2
-    cell = int((progress - pieces[0].begin) * road.shape[0].cells_in_metre)
+    cell = int((progress - pieces[0].begin) * shape.cells_in_metre)
     i = pieces[min(max(cell, 0), last)].at_cell
     while i < last and progress >= pieces[i + 1].begin:
         i += 1

@@ -115,9 +115,14 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     N, outputs = data.durations.shape[0], output_error.shape[0]
     progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
     for k in range(N + 1):
-        progress, off_center, g[k, 0], g[k, 1] = _keep_on_road(data, X, k, progress)
+        progress, off_center, first, second = road_functions.measure(
+            data.road, k, X[k, 0], X[k, 1], progress
+        )
+        g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
-            g[k, EDGES + j], _, _ = _keep_away(data, X, k, j)
+            distance, _, _ = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            g[k, EDGES + j] = _keep_away(distance, data.radii[at, j], k)
         cost += p.road_center * off_center * off_center
         cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -159,9 +164,13 @@ def linearise(
             for i in range(3):
                 A[i, i] = 1.0
             B[2, 0], B[2, 1] = turn, -turn
-        outer, inner = path[k, 0], path[k, 1]
-        progress, off_center, outer.value, inner.value = _keep_on_road(data, X, k, progress)
-        x, y, along, outer.X[0], outer.X[1], inner.X[0], inner.X[1] = road_functions.slopes(
+        progress, off_center, first, second = road_functions.measure(
+            data.road, k, X[k, 0], X[k, 1], progress
+        )
+        edge, other = path[k, 0], path[k, 1]
+        # Where the robot is now it cannot be changed: no constraint applies there.
+        edge.value, other.value = (first, second) if k > 0 else (-math.inf, -math.inf)
+        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.slopes(
             data.road, X[k, 0], X[k, 1], progress
         )
         if p.hessian == GAUSS_NEWTON:
@@ -178,9 +187,11 @@ def linearise(
         for a in range(2):
             stage.L_U[a] = p.control_effort * U[k, a]
             stage.L_UU[a, a] = curvature
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
             row = path[k, EDGES + j]
-            row.value, x, y = _keep_away(data, X, k, j)
+            distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            row.value = _keep_away(distance, data.radii[at, j], k)
             row.X[0], row.X[1] = -x, -y
     outputs = terminal.shape[0]
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -205,30 +216,10 @@ def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) ->
 
 
 @allocation_free
-def _keep_on_road(data: GuidanceData, X: Array, k: int, progress: float) -> Any:
-    """Constraints (92) of the road's edges, not positive where met.
-
-    Where the robot is now it cannot be changed: none applies there.
-
-    Returns:
-        Progress, distance from the centre line, and the constraint of each edge; all [m].
-    """
-    progress, off_center, first, second = road_functions.measure(
-        data.road, k, X[k, 0], X[k, 1], progress
-    )
-    if k == 0:
-        first = second = -math.inf
-    return progress, off_center, first, second
-
-
-@allocation_free
-def _keep_away(data: GuidanceData, X: Array, k: int, j: int) -> Any:
-    """Constraint (93) of an obstacle, not positive where met, and the unit vector away from it.
+def _keep_away(distance: float, least: float, k: int) -> float:
+    """Constraint (93) of an obstacle, not positive where met.
 
     It is a distance, not its square: its linearisation then errs on the safe side of every convex
     obstacle.
     """
-    at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-    distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
-    applies = k > 0 and data.radii[at, j] > -math.inf
-    return (data.radii[at, j] - distance if applies else -math.inf), x, y
+    return least - distance if k > 0 and least > -math.inf else -math.inf

@@ -35,8 +35,11 @@ def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> fl
     Returns:
         Progress [m].
     """
-    if road.shape[0].kind == CORRIDOR:
-        progress: float = corridor_functions.find(road, x, y, heading, near)
+    shape = road.shape[0]
+    if shape.kind == CORRIDOR:
+        progress: float = corridor_functions.find(
+            shape, road.pieces, road.stations, x, y, heading, near
+        )
         return progress
     return 0.0
 
@@ -56,11 +59,12 @@ def measure(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any
         Progress, distance from the centre line with a sign, and one path constraint an edge, not
         positive where met and ``-inf`` where there is no edge; all [m].
     """
-    kind = road.shape[0].kind
-    if kind == ANNULUS:
-        return annulus_functions.measure(road, k, x, y)
-    if kind == CORRIDOR:
-        return corridor_functions.measure(road, k, x, y, progress)
+    shape, at = road.shape[0], min(k, road.kept.shape[0] - 1)
+    kept, other = road.kept[at, 0], road.kept[at, 1]
+    if shape.kind == ANNULUS:
+        return annulus_functions.measure(shape, kept, other, x, y)
+    if shape.kind == CORRIDOR:
+        return corridor_functions.measure(shape, road.pieces, kept, other, x, y, progress)
     return 0.0, 0.0, -math.inf, -math.inf
 
 
@@ -79,11 +83,11 @@ def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
         second derivative of half its square is along the road; the gradients (x, y) of the first
         and of the second constraint.
     """
-    kind = road.shape[0].kind
-    if kind == ANNULUS:
-        return annulus_functions.slopes(road, x, y)
-    if kind == CORRIDOR:
-        return corridor_functions.slopes(road, x, y, progress)
+    shape = road.shape[0]
+    if shape.kind == ANNULUS:
+        return annulus_functions.slopes(shape, x, y)
+    if shape.kind == CORRIDOR:
+        return corridor_functions.slopes(shape, road.pieces, x, y, progress)
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
@@ -101,11 +105,13 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
     Returns:
         Progress at its end, and clearance from both edges; all [m].
     """
-    kind = road.shape[0].kind
-    if kind == ANNULUS:
-        return annulus_functions.sweep(road, arc)
-    if kind == CORRIDOR:
-        return corridor_functions.sweep(road, arc, progress, enough, enough_other)
+    shape, kept, other = road.shape[0], road.kept[0, 0], road.kept[0, 1]
+    if shape.kind == ANNULUS:
+        return annulus_functions.sweep(shape, kept, other, arc)
+    if shape.kind == CORRIDOR:
+        return corridor_functions.sweep(
+            shape, road.pieces, kept, other, arc, progress, enough, enough_other
+        )
     return open_floor_functions.sweep(arc, FAR)
 
 
@@ -127,11 +133,11 @@ def way_to(
     Returns:
         The way [m]; the shorter one where the road closes upon itself.
     """
-    kind = road.shape[0].kind
-    if kind == ANNULUS:
-        return annulus_functions.way_to(road, x, y, goal_x, goal_y)
-    if kind == CORRIDOR:
-        return corridor_functions.way_to(road, progress, goal)
+    shape = road.shape[0]
+    if shape.kind == ANNULUS:
+        return annulus_functions.way_to(shape, x, y, goal_x, goal_y)
+    if shape.kind == CORRIDOR:
+        return corridor_functions.way_to(shape, progress, goal)
     return math.hypot(goal_x - x, goal_y - y)
 
 
@@ -147,9 +153,9 @@ def ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: 
         way: Length along the centre line, negative against its direction [m].
         to: Where that way leads in the end (x, y) [m], for open floor.
     """
-    kind = road.shape[0].kind
-    if kind == ANNULUS:
-        return annulus_functions.ahead(road, x, y, way)
-    if kind == CORRIDOR:
-        return corridor_functions.ahead(road, progress, way)
+    shape = road.shape[0]
+    if shape.kind == ANNULUS:
+        return annulus_functions.ahead(shape, x, y, way)
+    if shape.kind == CORRIDOR:
+        return corridor_functions.ahead(shape, road.pieces, progress, way)
     return open_floor_functions.ahead(x, y, way, to)

@@ -136,8 +136,8 @@ def _take_step(ws: Workspace) -> int:
     run, p = ws.run[0], ws.program
     if run.outcome != SOLVED:
         return _finish(ws, 0.0)
-    run.active_rows = _active_rows(p)
-    run.full_change = _sum_of_step_norms(p) / (_sum_of_norms(p, ws.now.U) or 1.0)
+    if run.control_tolerance > 0.0:
+        run.full_change = _sum_of_step_norms(p) / (_sum_of_norms(p, ws.now.U) or 1.0)
     update_penalties(p)
     run.predicted = predicted_reduction(p, ws.slack)
     if run.line_search == 1:
@@ -156,7 +156,11 @@ def _finish(ws: Workspace, length: float) -> int:
     run = ws.run[0]
     run.iterations += 1
     run.length = length
-    return DONE if _is_over(ws) else _next_iteration(ws)
+    if run.iterations < run.max_iterations and not _is_over(ws):
+        return _next_iteration(ws)
+    if run.outcome == SOLVED:
+        run.active_rows = _active_rows(ws.program)
+    return DONE
 
 
 @allocation_free

@@ -11,8 +11,9 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.sqp.merit import magnitude, merit, violation
-from cmpsp_ros.mpsp.sqp.workspace import Trajectory, Workspace
+from cmpsp_ros.mpsp.sqp.workspace import Workspace
 
 _SUFFICIENT_DECREASE = 1e-4
 _HALVINGS = 4
@@ -152,15 +153,15 @@ def take_trial(ws: Workspace) -> None:
     run.cost = run.trial_cost
     for j in range(now.output_error.shape[0]):
         now.output_error[j] = trial.output_error[j]
-    for k in range(ws.program.head[0].horizon + 1):
-        _copy(now, trial, k)
+    stages = ws.program.head[0].horizon + 1
+    _copy(trial.U, now.U, stages)
+    _copy(trial.X, now.X, stages)
+    _copy(trial.g, now.g, stages)
 
 
 @allocation_free
-def _copy(now: Trajectory, trial: Trajectory, k: int) -> None:
-    for a in range(now.U.shape[1]):
-        now.U[k, a] = trial.U[k, a]
-    for i in range(now.X.shape[1]):
-        now.X[k, i] = trial.X[k, i]
-    for j in range(now.g.shape[1]):
-        now.g[k, j] = trial.g[k, j]
+def _copy(source: Array, target: Array, rows: int) -> None:
+    """Copy the first rows, as one vector: a loop over their few columns takes several times."""
+    numbers, copies = source.reshape(source.size), target.reshape(target.size)
+    for i in range(rows * source.shape[1]):
+        copies[i] = numbers[i]

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import re
+import signal
+import sys
+import zlib
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+INTEGRATION = ROOT / 'test' / 'integration'
 LEVELS = ('OK', 'WARN', 'ERROR')
 # What may follow a sentence about a plan, where there were several.
 CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
@@ -19,6 +25,99 @@ CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
 settings.register_profile('exploring', deadline=None)
 settings.register_profile('repeatable', deadline=None, derandomize=True)
 settings.load_profile('repeatable')
+
+# Slow tests in folders that are being rewritten; all others have the marker themselves.
+SLOW = ()
+# Of tests that are repeated for many seeds, `make test` runs this many; `make test-all` runs all.
+FAST_SEEDS = 2
+# Longest time of a fast test, and of one that can be in a part [s].
+LONGEST = 120
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        '--part',
+        type=_part,
+        metavar='K/N',
+        help='only part K of N (from 1) of what is selected; not what takes minutes by itself',
+    )
+
+
+def _part(text):
+    number, count = map(int, text.split('/'))
+    if not 1 <= number <= count:
+        raise ValueError(text)
+    return number, count
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Mark what is slow by rule (doc/testing.md), and leave out all but one part."""
+    for item in items:
+        if _is_slow(item):
+            item.add_marker(pytest.mark.slow)
+        elif item.get_closest_marker('timeout') is None:
+            item.add_marker(pytest.mark.timeout(LONGEST))
+    part = config.getoption('part')
+    if part is not None:
+        chosen = [item for item in items if _is_in(item, *part)]
+        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
+        items[:] = chosen
+
+
+def _is_slow(item):
+    seed = getattr(item, 'callspec', None) and item.callspec.params.get('seed')
+    is_smoke = item.get_closest_marker('smoke') is not None
+    return (
+        (item.path.is_relative_to(INTEGRATION) and not is_smoke)
+        or (isinstance(seed, int) and seed >= FAST_SEEDS and not is_smoke)
+        or item.nodeid.startswith(SLOW)
+    )
+
+
+def _is_in(item, number, count):
+    timeout = item.get_closest_marker('timeout')
+    if timeout is not None and timeout.args[0] > LONGEST:
+        return False
+    # What tests of one group share is made once.
+    group = item.get_closest_marker('xdist_group')
+    name = group.args[0] if group is not None else item.nodeid
+    return zlib.crc32(name.encode()) % count == number - 1
+
+
+@pytest.fixture(scope='session')
+def program():
+    """A program that stands beside tests, as a module; several of one name are told apart."""
+
+    def load(path):
+        name = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
+        spec = spec_from_file_location(name, path)
+        module = sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope='session')
+def interruptible():
+    """Processes started in this context answer SIGINT, even if these tests are to ignore it.
+
+    A script has its background jobs ignore it (`make test &`), and they have all that they start.
+    """
+
+    @contextmanager
+    def heard():
+        before = signal.getsignal(signal.SIGINT)
+        if before is signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            yield
+        finally:
+            if before is signal.SIG_IGN:
+                signal.signal(signal.SIGINT, before)
+
+    return heard
 
 
 @dataclass(frozen=True)

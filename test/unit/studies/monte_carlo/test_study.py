@@ -125,11 +125,13 @@ def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     assert {number: kept[number] for number in range(RUNS)} == ledger_of(made[0])
 
 
-def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path):
+def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path, interruptible):
     folder = tmp_path / 'nominal'
     line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal', '--runs', '400']
     arguments = [*line, '--workers', '2', '--output', str(folder)]
-    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as child:
+    with interruptible():
+        child = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True)
+    with child:
         deadline = time.monotonic() + 60.0
         while len(lines_of(folder)) < 2 and time.monotonic() < deadline:
             time.sleep(0.01)

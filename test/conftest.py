@@ -66,18 +66,24 @@ def pytest_collection_modifyitems(config, items):
 
 
 def _is_slow(item):
-    seed = getattr(item, 'callspec', None) and item.callspec.params.get('seed')
-    is_smoke = item.get_closest_marker('smoke') is not None
+    if item.get_closest_marker('smoke') is not None:
+        return False
+    seed = item.callspec.params.get('seed') if hasattr(item, 'callspec') else None
     return (
-        (item.path.is_relative_to(INTEGRATION) and not is_smoke)
-        or (isinstance(seed, int) and seed >= FAST_SEEDS and not is_smoke)
+        item.path.is_relative_to(INTEGRATION)
+        or (isinstance(seed, int) and seed >= FAST_SEEDS)
+        or _takes_minutes(item)
         or item.nodeid.startswith(SLOW)
     )
 
 
-def _is_in(item, number, count):
+def _takes_minutes(item):
     timeout = item.get_closest_marker('timeout')
-    if timeout is not None and timeout.args[0] > LONGEST:
+    return timeout is not None and timeout.args[0] > LONGEST
+
+
+def _is_in(item, number, count):
+    if _takes_minutes(item):
         return False
     # What tests of one group share is made once.
     group = item.get_closest_marker('xdist_group')

@@ -27,9 +27,11 @@ settings.register_profile('repeatable', deadline=None, derandomize=True)
 settings.load_profile('repeatable')
 
 # Slow tests in folders that are being rewritten; all others have the marker themselves.
-SLOW = ()
-# Of tests that are repeated for many seeds, `make test` runs this many; `make test-all` runs all.
-FAST_SEEDS = 2
+SLOW = (
+    'test/unit/mpsp/jit/test_cache.py',
+    'test/unit/mpsp/test_kernel_cache.py',
+    'test/unit/mpsp/riccati/test_interior_point.py::test_more_active_rows',
+)
 # Longest time of a fast test, and of one that can be in a part [s].
 LONGEST = 120
 
@@ -66,14 +68,10 @@ def pytest_collection_modifyitems(config, items):
 
 
 def _is_slow(item):
-    if item.get_closest_marker('smoke') is not None:
-        return False
-    seed = item.callspec.params.get('seed') if hasattr(item, 'callspec') else None
+    is_integration = item.path.is_relative_to(INTEGRATION)
+    is_smoke = item.get_closest_marker('smoke') is not None
     return (
-        item.path.is_relative_to(INTEGRATION)
-        or (isinstance(seed, int) and seed >= FAST_SEEDS)
-        or _takes_minutes(item)
-        or item.nodeid.startswith(SLOW)
+        (is_integration and not is_smoke) or _takes_minutes(item) or item.nodeid.startswith(SLOW)
     )
 
 

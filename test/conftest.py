@@ -62,9 +62,9 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker(pytest.mark.timeout(LONGEST))
     part = config.getoption('part')
     if part is not None:
-        chosen = [item for item in items if _is_in(item, *part)]
-        config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
-        items[:] = chosen
+        others = [item for item in items if not _is_in(item, *part)]
+        items[:] = [item for item in items if _is_in(item, *part)]
+        config.hook.pytest_deselected(items=others)
 
 
 def _is_slow(item):

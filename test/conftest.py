@@ -70,9 +70,7 @@ def pytest_collection_modifyitems(config, items):
 def _is_slow(item):
     is_integration = item.path.is_relative_to(INTEGRATION)
     is_smoke = item.get_closest_marker('smoke') is not None
-    return (
-        (is_integration and not is_smoke) or _takes_minutes(item) or item.nodeid.startswith(SLOW)
-    )
+    return (is_integration and not is_smoke) or _takes_minutes(item) or item.nodeid.startswith(SLOW)
 
 
 def _takes_minutes(item):

@@ -49,6 +49,7 @@ def test_installed_solvers_solve_the_same_task(task, results):
         assert task.failure(outcome) == ''
 
 
+@pytest.mark.slow
 def test_progress_is_told():
     told = []
 

@@ -74,9 +74,14 @@ else
 CHECK_ROS_PYTHON := true
 endif
 
+define RUN_TESTS
+@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
+$(BIN)/python -m pytest -n 2 --dist loadgroup $(WHICH) $(PYTEST_ARGS)
+endef
+
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint setup bench docs lock clean check-ros FORCE
+.PHONY: help demo test test-all lint setup bench docs lock clean check-ros FORCE
 
 help:  ## say what can be made
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -84,10 +89,14 @@ help:  ## say what can be made
 demo: check-ros $(DEMO_KERNELS)  ## watch the robot drive: PRESET=case3
 	$(BIN)/cmpsp demo $(PRESET)
 
-test: export ROS_PYTHON_CHECK_FIELDS := 1
-test: setup  ## run the tests; more options for pytest in PYTEST_ARGS
-	@$(BIN)/cmpsp warmup > $(VENV)/compile.log || { cat $(VENV)/compile.log >&2; exit 1; }
-	$(BIN)/python -m pytest -n 2 --dist loadgroup $(PYTEST_ARGS)
+test test-all: export ROS_PYTHON_CHECK_FIELDS := 1
+test: WHICH := -m 'not slow'
+test: setup  ## run the tests that take minutes together; more options for pytest in PYTEST_ARGS
+	$(RUN_TESTS)
+
+test-all: WHICH :=
+test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/testing.md)
+	$(RUN_TESTS)
 
 lint: check-ros $(PACKAGE)  ## ruff, mypy, and who may import whom
 	$(BIN)/ruff check .

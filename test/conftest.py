@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import re
+import signal
+import sys
+import zlib
+from contextlib import contextmanager
 from dataclasses import dataclass
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
 ROOT = Path(__file__).parents[1]
+INTEGRATION = ROOT / 'test' / 'integration'
 LEVELS = ('OK', 'WARN', 'ERROR')
 # What may follow a sentence about a plan, where there were several.
 CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
@@ -19,6 +25,101 @@ CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
 settings.register_profile('exploring', deadline=None)
 settings.register_profile('repeatable', deadline=None, derandomize=True)
 settings.load_profile('repeatable')
+
+# Slow tests in folders that are being rewritten; all others have the marker themselves.
+SLOW = (
+    'test/unit/mpsp/jit/test_cache.py',
+    'test/unit/mpsp/test_kernel_cache.py',
+    'test/unit/mpsp/riccati/test_interior_point.py::test_more_active_rows',
+)
+# Longest time of a fast test, and of one that can be in a part [s].
+LONGEST = 120
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        '--part',
+        type=_part,
+        metavar='K/N',
+        help='only part K of N (from 1) of what is selected; not what takes minutes by itself',
+    )
+
+
+def _part(text):
+    number, count = map(int, text.split('/'))
+    if not 1 <= number <= count:
+        raise ValueError(text)
+    return number, count
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Mark what is slow by rule (doc/testing.md), and leave out all but one part."""
+    for item in items:
+        if _is_slow(item):
+            item.add_marker(pytest.mark.slow)
+        elif item.get_closest_marker('timeout') is None:
+            item.add_marker(pytest.mark.timeout(LONGEST))
+    part = config.getoption('part')
+    if part is not None:
+        others = [item for item in items if not _is_in(item, *part)]
+        items[:] = [item for item in items if _is_in(item, *part)]
+        config.hook.pytest_deselected(items=others)
+
+
+def _is_slow(item):
+    is_integration = item.path.is_relative_to(INTEGRATION)
+    is_smoke = item.get_closest_marker('smoke') is not None
+    return (is_integration and not is_smoke) or _takes_minutes(item) or item.nodeid.startswith(SLOW)
+
+
+def _takes_minutes(item):
+    timeout = item.get_closest_marker('timeout')
+    return timeout is not None and timeout.args[0] > LONGEST
+
+
+def _is_in(item, number, count):
+    if _takes_minutes(item):
+        return False
+    # What tests of one group share is made once.
+    group = item.get_closest_marker('xdist_group')
+    name = group.args[0] if group is not None else item.nodeid
+    return zlib.crc32(name.encode()) % count == number - 1
+
+
+@pytest.fixture(scope='session')
+def program():
+    """A program that stands beside tests, as a module; several of one name are told apart."""
+
+    def load(path):
+        name = '.'.join(path.relative_to(ROOT).with_suffix('').parts)
+        spec = spec_from_file_location(name, path)
+        module = sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        return module
+
+    return load
+
+
+@pytest.fixture(scope='session')
+def interruptible():
+    """Processes started in this context answer SIGINT, even if these tests are to ignore it.
+
+    A script has its background jobs ignore it (`make test &`), and they have all that they start.
+    """
+
+    @contextmanager
+    def heard():
+        before = signal.getsignal(signal.SIGINT)
+        if before is signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            yield
+        finally:
+            if before is signal.SIG_IGN:
+                signal.signal(signal.SIGINT, before)
+
+    return heard
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,8 @@ from rclpy.node import Node
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
+    from contextlib import AbstractContextManager
+
 REPOSITORY = Path(__file__).parents[2]
 
 # Above what people choose for their robots, below the range of ephemeral ports.
@@ -122,7 +124,9 @@ class Running:
 
 
 @pytest.fixture
-def spawn(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Running]]:
+def spawn(
+    ros_domain: int, tmp_path: Path, interruptible: Callable[[], AbstractContextManager[None]]
+) -> Iterator[Callable[..., Running]]:
     """Start processes in `tmp_path`: `spawn(args, **env)`; all are stopped at the end.
 
     The arguments are a whole command, as in `[sys.executable, '-m', 'cmpsp_ros.nodes.recorder']`.
@@ -134,7 +138,7 @@ def spawn(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., Running]]:
         err = out.with_suffix('.err')
         paths = [str(REPOSITORY), os.environ.get('PYTHONPATH', '')]
         inherited = {**os.environ, 'PYTHONPATH': os.pathsep.join(filter(None, paths))}
-        with out.open('wb') as stdout, err.open('wb') as stderr:
+        with out.open('wb') as stdout, err.open('wb') as stderr, interruptible():
             process = subprocess.Popen(
                 [str(each) for each in args],
                 cwd=tmp_path,

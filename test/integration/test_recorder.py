@@ -112,6 +112,7 @@ def flushing(ros):
     return counts
 
 
+@pytest.mark.smoke
 def test_nothing_is_lost(record, spawn, bag):
     recorder = record()
     publisher = spawn([sys.executable, Path(__file__), str(recorder.pid)])

@@ -74,7 +74,17 @@ def links_of(text):
     return [target for target in targets if not re.match(r'[a-z]+:|#', target)]
 
 
-@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+# Its own problem is compiled: a minute.
+SLOW = {'qp.md'}
+
+
+@pytest.mark.parametrize(
+    'page',
+    [
+        pytest.param(page, marks=[pytest.mark.slow] * (page.name in SLOW), id=page.name)
+        for page in PAGES
+    ],
+)
 def test_page_prints_what_it_says(page):
     check(page.relative_to(ROOT).as_posix(), page.read_text(encoding='utf-8'))
 

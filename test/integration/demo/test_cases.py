@@ -13,8 +13,10 @@ from cmpsp_ros.bags.run import read_run
 pytestmark = pytest.mark.integration
 
 
-@pytest.mark.parametrize('preset', ['case1', 'case2', 'case3', 'case3_45'])
-def test_preset_in_lockstep(start_demo, tmp_path, preset):
+@pytest.mark.parametrize(
+    'preset', ['case1', 'case2', pytest.param('case3', marks=pytest.mark.smoke), 'case3_45']
+)
+def test_preset_in_lockstep(start_demo, judge, tmp_path, preset):
     folder = tmp_path / 'run'
     running = start_demo(preset, '--lockstep', '--output', folder)
     code = running.wait(LIMIT)
@@ -30,6 +32,7 @@ def test_preset_in_lockstep(start_demo, tmp_path, preset):
     assert code == 0, running.stderr
     assert summary['miss_m'] < 1e-6
     assert summary['miss_m'] == pytest.approx(at_final_time(folder), abs=1e-9)
+    judge(folder / 'bag')
 
 
 def test_a_robot_that_people_own_in_lockstep(start_demo, tmp_path):
@@ -90,7 +93,13 @@ def test_case_3_in_real_time(start_demo, tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'said'),
     [
-        (['case3', '--set', 'weights.road_centre=3.0'], ['weights.road_centre', 'road_center?']),
+        pytest.param(
+            *(
+                ['case3', '--set', 'weights.road_centre=3.0'],
+                ['weights.road_centre', 'road_center?'],
+            ),
+            marks=pytest.mark.smoke,
+        ),
         (['case3', '--set', 'initial_pose=[8.0,-6.0,0.0]'], ['initial_pose', 'obstacle a', '0.7']),
         (['case3', '--set', 'goal.position=[5.0,0.0]'], ['goal.position', '5 m from', '9 to 11']),
         (['case3', '--set', 'final_time'], ['final_time', 'key=value']),

@@ -12,11 +12,14 @@ from cmpsp_ros.bags.reader import Bag
 pytestmark = pytest.mark.integration
 
 
-# In real time: a busy machine may keep odometry from a robot for so long that it stops.
-@pytest.mark.flaky(reruns=2)
+# In real time on a busy machine odometry may be late: no robot stops for that, and a late command
+# may lead it somewhat past its goal.
+PATIENT = ['--set', 'odom_timeout=10.0', '--set', 'goal.tolerance=0.1']
+
+
 def test_four_robots_whose_ways_cross(start_demo, start_cmpsp, tmp_path):
     folder, robots = tmp_path / 'run', ['/r1', '/r2', '/r3', '/r4']
-    running = start_demo('fleet', '--output', folder)
+    running = start_demo('fleet', '--output', folder, *PATIENT)
     assert running.wait(2 * LIMIT) == 0, running.stderr
     assert 'fleet: 4 robots' in running.stdout
     summary = json.loads((folder / 'summary.json').read_text())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import time
 from pathlib import Path
 
 import pytest
@@ -47,7 +46,9 @@ def decided(folder):
     return log.exists() and 'nominal' in log.read_text()
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    'number', [pytest.param(signal.SIGINT, marks=pytest.mark.smoke), signal.SIGTERM]
+)
 def test_an_interrupted_run_leaves_a_readable_bag_and_a_robot_that_stands(
     start_demo, tmp_path, wait_until, number
 ):
@@ -117,9 +118,7 @@ def test_a_node_that_dies_ends_the_run_and_is_named(start_demo, tmp_path, wait_u
     wait_until(lambda: decided(folder), LIMIT)
     nodes = children(running.pid)
     os.kill(nodes[name], signal.SIGKILL)
-    begun = time.monotonic()
     assert running.wait(LIMIT) == 1
-    assert time.monotonic() - begun < LIMIT
     assert f'{name} ended with exit code -9' in running.stderr
     assert 'Traceback' not in running.stderr
     assert are_gone(nodes.values())

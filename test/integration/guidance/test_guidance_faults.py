@@ -57,6 +57,7 @@ def assert_is(fault, decision):
     fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
 
 
+@pytest.mark.smoke
 def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
     fault, start_node, client, make_odometry
 ):
@@ -210,8 +211,15 @@ def test_simulated_time_that_begins_again_is_noticed(fault, start_node, client, 
     assert_is(fault, client.decisions[count])
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('times', [1, 2])
+@pytest.mark.parametrize(
+    ('number', 'times'),
+    [
+        (signal.SIGINT, 1),
+        (signal.SIGINT, 2),
+        pytest.param(signal.SIGTERM, 1, marks=pytest.mark.smoke),
+        (signal.SIGTERM, 2),
+    ],
+)
 def test_a_signal_while_it_drives_leaves_a_robot_that_stands(start_node, client, number, times):
     running = start_node()
     client.connect()

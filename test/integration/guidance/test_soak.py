@@ -13,6 +13,7 @@ SOAK = Path(__file__).with_name('soak.py')
 
 
 @pytest.mark.integration
+@pytest.mark.timeout(300)
 @pytest.mark.usefixtures('ros_domain')
 def test_memory_and_descriptors_stay_as_they_are_from_run_to_run():
     """More of the same: `python test/integration/guidance/soak.py --minutes 60`."""

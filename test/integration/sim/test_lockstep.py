@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import signal
-import time
 from itertools import pairwise
 
 import numpy as np
@@ -28,16 +27,14 @@ def run_lockstep(simulate, ros, steps, kind=Twist, **more):
     client.until(client.commands.get_subscription_count)
     client.steps_left, client.answer = steps, lambda step: twist(0.2 + 0.01 * step, 0.02)
     client.until(lambda: client.odometry)
-    begun = time.monotonic()
     client.until(lambda: len(client.events) == steps)
-    return running, client, time.monotonic() - begun
+    return running, client
 
 
 @pytest.mark.parametrize('kind', [Twist, TwistStamped])
-def test_lockstep_waits_for_each_answer_and_is_as_fast_as_they_come(simulate, ros, kind):
-    _, client, took = run_lockstep(simulate, ros, 51, kind)
+def test_lockstep_waits_for_each_answer(simulate, ros, kind):
+    _, client = run_lockstep(simulate, ros, 51, kind)
     assert client.events == [step * CONTROL_NS for step in range(51)]
-    assert took < 10.0
     client.until(lambda: stamp(client.truth[-1]) == 51 * CONTROL_NS)
     client.until(lambda: stamp(client.odometry[-1]) == 51 * CONTROL_NS)
     robot, pose = DifferentialDrive(), np.array([0.0, -9.25, 0.0])
@@ -53,7 +50,7 @@ def test_lockstep_waits_for_each_answer_and_is_as_fast_as_they_come(simulate, ro
 def test_lockstep_repeats_exactly_also_with_noise_and_delay(simulate, ros):
     runs = []
     for _ in range(2):
-        running, client, _ = run_lockstep(
+        running, client = run_lockstep(
             simulate,
             ros,
             11,
@@ -97,7 +94,7 @@ def test_the_truth_and_the_time_go_on_while_odometry_is_lost(simulate, ros):
 
 def test_the_truth_of_lagging_and_slipping_wheels_can_be_drawn_again(simulate, ros):
     disturbed = {'wheel_lag': 0.05, 'wheel_slip': '[0.1, 0.05]', 'actuation_delay': 0.03}
-    _, client, _ = run_lockstep(simulate, ros, 6, **disturbed)
+    _, client = run_lockstep(simulate, ros, 6, **disturbed)
     client.until(lambda: stamp(client.truth[-1]) == 6 * CONTROL_NS)
     truth = {stamp(message): message for message in client.truth}
     robot = DifferentialDrive()

@@ -63,8 +63,14 @@ def edit_metadata(path, old, new):
     metadata.write_text(text.replace(old, new))
 
 
+def test_random_damage(tmp_path, program):
+    outcomes, _ = program(HERE / 'fuzz.py').fuzz(30, 'test', tmp_path)
+    assert outcomes.keys() >= {'read', 'refused', 'partly read', 'recovered'}
+
+
+@pytest.mark.slow
 @pytest.mark.timeout(600)
-def test_random_damage():
+def test_more_random_damage_in_bounded_memory():
     """More of the same: `python test/unit/bags/fuzz.py --count 5000`."""
     done = subprocess.run(
         [sys.executable, HERE / 'fuzz.py', '--count', '250', '--seed', 'test'],

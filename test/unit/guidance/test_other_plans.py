@@ -201,7 +201,7 @@ def places(rng, count):
     return found
 
 
-@pytest.mark.parametrize('late', [0, 40 * MS])
+@pytest.mark.parametrize('late', [pytest.param(0, marks=pytest.mark.slow), 40 * MS])
 def test_random_ways_of_five_robots_keep_apart(late):
     rng, names = np.random.default_rng(5), [f'/r{number}' for number in range(5)]
     for _ in range(6):

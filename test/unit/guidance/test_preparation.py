@@ -7,6 +7,8 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import pytest
+
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -99,6 +101,7 @@ print(*sorted(code() - before), sep='\\n')
 """
 
 
+@pytest.mark.slow
 def test_no_code_is_missing_after_it():
     done = subprocess.run(
         [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True

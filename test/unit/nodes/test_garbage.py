@@ -97,11 +97,12 @@ def test_without_time_nothing_is_collected(garbage, collected):
 
 
 def test_too_long_without_time_is_told(garbage, monkeypatch):
+    clock = [1000.0]
+    monkeypatch.setattr('time.monotonic', lambda: clock[0])
     assert not garbage.overdue
     garbage.begin()
     assert not garbage.overdue
-    clock = garbage._latest
-    monkeypatch.setattr('time.monotonic', lambda: clock + 1.5)
+    clock[0] += 1.5
     assert garbage.overdue
     garbage.collect()
     assert not garbage.overdue

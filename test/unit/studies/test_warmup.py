@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.jit.folder import kernel_folder
 
 CMPSP = [sys.executable, '-m', 'cmpsp_ros.cli']
 
-pytestmark = pytest.mark.timeout(300)
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 
 @pytest.fixture

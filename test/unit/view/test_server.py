@@ -5,6 +5,8 @@ from __future__ import annotations
 import http.client
 import json
 import re
+from functools import partialmethod
+from http.server import ThreadingHTTPServer
 from importlib.resources import files
 
 import pytest
@@ -29,7 +31,10 @@ def interface():
 
 
 @pytest.fixture
-def server(board, interface):
+def server(board, interface, monkeypatch):
+    # It looks twice a second whether it is to end: too seldom for so many tests.
+    often = partialmethod(ThreadingHTTPServer.serve_forever, 0.01)
+    monkeypatch.setattr(ThreadingHTTPServer, 'serve_forever', often)
     server = ViewServer(board, interface, 0)
     server.start()
     yield server

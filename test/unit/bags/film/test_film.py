@@ -69,6 +69,7 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
     assert lines.sum() == 2 * (len(edge) - 1) + 2
 
 
+@pytest.mark.slow
 def test_stills_show_the_robot_beside_the_obstacle_and_at_the_goal(drawing, bag, tmp_path):
     path = tmp_path / 'film.png'
     done = drawing(bag, '--output', path, '--at', 6.2, '--at', 9.9)
@@ -89,6 +90,7 @@ def test_stills_show_the_robot_beside_the_obstacle_and_at_the_goal(drawing, bag,
     assert min(share(beside, blue), share(arriving, blue)) > 5e-3
 
 
+@pytest.mark.slow
 def test_a_film_moves_in_real_time(drawing, bag, tmp_path):
     path = tmp_path / 'film.gif'
     done = drawing(bag, '--output', path, *(f'--at={t}' for t in (1.0, 1.1, 1.2)))

@@ -13,7 +13,7 @@ from cmpsp_ros.studies.bench.report import check_output, content, page, write
 from cmpsp_ros.studies.bench.tables import tables
 
 # What they share takes long to make.
-pytestmark = pytest.mark.xdist_group('bench_results')
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('bench_results')]
 
 
 @pytest.fixture

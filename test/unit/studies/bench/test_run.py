@@ -17,6 +17,7 @@ def invoke(*args):
     return CliRunner().invoke(app, ['bench', *map(str, args)], env={'COLUMNS': '200'})
 
 
+@pytest.mark.slow
 def test_all_that_was_asked_for_is_there(results):
     assert [each.name for each in results.presets] == ['case3']
     found = results.comparison
@@ -39,6 +40,7 @@ def test_all_that_was_asked_for_is_there(results):
     assert results.latency is None
 
 
+@pytest.mark.slow
 def test_installed_solvers_solve_the_same_task(task, results):
     pytest.importorskip('casadi')
     found = {each.name: each.outcome for each in results.comparison.timed}
@@ -47,6 +49,7 @@ def test_installed_solvers_solve_the_same_task(task, results):
         assert task.failure(outcome) == ''
 
 
+@pytest.mark.slow
 def test_progress_is_told():
     told = []
 
@@ -89,6 +92,7 @@ def test_the_command_line_of_an_order():
     assert Order((), 20, 50).command == 'cmpsp bench --runs 20 --tail 50'
 
 
+@pytest.mark.slow
 def test_the_command_writes_and_tells(tmp_path):
     path = tmp_path / 'bench.json'
     done = invoke('case1', '--runs', 1, '--tail', 50, '--output', path)

@@ -15,7 +15,7 @@ from cmpsp_ros.studies.bench.targets import pace, targets
 from cmpsp_ros.studies.bench.timing import Timed
 
 # What they share takes long to make.
-pytestmark = pytest.mark.xdist_group('bench_results')
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('bench_results')]
 
 BARE, FULL = 'riccati active set', 'riccati active set, full step'
 

@@ -72,6 +72,7 @@ def test_an_address_without_a_worker_is_told(address, monkeypatch, tmp_path):
         run(Order(STUDY, 2, tmp_path / 'study', scheduler=address), lambda *_: lambda _: None)
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(start, address, tmp_path):
     first, _ = worker(start, address), worker(start, address)
     folder = tmp_path / 'cluster'

@@ -66,6 +66,7 @@ def test_a_study_counts_keeps_and_draws(made):
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
 
 
+@pytest.mark.slow
 def test_of_two_hundred_robots_none_is_unsafe_and_nearly_all_arrive(tmp_path):
     """The study of `cmpsp study nominal`, with other courses than those of the documentation."""
     study = Study('nominal', 7)
@@ -79,6 +80,7 @@ def test_of_two_hundred_robots_none_is_unsafe_and_nearly_all_arrive(tmp_path):
     assert values['verdicts']['command above the wheel limit'] == 0
 
 
+@pytest.mark.slow
 def test_two_workers_come_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
     told = []
@@ -98,6 +100,7 @@ def test_any_order_comes_to_the_same(made, tmp_path):
     assert ledger_of(folder) == {number: kept[number] for number in (3, 11, 17)}
 
 
+@pytest.mark.slow
 def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     folder = tmp_path / 'nominal'
     line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal']
@@ -125,11 +128,14 @@ def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     assert {number: kept[number] for number in range(RUNS)} == ledger_of(made[0])
 
 
-def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path):
+@pytest.mark.slow
+def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path, interruptible):
     folder = tmp_path / 'nominal'
     line = [sys.executable, '-m', 'cmpsp_ros.cli', 'study', 'nominal', '--runs', '400']
     arguments = [*line, '--workers', '2', '--output', str(folder)]
-    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as child:
+    with interruptible():
+        child = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True)
+    with child:
         deadline = time.monotonic() + 60.0
         while len(lines_of(folder)) < 2 and time.monotonic() < deadline:
             time.sleep(0.01)

@@ -10,6 +10,8 @@ from cmpsp_ros.studies.paper.starts import start, starts
 
 STARTS = starts()
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize('given', STARTS, ids=lambda each: f'{each[0]}-{each[1].robot}'[:60])
 def test_every_start_arrives_at_little_more_than_the_least_cost(given):

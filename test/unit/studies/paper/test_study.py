@@ -13,7 +13,7 @@ from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run
 from cmpsp_ros.studies.processor import cpu_model
 
 # What they share takes long to make.
-pytestmark = pytest.mark.xdist_group('paper_study')
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('paper_study')]
 
 FIGURES = [f'fig{number}' for number in range(2, 14)]
 VERDICTS = {'holds', 'does not hold', 'depends', 'not decidable'}

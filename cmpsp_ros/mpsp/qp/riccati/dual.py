@@ -28,26 +28,28 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     ActiveSet,
 )
 from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step, row_norm
-from cmpsp_ros.mpsp.qp.riccati.program import Program, load_row, product
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import MANY
+from cmpsp_ros.mpsp.qp.riccati.program import Program, is_bound, load_row, product
 from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement, recompute_primal
-from cmpsp_ros.mpsp.qp.riccati.step import DONE, meet
+from cmpsp_ros.mpsp.qp.riccati.step import CROWDED, DONE, meet
 
 # After so many steps the point is found again from the multipliers: rounding has added up.
 _MANY = 64
 
 
 @allocation_free
-def meet_all(p: Program, at: ActiveSet) -> int:
+def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
     """Meet one violated row after the other, from where the method has begun.
 
     Args:
         p: The program, factorised, with the step of the present point.
         at: Holds the point, and how it ended.
+        may_crowd: Whether to stop where many bounds have become active.
 
     Returns:
         An outcome of `step.meet`; `DONE` where nothing is violated any more.
     """
-    head = p.head[0]
+    head, bounds = p.head[0], 0
     outcome, looked_at = DONE, -1
     while outcome == DONE:
         row = _furthest(at)
@@ -62,6 +64,10 @@ def meet_all(p: Program, at: ActiveSet) -> int:
                 break
             row = _furthest(at)
         outcome = meet(p, at, row)
+        if outcome == DONE and may_crowd and is_bound(p, row):
+            bounds += 1
+            if bounds > MANY:
+                return CROWDED
     if outcome == DONE:
         if head.iterations > _MANY:
             recompute_primal(p, at)

@@ -258,9 +258,24 @@ def name_fixed(p: Program, at: ActiveSet) -> None:
 
 
 @allocation_free
-def restart_from(p: Program, at: ActiveSet, warm: Indices) -> None:
-    """Leave a warm start of the rows alone, after bounds have been held or let go."""
+def restart_from(p: Program, at: ActiveSet, warm: Indices, absorbs: bool) -> None:
+    """Leave a warm start of the rows alone, after bounds have been held or let go.
+
+    Args:
+        p: The program.
+        at: Its active set.
+        warm: Filled.
+        absorbs: Whether active bounds are held from now on.
+    """
     fixed = p.head[0].fixed
     p.head[0].fixed = 0
     leave_warm_start(p, at, warm)
     p.head[0].fixed = fixed
+    if not absorbs:
+        return
+    for j in range(p.head[0].active):
+        row = at.rows[j]
+        if row >= p.terminal.shape[0]:
+            kind, k, a, sign = locate(p, row)
+            if kind == BOUND and at.multipliers[j] > 0.0:
+                _hold(p, k, a, sign)

@@ -84,6 +84,15 @@ def locate(p: Program, row: int) -> Any:
 
 
 @allocation_free
+def is_bound(p: Program, row: int) -> bool:
+    """Whether a row is the bound of a control."""
+    if row < p.terminal.shape[0]:
+        return False
+    kind, _, _, _ = locate(p, row)
+    return bool(kind == BOUND)
+
+
+@allocation_free
 def row_number(p: Program, kind: int, k: int, component: int, sign: float) -> int:
     """Number of an inequality, the reverse of `locate`."""
     first = p.terminal.shape[0] + k * rows_per_stage(p)

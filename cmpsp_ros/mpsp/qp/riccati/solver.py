@@ -29,14 +29,14 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     SOLVED,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, DONE, RELEASED
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
 TOLERANCE: Final = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""
 
 # Sweeps that improve the guess of which bounds to hold, before rows are added one by one.
-_SWEEPS = 12
+_SWEEPS = 40
 
 
 @allocation_free
@@ -67,20 +67,20 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         keep_origin(p, at.v)
         begin(p, at, warm)
         recover_step(p, at.v)
-        if sweeps < _SWEEPS:
-            sweeps += 1
+        # After so many sweeps bounds are only let go, which happens a finite number of times.
+        sweeps += 1
+        guesses = sweeps <= _SWEEPS
+        if guesses:
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
             if changed > 0:
-                restart_from(p, at, warm)
+                restart_from(p, at, warm, True)
                 continue
-        outcome = meet_all(p, at)
+        outcome = meet_all(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
-        if outcome == RELEASED:
-            # From here on bounds are only let go: a finite number of times.
-            sweeps = _SWEEPS
-            restart_from(p, at, warm)
+        if outcome == RELEASED or outcome == CROWDED:
+            restart_from(p, at, warm, guesses)
             continue
         leave_warm_start(p, at, warm)
         if outcome == DONE and kkt_residual(p) <= TOLERANCE:

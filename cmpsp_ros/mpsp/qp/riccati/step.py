@@ -25,9 +25,10 @@ from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
 from cmpsp_ros.mpsp.qp.riccati.program import Program, limit, row_value, row_value_at_origin
 from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement
 
-DONE, CONTRADICTION, FULL, RELEASED = 0, 1, 2, 3
-"""Outcomes of a step: the row is met; it contradicts the others; there is no room or work left; or
-bounds that are held stood in its way and are held no longer."""
+DONE, CONTRADICTION, FULL, RELEASED, CROWDED = 0, 1, 2, 3, 4
+"""Outcomes of a step: the row is met; it contradicts the others; there is no room or work left;
+bounds that are held stood in its way and are held no longer; or (of many steps) so many bounds have
+become active that they are better held."""
 
 # Coefficients of a dependence below this, relative to the largest, are rounding.
 NEGLIGIBLE = 1e-12

@@ -33,6 +33,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import Program, limit, row_value_at_origi
 # Fraction of its length, squared, that a row must have outside the span of those before it. What is
 # closer to them is left to the method, which meets it along its own multiplier.
 _APART: Final = 1e-8
+_PASSES: Final = 3
 
 
 @allocation_free
@@ -59,8 +60,13 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
-    for i in range(FIRST, FIRST + warm[0]):
-        _meet(p, at, warm[i])
+    # What was met before others joined may be violated after.
+    for _ in range(_PASSES):
+        before = head.active
+        for i in range(FIRST, FIRST + warm[0]):
+            _meet(p, at, warm[i])
+        if head.active == before:
+            break
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
         if not (_drop(p, at) or _saturate(p, at)):

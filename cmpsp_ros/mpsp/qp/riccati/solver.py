@@ -6,6 +6,7 @@ from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    IS_OFF,
     ActiveSet,
     Indices,
     leave_warm_start,
@@ -28,7 +29,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     NO_CURVATURE,
     SOLVED,
 )
-from cmpsp_ros.mpsp.qp.riccati.program import Program
+from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, DONE, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
@@ -67,7 +68,9 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         keep_origin(p, at.v)
         begin(p, at, warm)
         recover_step(p, at.v)
-        if sweeps < _SWEEPS:
+        # Sweeps would go to and fro between holding so many bounds and none.
+        is_stuck = sweeps < _SWEEPS and head.fixed > 0 and _misses_terminal(p, at)
+        if sweeps < _SWEEPS and not is_stuck:
             sweeps += 1
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
@@ -78,8 +81,8 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
         if outcome == RELEASED:
-            # From here on bounds are only let go: a finite number of times.
-            sweeps = _SWEEPS
+            # Once the sweeps are over bounds are only let go: a finite number of times.
+            sweeps = sweeps + 1 if is_stuck else _SWEEPS
             restart_from(p, at, warm)
             continue
         leave_warm_start(p, at, warm)
@@ -92,3 +95,15 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         warm_started, warm[0], sweeps = False, 0, 0
         free_all(p)
     return ITERATION_LIMIT
+
+
+@allocation_free
+def _misses_terminal(p: Program, at: ActiveSet) -> bool:
+    """Whether the bounds that are held leave a terminal row no freedom to be met."""
+    for row in range(p.terminal.shape[0]):
+        if at.states[row] == IS_OFF:
+            value = p.terminal[row].value
+            missed = value + product(p.terminal[row], p.stages[p.head[0].horizon])
+            if abs(missed) > TOLERANCE * (1.0 + abs(value)):
+                return True
+    return False

@@ -6,6 +6,7 @@ from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    IS_OFF,
     ActiveSet,
     Indices,
     leave_warm_start,
@@ -28,8 +29,13 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     NO_CURVATURE,
     SOLVED,
 )
+<<<<<<< HEAD
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
+=======
+from cmpsp_ros.mpsp.qp.riccati.program import Program, product
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, DONE, RELEASED
+>>>>>>> wt-core-tests
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
 TOLERANCE: Final = 1e-8
@@ -70,7 +76,9 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         # After so many sweeps bounds are only let go, which happens a finite number of times.
         sweeps += 1
         guesses = sweeps <= _SWEEPS
-        if guesses:
+        # Sweeps would go to and fro between holding so many bounds and none.
+        is_stuck = guesses and head.fixed > 0 and _misses_terminal(p, at)
+        if guesses and not is_stuck:
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
             if changed > 0:
@@ -92,3 +100,15 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         warm_started, warm[0], sweeps = False, 0, 0
         free_all(p)
     return ITERATION_LIMIT
+
+
+@allocation_free
+def _misses_terminal(p: Program, at: ActiveSet) -> bool:
+    """Whether the bounds that are held leave a terminal row no freedom to be met."""
+    for row in range(p.terminal.shape[0]):
+        if at.states[row] == IS_OFF:
+            value = p.terminal[row].value
+            missed = value + product(p.terminal[row], p.stages[p.head[0].horizon])
+            if abs(missed) > TOLERANCE * (1.0 + abs(value)):
+                return True
+    return False

@@ -27,12 +27,22 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     row_in_v,
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
+from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
 from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
-from cmpsp_ros.mpsp.qp.riccati.program import Program, limit, row_value_at_origin
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    BOUND,
+    Program,
+    limit,
+    locate,
+    row_value,
+    row_value_at_origin,
+)
 
 # Fraction of its length, squared, that a row must have outside the span of those before it. What is
 # closer to them is left to the method, which meets it along its own multiplier.
 _APART: Final = 1e-8
+_PASSES: Final = 3
+"""How often the rows that were met already are looked at again."""
 
 
 @allocation_free
@@ -59,8 +69,18 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
+    before = head.active
     for i in range(FIRST, FIRST + warm[0]):
         _meet(p, at, warm[i])
+    for _ in range(_PASSES):
+        # What was met before others joined may be violated after.
+        if head.active == before:
+            break
+        before = head.active
+        recover_step(p, at.v)
+        for i in range(FIRST, FIRST + warm[0]):
+            if _is_violated(p, at, warm[i]):
+                _meet(p, at, warm[i])
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
         if not (_drop(p, at) or _saturate(p, at)):
@@ -92,7 +112,7 @@ def _meet(p: Program, at: ActiveSet, row: int) -> None:
     count = head.active
     if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
         return
-    if count == at.rows.shape[0] or head.work > head.work_limit:
+    if count == at.rows.shape[0] or head.work > head.work_limit or _is_held(p, row):
         return
     length = row_in_v(p, row, at.row)
     bound, upper = limit(p, row)
@@ -108,6 +128,24 @@ def _meet(p: Program, at: ActiveSet, row: int) -> None:
         at.v[i] -= step * at.outside[i]
     add_constraint(p, at, row, step * math.sqrt(rest), upper, 1.0)
     head.iterations += 1
+
+
+@allocation_free
+def _is_held(p: Program, row: int) -> bool:
+    """Whether a row is a bound at which its control is held."""
+    if p.head[0].fixed == 0 or row < p.terminal.shape[0]:
+        return False
+    kind, k, a, sign = locate(p, row)
+    return kind == BOUND and p.stages[k].fixed[a] == sign
+
+
+@allocation_free
+def _is_violated(p: Program, at: ActiveSet, row: int) -> bool:
+    """Whether a row that is not active is violated by the step."""
+    if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+        return False
+    bound, _ = limit(p, row)
+    return row_value(p, row) - bound > TOLERANCE * (1.0 + abs(bound))
 
 
 @allocation_free

@@ -5,14 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.mpsp.riccati.basis import (
-    append,
-    basis,
-    remove,
-    solve,
-    solve_transposed,
-    split,
-)
+from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove, solve, solve_transposed, split
 
 unhurried = settings(deadline=None, max_examples=60)
 
@@ -21,7 +14,7 @@ class Rows:
     """Rows as they are, beside the basis that is kept of them."""
 
     def __init__(self, rows, length):
-        self.at = basis(rows, length)
+        self.at = Basis(np.zeros((rows, length)), np.zeros((rows, rows)))
         self.kept = []
 
     def split(self, row, length=None):

@@ -1,0 +1,101 @@
+"""The numbering of rows, and how a program of Python is written into records."""
+
+import numpy as np
+import pytest
+from stage_programs import CONTROLS, STATES, dense, place, random_program, relaxed, staged
+
+from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp.qp.riccati import fill as filling
+from cmpsp_ros.mpsp.qp.riccati.fill import (
+    borrowed_space,
+    compiled_size,
+    fill,
+    multipliers_of,
+    put_solution,
+    space,
+)
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    BOUND,
+    PATH,
+    TRUST,
+    count_rows,
+    limit,
+    locate,
+    row_number,
+    row_value,
+)
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+
+KINDS = {PATH: 'path', BOUND: 'bound', TRUST: 'trust'}
+
+
+def filled(qp, penalties=None):
+    mine = space(staged(qp).size)
+    fill(mine, qp, *(() if penalties is None else (penalties.terminal, penalties.path)))
+    return mine
+
+
+@pytest.mark.parametrize('sizes', [(5, 2, 2), (1, 0, 3), (3, 1, 0)])
+def test_every_row_has_a_number_of_its_own(sizes):
+    qp = random_program(np.random.default_rng(0), *sizes)
+    program, (N, m, l) = filled(qp).program, sizes  # noqa: E741
+    numbers = set()
+    for k in range(N + 1):
+        for kind, count in ((PATH, l), (BOUND, CONTROLS), (TRUST, STATES)):
+            for component in range(count):
+                for sign in (1.0,) if kind == PATH else (1.0, -1.0):
+                    number = row_number(program, kind, k, component, sign)
+                    assert number == place(qp, KINDS[kind], k, component, sign)
+                    assert locate(program, number) == (kind, k, component, sign)
+                    numbers.add(number)
+    assert numbers == set(range(m, count_rows(program)))
+
+
+@pytest.mark.parametrize('penalties', [None, relaxed], ids=['hard', 'relaxed'])
+def test_values_and_limits_are_those_of_the_rows(penalties):
+    rng = np.random.default_rng(1)
+    qp = random_program(rng, bound=1.5, trust=0.7)
+    qp.lower[:] -= 0.25
+    qp.g[3, 1] = -np.inf
+    mine, written = filled(qp, penalties and penalties(qp, 7.0, 9.0)), dense(qp)
+    dU = rng.normal(size=qp.lower.shape)
+    none = Multipliers(np.zeros(2), np.zeros(qp.g.shape), np.zeros((6, 3)), np.zeros((6, 2)))
+    put_solution(mine, dU, (written.states @ dU.ravel()), none)
+    values = written.rows @ dU.ravel()
+    assert len(values) == count_rows(mine.program)
+    for row, (value, wanted) in enumerate(zip(values, written.limits, strict=True)):
+        assert row_value(mine.program, row) == pytest.approx(value, abs=1e-12)
+        upper = 7.0 if row < 2 else 9.0 if locate(mine.program, row)[0] == PATH else np.inf
+        assert limit(mine.program, row) == (wanted, upper if penalties else np.inf)
+
+
+def test_a_program_is_filled_up_to_a_compiled_size():
+    assert compiled_size(3, 2) == (3, 2)
+    assert compiled_size(5, 2) == (5, 2)
+    assert compiled_size(1, 1) == compiled_size(4, 2) == compiled_size(8, 4) == (8, 4)
+    assert compiled_size(9, 1) == (16, 8)
+    assert compiled_size(65, 1) == (65, 1)
+    mine = space(Dimensions(4, 2, 1, 1, 1))
+    assert mine.program.stages['A'].shape == (5, 8, 8)
+    # Nothing moves what fills up, and it costs only itself.
+    np.testing.assert_array_equal(mine.program.stages['L_UU'][:, 1:, 1:], [np.eye(3)] * 5)
+    assert not mine.program.stages['B'].any()
+
+
+def test_a_solution_put_in_comes_back():
+    qp, rng = random_program(np.random.default_rng(2)), np.random.default_rng(3)
+    mine = filled(qp)
+    shapes = (2,), (6, 2), (6, 3), (6, 2)
+    multipliers = Multipliers(*(rng.normal(size=shape) for shape in shapes))
+    put_solution(mine, rng.normal(size=(6, 2)), rng.normal(size=(6, 3)), multipliers)
+    for found, wanted in zip(multipliers_of(mine), multipliers, strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_borrowed_memory_is_nobody_elses_meanwhile(monkeypatch):
+    monkeypatch.setattr(filling, '_free', type(filling._free)(list))
+    size = Dimensions(4, 3, 2, 1, 1)
+    with borrowed_space(size) as one, borrowed_space(size) as other:
+        assert one is not other
+    with borrowed_space(size) as again:
+        assert again in (one, other)

@@ -192,12 +192,15 @@ def warmup(
     """
     from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
+    from cmpsp_ros.studies.work_rate import work_rate  # noqa: PLC0415 (loads kernels)
 
     with exit_on(ParameterError, code=1), closing(ProgressLine()) as line:
         outcome = warm_up_all(line.show, presets or ())
     for part in outcome.parts:
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
         console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
+    if not presets and outcome.folder is not None:
+        console().print(f'solver.work_rate: {work_rate():.2g} (default 1e+08)', highlight=False)
     if outcome.removed:
         console().print(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:

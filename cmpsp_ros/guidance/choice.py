@@ -36,6 +36,8 @@ _MILLISECONDS = 1e-6
 _PATIENCE = 5
 # New plans are made every control step if the one followed may not be, else ever more seldom.
 _LONGEST_PAUSE = 7
+# How much more work a step may do while the robot stands and waits for its first plan.
+_BEFORE_IT_MOVES = 5
 # Control steps for which a plan that may be followed is given the time to mend a flaw. A robot that
 # is not quite as modelled puts a little of one into every plan, and each change of plans is a jerk.
 _TRANSIENT = 4
@@ -83,6 +85,7 @@ class Choice:
         self._centers = ClearSpace.of(settings.road, settings.obstacles, 0.0).centers
         self._beside: list[_Contender] = []
         self.phases: dict[str, float] = {}
+        self._work_left = 0
         self.forget()
 
     def aim(self, settings: GuidanceSettings) -> None:
@@ -109,7 +112,9 @@ class Choice:
     @property
     def remark(self) -> str:
         """Which way was chosen last, and from how many, in a sentence; empty without a choice."""
-        return self._remark
+        if self._work_left > 0:
+            return self._remark
+        return f'{self._remark} The work of this step was used up.'
 
     def best(self, start: Start, held: Array, plan: Plan | None, horizon: Horizon) -> Candidate:
         """Improve the plan, and others where that may help, and choose.
@@ -121,6 +126,10 @@ class Choice:
             horizon: Horizon of the plans wanted.
         """
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
+        # The plan that is followed comes first; others have what it leaves.
+        self._work_left = self._settings.solver.work_limit(self._settings.control_period)
+        if plan is None:
+            self._work_left *= _BEFORE_IT_MOVES
         moment = Moment(start, held, horizon, plan, self._settings)
         if plan is None:
             self._planner.forget()
@@ -165,7 +174,7 @@ class Choice:
         Whatever moves may come too close at first: where the robot stands anyway, a plan from
         standing still is tried as well.
         """
-        if warm.flawless:
+        if warm.flawless or self._work_left <= 0:
             return warm
         start, horizon = moment.start, moment.horizon
         guess = along_road(self._settings, start.pose, horizon.durations, start.near)
@@ -191,9 +200,12 @@ class Choice:
         followed, may_leave = self._contender(self._planner, warm, moment), self._may_leave(warm)
         # Room for a fresh plan, whatever is known already.
         room = self._most - 2 if review else self._most - 1
-        contenders = [
-            self._continued(each, moment) for each in self._worth_while(self._beside, room)
-        ]
+        contenders, waiting = [], []
+        for each in self._worth_while(self._beside, room):
+            if self._work_left > 0:
+                contenders.append(self._continued(each, moment))
+            else:
+                waiting.append(each._replace(strikes=each.strikes + 1))
         if review:
             self._review = False
             contenders += self._fresh([followed, *contenders], moment, guesses)
@@ -204,6 +216,7 @@ class Choice:
                 best = each if each.merit.beats(best.merit) else best
         self._troubled = self._troubled if best is followed else 0
         self._keep(best, [followed, *contenders])
+        self._beside += waiting
         if review:
             self._waited = 0
             self._pause = 0 if best is not followed else min(2 * self._pause + 1, _LONGEST_PAUSE)
@@ -234,17 +247,21 @@ class Choice:
             sound = {each.signature for each in known if not each.merit.flawed}
             room = self._most - len(known)
             guesses = self._guessed(self._guesses.fresh, moment, room, sound)[:room]
-        fresh = [self._new(guess, moment) for guess in guesses]
+        fresh = self._new_ones(guesses, moment)
         every = [*known, *fresh]
         if not moment.at_rest or not all(each.merit.flawed for each in every):
             return fresh
         # Whatever moves ahead may need more room than there is: turning where it stands does not.
         turning = self._guessed(self._guesses.turning, moment)
-        fresh += [self._new(guess, moment) for guess in turning]
+        fresh += self._new_ones(turning, moment)
         if any(each.candidate.usable for each in every):
             return fresh
         # Or it may come too close at first: standing still does not.
         return [*fresh, self._new(standing(moment.horizon), moment)]
+
+    def _new_ones(self, guesses: list[Array], moment: Moment) -> list[_Contender]:
+        """New plans, as many as there is work left for."""
+        return [self._new(guess, moment) for guess in guesses if self._work_left > 0]
 
     def _new(self, guess: Array, moment: Moment) -> _Contender:
         planner = self._free_planner()
@@ -288,7 +305,9 @@ class Choice:
         """The plan chosen, with the iterations that the others need not have."""
         first = chosen.improvement.iterations
         left = self._settings.solver.initial_iterations - first
-        if not moment.at_rest or not chosen.flawless or first < SCREENING or left <= 0:
+        if not moment.at_rest or not chosen.flawless or first < SCREENING:
+            return chosen
+        if left <= 0 or self._work_left <= 0:
             return chosen
         polished = self._improved(self._planner, chosen.plan.controls, moment, left)
         if not polished.flawless:
@@ -315,7 +334,9 @@ class Choice:
             iterations=iterations or self._iterations(moment),
             moving=moment.start.moving,
             near=moment.start.near,
+            work_limit=max(self._work_left, 0),
         )
+        self._work_left -= improvement.work
         solved = self._timer()
         verdict = self.judge(moment.start, improvement.plan.controls, moment.horizon)
         self.phases['solve'] += (solved - began) * _MILLISECONDS

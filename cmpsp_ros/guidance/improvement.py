@@ -21,6 +21,7 @@ class Improvement(NamedTuple):
         qp_iterations: Iterations of the QP back end in the last one.
         active_rows: Constraints active in the last one.
         reason: What the last iteration came to, in words.
+        work: Visits of a stage that the iterations took; 0 where nobody counts.
     """
 
     plan: Plan
@@ -33,3 +34,4 @@ class Improvement(NamedTuple):
     qp_iterations: int
     active_rows: int
     reason: str
+    work: int = 0

@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.mpsp.control_rate import ControlRateData, with_control_rate
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
@@ -37,7 +37,11 @@ FUNCTIONS: Final = Functions(
 
 # Outcomes for which the general iteration is tried.
 _FOR_THE_BACK_END: Final = (NO_CURVATURE, ITERATION_LIMIT)
-_REASONS: Final = {SOLVED: QPStatus.SOLVED.value, INFEASIBLE: QPStatus.INFEASIBLE.value}
+_REASONS: Final = {
+    SOLVED: QPStatus.SOLVED.value,
+    INFEASIBLE: QPStatus.INFEASIBLE.value,
+    ITERATION_LIMIT: 'The work of this control step was used up before there was a plan.',
+}
 
 
 class Planner:
@@ -90,6 +94,7 @@ class Planner:
         iterations: int | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
         near: float = math.nan,
+        work_limit: int = UNLIMITED,
     ) -> Improvement:
         """Run iterations.
 
@@ -101,6 +106,7 @@ class Planner:
             iterations: How many, at most; without, as many as at a control step.
             moving: What moves, from the pose on.
             near: Progress of a place near the pose, NaN where none is known [m].
+            work_limit: Visits of a stage after which a subproblem is given up.
         """
         most = iterations or self._task.settings.solver.iterations_per_step
         if not self._compiled:
@@ -113,11 +119,11 @@ class Planner:
         begun, self._horizon = self._horizon, horizon
         over = 0 if begun is None else steps_over(begun, horizon)
         self._ws.trial.U[: steps + 1] = guess
-        self._most[0] = most
+        self._most[0], self._work_limit[0] = most, work_limit
         data = self._data(pose, held, guess, horizon, moving, near)
         assert self._functions is not None  # noqa: S101 (compiled with the planner)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] in _FOR_THE_BACK_END:
+        if self._outcome[0] in _FOR_THE_BACK_END and self._work[0] <= work_limit:
             return self._back_end.improve(
                 pose, held, guess, horizon, iterations=most, moving=moving, near=near
             )
@@ -159,6 +165,8 @@ class Planner:
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
         self._most, self._outcome = known.ws.run['max_iterations'], known.ws.run['outcome']
+        head = known.ws.program.head
+        self._work, self._work_limit = head['work'], head['work_limit']
         self._set_tolerances()
         if changed:
             self.forget()
@@ -213,4 +221,5 @@ def _summary(ws: Workspace, horizon: Horizon) -> Improvement:
         int(ws.program.head['iterations'][0]),
         int(run['active_rows']),
         _REASONS.get(outcome, QPStatus.FAILED.value),
+        int(ws.program.head['work'][0]),
     )

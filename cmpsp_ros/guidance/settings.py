@@ -44,6 +44,10 @@ class Weights:
     control_rate: float = 0.0
 
 
+UNLIMITED: Final = 1 << 60
+"""A limit of work that is never reached."""
+
+
 @dataclass(frozen=True)
 class SolverSettings:
     """How the C-MPSP iteration is run at each control step.
@@ -58,6 +62,8 @@ class SolverSettings:
         hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
         heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];
             0 means none.
+        work_rate: Stages that the computer's solver visits in a second [1/s].
+        work_share: Fraction of a control period that may be spent on solving; 0 means no limit.
     """
 
     iterations_per_step: int = 2
@@ -66,6 +72,18 @@ class SolverSettings:
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
+    work_rate: float = 1e8
+    work_share: float = 0.03
+
+    def work_limit(self, period: float) -> int:
+        """Work that a control step may do, in visits of a stage.
+
+        It is counted, not timed: a replay does just as much.
+
+        Args:
+            period: Control period [s].
+        """
+        return int(self.work_share * self.work_rate * period) or UNLIMITED
 
 
 @dataclass(frozen=True)

@@ -29,13 +29,8 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     NO_CURVATURE,
     SOLVED,
 )
-<<<<<<< HEAD
-from cmpsp_ros.mpsp.qp.riccati.program import Program
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
-=======
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, DONE, RELEASED
->>>>>>> wt-core-tests
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
 TOLERANCE: Final = 1e-8

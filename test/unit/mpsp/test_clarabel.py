@@ -1,8 +1,5 @@
 """Clarabel on the sparse program against dense solvers, and the proofs of infeasibility."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import linprog
@@ -23,8 +20,6 @@ from cmpsp_ros.mpsp.qp.infeasibility import contradicting_rows
 from cmpsp_ros.mpsp.qp.sparse_rows import rows_of
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
-sys.path.append(str(Path(__file__).parent / 'riccati'))
-from stage_programs import Sizes, chain, dense, random_program
 
 
 def staged(qp):

@@ -105,7 +105,8 @@ def test_a_warm_start_of_the_same_program_is_its_solution(seed):
     penalties = relaxed(qp, 30.0, 20.0)
     found = run(qp, penalties)
     again = run(qp, penalties, found.warm.copy())
-    assert again.iterations <= found.active
+    # Outputs at their penalty are found there anew.
+    assert again.iterations <= found.active + found.saturated + len(qp.output_error)
     assert again.work < (15 + 2 * (found.active + found.saturated)) * len(qp.g)
 
 

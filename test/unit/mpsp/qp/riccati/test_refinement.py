@@ -1,0 +1,52 @@
+"""Rounding, made large on purpose, and taken out again."""
+
+import numpy as np
+import pytest
+from stage_programs import random_program, relaxed, run
+
+from cmpsp_ros.mpsp.qp.riccati.active_set import on_horizon
+from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
+from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement, recompute_primal
+
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
+
+def solution(weight=np.inf):
+    qp = random_program(np.random.default_rng(4), bound=0.8)
+    found = run(qp, relaxed(qp, weight, weight))
+    assert found.outcome == SOLVED
+    assert found.active > 1
+    p = found.space.program
+    return found, p, on_horizon(p, found.space.active)
+
+
+def test_active_rows_are_met_again_and_their_multipliers_follow():
+    found, p, at = solution()
+    v, multipliers, count = at.v.copy(), at.multipliers.copy(), found.active
+    away = 1e-4 * np.random.default_rng(0).normal(size=count)
+    # Multipliers that are wrong, and the point where they lead.
+    R, Q = np.triu(at.basis.R[:count, :count]), at.basis.Q[:count]
+    at.multipliers[:count] += away
+    at.v[:] -= away @ (R.T @ Q)
+    recover_step(p, at.v)
+    assert np.abs(p.stages['dU'] - found.dU).max() > 1e-6
+    iterative_refinement(p, at)
+    np.testing.assert_allclose(at.v, v, atol=1e-12)
+    np.testing.assert_allclose(at.multipliers[:count], multipliers[:count], atol=1e-12)
+    np.testing.assert_allclose(p.stages['dU'], found.dU, atol=1e-12)
+    # Rows that are met are left alone.
+    before = at.v.copy()
+    iterative_refinement(p, at)
+    np.testing.assert_array_equal(at.v, before)
+
+
+@pytest.mark.parametrize('weight', [0.3, np.inf])
+def test_the_point_is_where_the_multipliers_lead(weight):
+    found, p, at = solution(weight)
+    assert (found.saturated > 0) == np.isfinite(weight)
+    v = at.v.copy()
+    at.v[:] = np.nan
+    recompute_primal(p, at)
+    np.testing.assert_allclose(at.v, v, atol=1e-12)

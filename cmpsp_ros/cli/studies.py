@@ -200,7 +200,7 @@ def warmup(
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
         console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
     if not presets and outcome.folder is not None:
-        console().print(f'solver.work_rate: {work_rate():.2g} (default 1e+08)', highlight=False)
+        console().print(f'solver.work_rate: {work_rate():.2g} (default 6e+07)', highlight=False)
     if outcome.removed:
         console().print(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:

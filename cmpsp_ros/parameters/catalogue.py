@@ -221,10 +221,10 @@ def _parameters() -> Iterator[Parameter]:
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
         'its positive semidefinite part.',
         choices=('gauss_newton', 'projected', 'exact'))
-    yield solver('solver.work_rate', _DOUBLE, 1e8, '1/s',
+    yield solver('solver.work_rate', _DOUBLE, 6e7, '1/s',
         'Stages that the solver visits in a second on this computer, as `cmpsp warmup` tells.',
         range=_POSITIVE)
-    yield solver('solver.work_share', _DOUBLE, 0.03, '',
+    yield solver('solver.work_share', _DOUBLE, 0.05, '',
         'Fraction of a control period that a control step may spend on solving, five times as much '
         'before the robot moves; 0 means no limit. The plan that is followed comes first. Work is '
         'counted, not timed: a replay does just as much.', range=Range(0.0, 1.0))

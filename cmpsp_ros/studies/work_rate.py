@@ -8,36 +8,36 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import along_road
-from cmpsp_ros.guidance.planner import Planner
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots import load_robot
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.mpsp.jit.compiled import entry_for
+from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.riccati.program import empty_program
+from cmpsp_ros.mpsp.qp.riccati.solver import solve
 
-# Many bounds on a long horizon: where work is what takes the time.
-_PRESET, _ROBOT, _CHANGES = 'case3_wide', 'turtlebot3_waffle', {'final_time': 68.0}
-_RUNS: Final = 20
+# Sizes of the guidance law, on a long horizon.
+_SIZES: Final = (400, 3, 2, 2, 4)
+_RUNS: Final = 21
 
 
 def work_rate() -> float:
     """Visits of a stage in a second [1/s], to two digits: the parameter `solver.work_rate`.
 
-    The median of some plans made from scratch, the work of the problem's functions included.
+    The median of some solutions, from scratch, of one program with many active bounds.
     """
-    given = load_parameter_file(_PRESET) | load_robot(_ROBOT) | _CHANGES
-    settings = guidance_settings(TABLE.resolve(given))
-    planner, pose, held = Planner(settings), settings.road.middle(), np.zeros(2)
-    final, period = to_nanoseconds(settings.final_time), to_nanoseconds(settings.control_period)
-    horizon = remaining(0, period, final)
-    guess = along_road(settings, pose, horizon.durations)
-    rates = []
+    p, active, warm = empty_program(*_SIZES), empty_active_set(*_SIZES), empty_warm_start(*_SIZES)
+    rng, stages = np.random.default_rng(1), p.stages
+    stages['A'], stages['L_XX'], stages['L_UU'] = np.eye(3), np.eye(3), np.eye(2)
+    stages['B'] = 0.1 * rng.standard_normal(stages['B'].shape)
+    stages['L_X'] = rng.standard_normal(stages['L_X'].shape)
+    stages['lower'], stages['upper'] = -0.5, 0.5
+    p.path['value'] = -math.inf
+    p.terminal['X'][:, :2] = np.eye(2)
+    enter, rates = entry_for(solve, p, active, warm), []
     for _ in range(_RUNS):
-        planner.forget()
+        warm[0] = 0
+        p.head['work'] = p.head['is_factorised'] = 0
         began = time.perf_counter()
-        work = planner.improve(pose, held, guess, horizon).work
-        rates.append(work / (time.perf_counter() - began))
+        enter(p, active, warm)
+        rates.append(int(p.head['work'][0]) / (time.perf_counter() - began))
     rate = float(np.median(rates))
     digits = 10.0 ** (math.floor(math.log10(rate)) - 1)
     return round(rate / digits) * digits

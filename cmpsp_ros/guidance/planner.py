@@ -154,7 +154,9 @@ class Planner:
             )
         data, rate = begun_at(self._given, pose, durations, near), self._rate
         if rate > 0.0:
-            return ControlRateData(data, len(durations), rate, np.ascontiguousarray(held, dtype=np.float64))
+            return ControlRateData(
+                data, len(durations), rate, np.ascontiguousarray(held, dtype=np.float64)
+            )
         return data
 
     def _use_driver(self, steps: int) -> None:

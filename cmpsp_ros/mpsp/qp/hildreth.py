@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.condensing import CondensedQP
+from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus

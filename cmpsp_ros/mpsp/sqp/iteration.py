@@ -55,8 +55,9 @@ def advance(ws: Workspace) -> int:
         What is wanted next. `EVALUATE`: predict along ``trial.U`` and evaluate, into `trial` and
         ``run.trial_cost``. `LINEARISE`: the derivatives along `now`, into `program`. `SOLVE_QP`:
         the step and its multipliers by a QP back end, into `program`, and ``run.outcome``.
-        `CORRECT`: the second-order correction of the step, into `program`. `ADD_CURVATURE`: the condensed Hessian is not positive definite; mend it or leave it.
-        `DONE`: the iteration is over, and the plan is in `now`.
+        `CORRECT`: the second-order correction of the step, into `program`. `ADD_CURVATURE`: the
+        condensed Hessian is not positive definite; mend it or leave it. `DONE`: the iteration is
+        over, and the plan is in `now`.
     """
     run = ws.run[0]
     if run.phase == START:
@@ -78,7 +79,7 @@ def advance(ws: Workspace) -> int:
         if run.outcome == NO_CURVATURE and run.stage == 0:
             run.phase, run.stage = LINEARISED, 1
             return ADD_CURVATURE
-        failed = run.outcome != SOLVED and run.outcome != NO_CURVATURE
+        failed = run.outcome not in (SOLVED, NO_CURVATURE)
         if failed and run.is_hard == 1 and run.elastic == 1:
             run.level += 1
             run.is_hard = int(relax(ws.program, run.level))

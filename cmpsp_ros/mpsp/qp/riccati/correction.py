@@ -101,8 +101,7 @@ def _excess(p: Program, row: int, output_error: Array, g: Array) -> float:
     """By how much a row is missed; bounds and the trust region are met and stay so."""
     missed: float = 0.0
     if row < p.terminal.shape[0]:
-        missed = output_error[row]
-        return missed
+        return output_error[row]
     kind, k, component, _ = locate(p, row)
     if kind == PATH:
         missed = g[k, component]

@@ -12,7 +12,7 @@ to the method that adds row by row; bounds are only ever released there, so that
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
@@ -209,6 +209,7 @@ def _release(p: Program, tolerance: float) -> int:
 @allocation_free
 def hold_violated(p: Program) -> int:
     """Hold the controls that the step has beyond a bound, if they are many; returns how many."""
+    found = 0
     for attempt in range(2):
         found = 0
         for k in range(p.head[0].horizon + 1):

@@ -82,7 +82,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         outcome = meet_all(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
-        if outcome == RELEASED or outcome == CROWDED:
+        if outcome in (RELEASED, CROWDED):
             restart_from(p, at, warm, guesses)
             continue
         leave_warm_start(p, at, warm)

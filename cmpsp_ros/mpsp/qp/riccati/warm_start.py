@@ -98,7 +98,7 @@ def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
             continue
         bound, upper = limit(p, row)
         # A row that is hard now is met like any other; one that does not apply has no multiplier.
-        if bound == math.inf or upper == math.inf:
+        if math.inf in (bound, upper):
             continue
         apply_multiplier(p, at, row, upper)
         at.states[row] = AT_PENALTY

@@ -37,7 +37,7 @@ _PATIENCE = 5
 # New plans are made every control step if the one followed may not be, else ever more seldom.
 _LONGEST_PAUSE = 7
 # How much more work a step may do while the robot stands and waits for its first plan.
-_BEFORE_IT_MOVES = 5
+_BEFORE_IT_MOVES = 4
 # Control steps for which a plan that may be followed is given the time to mend a flaw. A robot that
 # is not quite as modelled puts a little of one into every plan, and each change of plans is a jerk.
 _TRANSIENT = 4

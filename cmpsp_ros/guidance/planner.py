@@ -35,12 +35,10 @@ FUNCTIONS: Final = Functions(
 )
 """The robot's problem, compiled."""
 
-# Outcomes for which the general iteration is tried.
-_FOR_THE_BACK_END: Final = (NO_CURVATURE, ITERATION_LIMIT)
 _REASONS: Final = {
     SOLVED: QPStatus.SOLVED.value,
     INFEASIBLE: QPStatus.INFEASIBLE.value,
-    ITERATION_LIMIT: 'The work of this control step was used up before there was a plan.',
+    ITERATION_LIMIT: 'The work of this control step was used up, or rounding was too large.',
 }
 
 
@@ -123,7 +121,9 @@ class Planner:
         data = self._data(pose, held, guess, horizon, moving, near)
         assert self._functions is not None  # noqa: S101 (compiled with the planner)
         self._driver.improve(self._functions, data, steps, over)
-        if self._outcome[0] in _FOR_THE_BACK_END and self._work[0] <= work_limit:
+        outcome = self._outcome[0]
+        # What takes the back end's time is bounded by nothing.
+        if outcome == NO_CURVATURE or (outcome == ITERATION_LIMIT and work_limit >= UNLIMITED):
             return self._back_end.improve(
                 pose, held, guess, horizon, iterations=most, moving=moving, near=near
             )

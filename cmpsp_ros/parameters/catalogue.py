@@ -225,7 +225,7 @@ def _parameters() -> Iterator[Parameter]:
         'Stages that the solver visits in a second on this computer, as `cmpsp warmup` tells.',
         range=_POSITIVE)
     yield solver('solver.work_share', _DOUBLE, 0.05, '',
-        'Fraction of a control period that a control step may spend on solving, five times as much '
+        'Fraction of a control period that a control step may spend on solving, four times as much '
         'before the robot moves; 0 means no limit. The plan that is followed comes first. Work is '
         'counted, not timed: a replay does just as much.', range=Range(0.0, 1.0))
     yield solver('solver.heading_trust_region', _DOUBLE, 0.6, 'rad',

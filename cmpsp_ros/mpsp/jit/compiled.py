@@ -11,7 +11,7 @@ from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.cache import KernelCache
 from cmpsp_ros.mpsp.jit.folder import kernel_folder
 
-ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy'}
+ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy', 'no_cfunc_wrapper': True}
 """Options of numba for functions that allocate nothing.
 
 Division by zero gives what IEEE 754 says: to look for it at every division takes a tenth of the
@@ -38,6 +38,14 @@ def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
     most of their time on.
     """
     return _compile(function, **ALLOCATION_FREE)
+
+
+def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Like `allocation_free`, for functions that only compiled code calls.
+
+    No entry for Python is made, which would take a third of their compilation.
+    """
+    return _compile(function, no_cpython_wrapper=True, **ALLOCATION_FREE)
 
 
 def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:

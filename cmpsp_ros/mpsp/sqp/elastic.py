@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 LEVELS: Final = 3
@@ -47,7 +47,7 @@ def relax(p: Program, level: int) -> bool:
     return is_hard
 
 
-@allocation_free
+@inner
 def _next_weight(p: Program, lighter: float) -> float:
     """The least weight above another."""
     found = math.inf

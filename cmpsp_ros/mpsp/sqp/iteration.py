@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
@@ -95,7 +95,7 @@ def advance(ws: Workspace) -> int:
     return EVALUATE if length == GOES_ON else _finish(ws, length)
 
 
-@allocation_free
+@inner
 def _begin(ws: Workspace) -> None:
     """Bring the guess within its bounds."""
     run, p = ws.run[0], ws.program
@@ -109,7 +109,7 @@ def _begin(ws: Workspace) -> None:
             U[k, a] = min(max(U[k, a], ws.lower[k, a]), ws.upper[k, a])
 
 
-@allocation_free
+@inner
 def _next_iteration(ws: Workspace) -> int:
     run = ws.run[0]
     if run.iterations >= run.max_iterations:
@@ -119,7 +119,7 @@ def _next_iteration(ws: Workspace) -> int:
     return LINEARISE
 
 
-@allocation_free
+@inner
 def _bound_step(ws: Workspace) -> None:
     """Bounds of the step, from those of the controls."""
     for k in range(ws.program.head[0].horizon + 1):
@@ -131,7 +131,7 @@ def _bound_step(ws: Workspace) -> None:
     ws.program.head[0].is_factorised = 0
 
 
-@allocation_free
+@inner
 def _take_step(ws: Workspace) -> int:
     """From a solved subproblem to the first trial."""
     run, p = ws.run[0], ws.program
@@ -151,7 +151,7 @@ def _take_step(ws: Workspace) -> int:
     return EVALUATE
 
 
-@allocation_free
+@inner
 def _finish(ws: Workspace, length: float) -> int:
     """End of an iteration."""
     run = ws.run[0]
@@ -164,7 +164,7 @@ def _finish(ws: Workspace, length: float) -> int:
     return DONE
 
 
-@allocation_free
+@inner
 def _is_over(ws: Workspace) -> bool:
     """Whether the iteration is over by itself: `cmpsp_ros.mpsp.iteration.CMPSP.terminate`."""
     run = ws.run[0]
@@ -188,7 +188,7 @@ def needs_slack(ws: Workspace) -> bool:
     return largest > ws.run[0].slack_tolerance
 
 
-@allocation_free
+@inner
 def _is_met(ws: Workspace) -> bool:
     now, squared = ws.now, 0.0
     for j in range(now.output_error.shape[0]):
@@ -202,7 +202,7 @@ def _is_met(ws: Workspace) -> bool:
     return True
 
 
-@allocation_free
+@inner
 def _is_finite(ws: Workspace) -> bool:
     total = ws.run[0].cost
     for k in range(ws.program.head[0].horizon + 1):
@@ -211,7 +211,7 @@ def _is_finite(ws: Workspace) -> bool:
     return math.isfinite(total)
 
 
-@allocation_free
+@inner
 def _largest_control(ws: Workspace) -> float:
     """The largest control, plus 1."""
     largest = 0.0
@@ -221,7 +221,7 @@ def _largest_control(ws: Workspace) -> float:
     return 1.0 + largest
 
 
-@allocation_free
+@inner
 def _active_rows(p: Program) -> int:
     """Inequalities with a multiplier."""
     count = 0
@@ -236,7 +236,7 @@ def _active_rows(p: Program) -> int:
     return count
 
 
-@allocation_free
+@inner
 def _sum_of_step_norms(p: Program) -> float:
     """``sum |dU_k|``, the measure of ``eps_U`` in Sec. 4."""
     total = 0.0
@@ -248,7 +248,7 @@ def _sum_of_step_norms(p: Program) -> float:
     return total
 
 
-@allocation_free
+@inner
 def _sum_of_norms(p: Program, U: Array) -> Any:
     """``sum |U_k|``."""
     total = 0.0

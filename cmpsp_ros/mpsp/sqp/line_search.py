@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.sqp.merit import magnitude, merit, violation
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
@@ -99,7 +99,7 @@ def go_on_corrected(ws: Workspace) -> float:
     return _backtrack(ws, 1.0)
 
 
-@allocation_free
+@inner
 def _backtrack(ws: Workspace, length: float) -> float:
     """Set the next trial, of this length or shorter."""
     run = ws.run[0]
@@ -117,7 +117,7 @@ def _backtrack(ws: Workspace, length: float) -> float:
     return _set_last_resort(ws, 0.5 ** (_HALVINGS + 1))
 
 
-@allocation_free
+@inner
 def _set_last_resort(ws: Workspace, length: float) -> float:
     if length < 0.5**_LAST_HALVINGS:
         return 0.0
@@ -139,7 +139,7 @@ def set_trial(ws: Workspace, length: float) -> None:
             trial[k, a] = min(max(moved, ws.lower[k, a]), ws.upper[k, a])
 
 
-@allocation_free
+@inner
 def _accept(ws: Workspace) -> float:
     take_trial(ws)
     length: float = ws.run[0].trying
@@ -159,7 +159,7 @@ def take_trial(ws: Workspace) -> None:
     _copy(trial.g, now.g, stages)
 
 
-@allocation_free
+@inner
 def _copy(source: Array, target: Array, rows: int) -> None:
     """Copy the first rows, as one vector: a loop over their few columns takes several times."""
     numbers, copies = source.reshape(source.size), target.reshape(target.size)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
 
@@ -137,7 +137,7 @@ def solve_transposed(basis: Basis, count: int, y: Array, x: Array) -> None:
         x[i] = total / basis.R[i, i]
 
 
-@allocation_free
+@inner
 def _subtract(basis: Basis, count: int, coefficients: Array, row: Array) -> None:
     """Take basis rows times their coefficients out of a row, four at a time."""
     Q, whole = basis.Q, count - count % 4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     IS_ACTIVE,
@@ -83,7 +83,7 @@ def activate(p: Program, whole: ActiveSet) -> bool:
     return True
 
 
-@allocation_free
+@inner
 def _activate(p: Program, at: ActiveSet, row: int) -> None:
     count = p.head[0].active
     if at.states[row] != IS_OFF or count == at.rows.shape[0]:
@@ -96,7 +96,7 @@ def _activate(p: Program, at: ActiveSet, row: int) -> None:
         p.head[0].active += 1
 
 
-@allocation_free
+@inner
 def _excess(p: Program, row: int, output_error: Array, g: Array) -> float:
     """By how much a row is missed; bounds and the trust region are met and stay so."""
     missed: float = 0.0
@@ -108,7 +108,7 @@ def _excess(p: Program, row: int, output_error: Array, g: Array) -> float:
     return missed
 
 
-@allocation_free
+@inner
 def _recover_correction(p: Program, v: Array) -> None:
     """The controls of a change of ``v``; the states that go with it are of no use to anyone."""
     n, r = p.stages[0].B.shape

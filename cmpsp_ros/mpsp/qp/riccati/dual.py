@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     AT_PENALTY,
     IS_ACTIVE,
@@ -76,7 +76,7 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
     return outcome
 
 
-@allocation_free
+@inner
 def _find_violated(p: Program, at: ActiveSet) -> bool:
     """Find the row of each kind that is furthest from being met; returns whether there is any.
 
@@ -127,7 +127,7 @@ def _find_violated(p: Program, at: ActiveSet) -> bool:
     return found
 
 
-@allocation_free
+@inner
 def _note(p: Program, at: ActiveSet, kind: int, row: int, excess: float, bound: float) -> bool:
     """Keep a row, if it is violated and further away than any other of its kind."""
     if excess <= TOLERANCE * (1.0 + abs(bound)) or at.states[row] == IS_IMPLIED:
@@ -142,7 +142,7 @@ def _note(p: Program, at: ActiveSet, kind: int, row: int, excess: float, bound: 
     return True
 
 
-@allocation_free
+@inner
 def _furthest(at: ActiveSet) -> Any:
     """Take out the furthest of the rows that were kept; -1 where none is left."""
     best = 0

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
@@ -83,7 +83,7 @@ def fixed_control(stage: Any, a: int) -> float:
     return stage.upper[a] if stage.fixed[a] > 0.0 else stage.lower[a]
 
 
-@allocation_free
+@inner
 def _add_drift(stage: Any, head: Any) -> None:
     """What the fixed controls do to the next state, and its part in the cost to go's gradient."""
     n, r = stage.B.shape
@@ -97,7 +97,7 @@ def _add_drift(stage: Any, head: Any) -> None:
             head.p[i] += head.P[i, j] * stage.drift[j]
 
 
-@allocation_free
+@inner
 def _eliminate(stage: Any, head: Any, coupled: bool) -> bool:
     """Minimise over the controls of a stage: `K`, `L_inv` and ``v*_k``, and `G` as ``L^-1 G``."""
     n, r = stage.B.shape
@@ -167,7 +167,7 @@ def _eliminate(stage: Any, head: Any, coupled: bool) -> bool:
     return True
 
 
-@allocation_free
+@inner
 def _take_out_fixed(stage: Any, head: Any) -> None:
     """Decouple the fixed controls from all else, with a pivot of 1."""
     n, r = stage.B.shape
@@ -183,7 +183,7 @@ def _take_out_fixed(stage: Any, head: Any) -> None:
             head.L[a, a] = 1.0
 
 
-@allocation_free
+@inner
 def _update_cost_to_go(stage: Any, head: Any, coupled: bool) -> None:
     """``P = L_XX + A' P A - Y' Y`` and its gradient, with ``Y`` in `G` and ``L^-1 h`` in `U`."""
     n, r = stage.B.shape

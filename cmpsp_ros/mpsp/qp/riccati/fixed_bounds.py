@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     FIRST,
     ActiveSet,
@@ -32,7 +32,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     set_multiplier,
 )
 
-MANY: Final = 8
+MANY: Final = 12
 """Active bounds from which on holding them is cheaper than to have them in the basis."""
 
 # A multiplier of the wrong sign by less than this, relative to 1 plus the largest gradient, is 0.
@@ -73,7 +73,7 @@ def free_all(p: Program) -> None:
             stage.fixed[a] = 0.0
 
 
-@allocation_free
+@inner
 def _hold(p: Program, k: int, a: int, sign: float) -> None:
     head, stage = p.head[0], p.stages[k]
     if stage.fixed[a] == 0.0:
@@ -82,7 +82,7 @@ def _hold(p: Program, k: int, a: int, sign: float) -> None:
         head.is_factorised = 0
 
 
-@allocation_free
+@inner
 def _let_go(p: Program, k: int, a: int) -> None:
     p.stages[k].fixed[a] = 0.0
     p.head[0].fixed -= 1
@@ -143,7 +143,7 @@ def recover_bound_multipliers(p: Program, cost: float) -> float:
     return largest
 
 
-@allocation_free
+@inner
 def _gradient_U(p: Program, k: int, a: int, cost: float) -> float:
     """Derivative of cost and rows by a control, at its own stage."""
     stage, total = p.stages[k], 0.0
@@ -161,7 +161,7 @@ def _gradient_U(p: Program, k: int, a: int, cost: float) -> float:
     return total
 
 
-@allocation_free
+@inner
 def _gradient_X(p: Program, k: int, i: int, cost: float) -> float:
     """Derivative of cost and rows by a state, at its own stage."""
     stage, total = p.stages[k], p.stages[k].trust[i]
@@ -192,7 +192,7 @@ def release_wrong(p: Program, at: ActiveSet) -> int:
     return _release(p, tolerance)
 
 
-@allocation_free
+@inner
 def _release(p: Program, tolerance: float) -> int:
     released = 0
     for k in range(p.head[0].horizon + 1):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 
 
@@ -45,7 +45,7 @@ def kkt_residual(p: Program) -> float:
     return max(worst, sign / scale, gap / (scale * reach))
 
 
-@allocation_free
+@inner
 def _stationarity(p: Program) -> Any:
     """Largest component of the Lagrangian's gradient, 1 plus that of any of its parts, their sum.
 
@@ -107,7 +107,7 @@ def _stationarity(p: Program) -> Any:
     return worst, 1.0 + largest, total
 
 
-@allocation_free
+@inner
 def _rows(p: Program) -> Any:
     """Largest violation of a hard row, wrong sign or excess of a multiplier, slackness gap, sum."""
     N = p.head[0].horizon
@@ -130,7 +130,7 @@ def _rows(p: Program) -> Any:
     return violation, sign, gap, total
 
 
-@allocation_free
+@inner
 def _rows_of_stage(p: Program, k: int) -> Any:
     stage, radius = p.stages[k], p.head[0].trust_radius
     violation, sign, gap, total = 0.0, 0.0, 0.0, 0.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     IS_OFF,
     ActiveSet,
@@ -36,8 +36,9 @@ from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 TOLERANCE: Final = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""
 
-# Sweeps that improve the guess of which bounds to hold, before rows are added one by one.
-_SWEEPS = 40
+# Sweeps that improve the guess of which bounds to hold, before rows are added one by one: at most
+# so many, and so many that change no fewer bounds than the best before. More would go in circles.
+_SWEEPS, _PATIENCE = 10, 2
 
 
 @allocation_free
@@ -57,7 +58,8 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
     Returns:
         `SOLVED`, `INFEASIBLE`, `NO_CURVATURE`, or `ITERATION_LIMIT` where work or room ran out.
     """
-    head, sweeps, warm_started = p.head[0], 0, warm[0] > 0
+    head, warm_started = p.head[0], warm[0] > 0
+    sweeps, in_vain, fewest = 0, 0, p.stages.shape[0] * p.stages[0].B.shape[1]
     head.iterations = 0
     at = on_horizon(p, whole)
     shift_warm_start(p, warm)
@@ -70,14 +72,16 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         recover_step(p, at.v)
         # After so many sweeps bounds are only let go, which happens a finite number of times.
         sweeps += 1
-        guesses = sweeps <= _SWEEPS
+        guesses = sweeps <= _SWEEPS and in_vain < _PATIENCE
         # Sweeps would go to and fro between holding so many bounds and none.
         is_stuck = guesses and head.fixed > 0 and _misses_terminal(p, at)
         if guesses and not is_stuck:
             changed = release_wrong(p, at) if head.fixed > 0 else 0
             changed += hold_violated(p)
             if changed > 0:
-                restart_from(p, at, warm, True)
+                in_vain += int(changed >= fewest)
+                fewest = min(fewest, changed)
+                restart_from(p, at, warm, guesses)
                 continue
         outcome = meet_all(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
@@ -92,12 +96,12 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
             return INFEASIBLE
         if not warm_started:
             return ITERATION_LIMIT
-        warm_started, warm[0], sweeps = False, 0, 0
+        warm_started, warm[0], sweeps, in_vain = False, 0, 0, 0
         free_all(p)
     return ITERATION_LIMIT
 
 
-@allocation_free
+@inner
 def _misses_terminal(p: Program, at: ActiveSet) -> bool:
     """Whether the bounds that are held leave a terminal row no freedom to be met."""
     for row in range(p.terminal.shape[0]):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     AT_MINUS_PENALTY,
     AT_PENALTY,
@@ -101,7 +101,7 @@ def meet(p: Program, at: ActiveSet, row: int) -> int:
     return FULL
 
 
-@allocation_free
+@inner
 def _first_to_leave(p: Program, at: ActiveSet) -> Any:
     """Step at which the first active multiplier comes to one of its ends, and which it is."""
     count = p.head[0].active
@@ -122,7 +122,7 @@ def _first_to_leave(p: Program, at: ActiveSet) -> Any:
     return nearest, first
 
 
-@allocation_free
+@inner
 def _release(p: Program, at: ActiveSet, index: int) -> float:
     """Take a row whose multiplier is at an end out of the active set.
 
@@ -146,7 +146,7 @@ def _release(p: Program, at: ActiveSet, index: int) -> float:
     return remove_constraint(p, at, index, at.inside, at.outside)
 
 
-@allocation_free
+@inner
 def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) -> int:
     """Tell a row that contradicts the active ones from one that they imply.
 
@@ -183,7 +183,7 @@ def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) 
     return DONE
 
 
-@allocation_free
+@inner
 def _name_conflict(p: Program, at: ActiveSet, row: int) -> None:
     """The rows whose combination, with multipliers that are not negative, nothing can meet."""
     largest, found = 0.0, 1
@@ -197,7 +197,7 @@ def _name_conflict(p: Program, at: ActiveSet, row: int) -> None:
     p.head[0].conflicting = found
 
 
-@allocation_free
+@inner
 def _independent_part(p: Program, at: ActiveSet, row: int, sign: float) -> float:
     """Length of a row times its sign without the combination of the rows in conflict with it."""
     own, named = at.outside, 1

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     AT_MINUS_PENALTY,
     AT_PENALTY,
@@ -89,7 +89,7 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
         at.multipliers[j] = at.dependence[j]
 
 
-@allocation_free
+@inner
 def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
     """Put rows at their penalty that the warm start has there."""
     for i in range(FIRST, FIRST + warm[0]):
@@ -105,7 +105,7 @@ def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
         p.head[0].saturated += 1
 
 
-@allocation_free
+@inner
 def _meet(p: Program, at: ActiveSet, row: int) -> None:
     """Move the point onto a row that is violated; `multipliers` gets its entry of ``y``."""
     head = p.head[0]
@@ -130,7 +130,7 @@ def _meet(p: Program, at: ActiveSet, row: int) -> None:
     head.iterations += 1
 
 
-@allocation_free
+@inner
 def _is_held(p: Program, row: int) -> bool:
     """Whether a row is a bound at which its control is held."""
     if p.head[0].fixed == 0 or row < p.terminal.shape[0]:
@@ -139,7 +139,7 @@ def _is_held(p: Program, row: int) -> bool:
     return kind == BOUND and p.stages[k].fixed[a] == sign
 
 
-@allocation_free
+@inner
 def _is_violated(p: Program, at: ActiveSet, row: int) -> bool:
     """Whether a row that is not active is violated by the step."""
     if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
@@ -148,7 +148,7 @@ def _is_violated(p: Program, at: ActiveSet, row: int) -> bool:
     return row_value(p, row) - bound > TOLERANCE * (1.0 + abs(bound))
 
 
-@allocation_free
+@inner
 def _drop(p: Program, at: ActiveSet) -> bool:
     """Take out the inequalities whose multipliers, in `dependence`, are negative."""
     before = p.head[0].active
@@ -159,7 +159,7 @@ def _drop(p: Program, at: ActiveSet) -> bool:
     return p.head[0].active < before
 
 
-@allocation_free
+@inner
 def _saturate(p: Program, at: ActiveSet) -> bool:
     """Put the first row at its penalty whose multiplier, in `dependence`, is beyond it."""
     for j in range(p.head[0].active):

@@ -131,7 +131,7 @@ def test_the_lightest_constraints_are_relaxed_first_and_alone(limit, obstacles):
         penalty_terminal=np.full(2, GOAL),
         penalty_path=np.array([EDGE] * 2 + [OBSTACLE] * others),
     )
-    steps = follow(problem, options, guesses(25, 0.0) - 1.2, 8)
+    steps = follow(problem, options, guesses(25) - 1.2, 8)
     if obstacles is None:
         assert np.abs(steps[-1].slack_terminal).max() > 0.1
         assert steps[-1].slack_path.max() <= SLACK_TOLERANCE
@@ -163,7 +163,8 @@ def test_what_is_not_finite_ends_the_run(where):
         data = with_parameters(data, goal=bad[:2])
     ws = improve(driver_for(problem, robot_options(problem)), data, guess, 5)
     assert ws.run['outcome'] != SOLVED
-    assert ws.run['iterations'] == 1
+    # A Hessian that is not finite has no curvature, and is left to others at once.
+    assert ws.run['iterations'] == int(where != 'guess')
 
 
 def test_a_limit_of_work_ends_the_run():
@@ -228,7 +229,7 @@ def test_a_cost_on_changes_of_control():
     previous, inner = np.array([40.0, 47.0]), robot_problem(20)
     problem = ControlRateProblem(inner, 0.7, previous)
     data = ControlRateData(inner.data, 20, 0.7, previous)
-    options, guess = robot_options(problem), 45.0 + guesses(20, 3.0, 0) - 45.0
+    options, guess = robot_options(problem), guesses(20, 3.0)
     driver = driver_for(problem, options)
     functions = with_control_rate(FUNCTIONS.entries(inner.data, driver.ws))
     for iterate in iterates(problem, options, guess, 5)[1:]:

@@ -3,6 +3,16 @@
 import numpy as np
 import pytest
 from scipy.optimize import linprog
+from stage_programs import (
+    CONTROLS,
+    STATES,
+    chain,
+    cost,
+    dense,
+    random_program,
+    relaxed,
+    staged,
+)
 
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (
@@ -20,15 +30,6 @@ from cmpsp_ros.mpsp.qp.infeasibility import contradicting_rows
 from cmpsp_ros.mpsp.qp.sparse_rows import rows_of
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
-
-
-def staged(qp):
-    lin = Linearisation(**{name: getattr(qp, name) for name in Linearisation.__dataclass_fields__})
-    return Subproblem(lin, qp.lower, qp.upper, qp.trust_radius)
-
-
-def relaxed(qp, terminal=5.0, path=5.0):
-    return Penalties(np.full(len(qp.output_error), terminal), np.full(qp.g.shape, path))
 
 
 def solved(qp, penalties=None):
@@ -49,7 +50,7 @@ def assert_contradiction(qp, penalties, named):
     """The named rows are hard, and a linear program finds no point that meets them alone."""
     written, m = dense(qp), len(qp.output_error)
     assert len(set(named)) == len(named) > 0
-    width, path = qp.g.shape[1] + 2 * qp.control + 2 * qp.state, qp.g.shape[1]
+    width, path = qp.g.shape[1] + 2 * CONTROLS + 2 * STATES, qp.g.shape[1]
     equal, other = [], []
     for kind, stage, index in named:
         first = m + stage * width
@@ -60,7 +61,7 @@ def assert_contradiction(qp, penalties, named):
             assert penalties is None or penalties.path[stage, index] == np.inf
             other.append(first + index)
         else:
-            first += path + 2 * index + (2 * qp.control if kind == 'trust' else 0)
+            first += path + 2 * index + (2 * CONTROLS if kind == 'trust' else 0)
             other += [row for row in (first, first + 1) if np.isfinite(written.limits[row])]
     # The least largest violation is that of a program that always has a solution.
     rows, limits = written.rows, written.limits
@@ -75,29 +76,11 @@ def assert_contradiction(qp, penalties, named):
     assert answer.fun > 1e-9
 
 
-def cost(qp, dU, penalties=None):
-    """Cost and price of what is violated."""
-    written, m, dU = dense(qp), len(qp.output_error), dU.ravel()
-    total = 0.5 * dU @ written.H @ dU + written.c @ dU
-    if penalties is None:
-        return total
-    excess = written.rows @ dU - written.limits
-    path = np.maximum(excess[m:].reshape(len(qp.g), -1)[:, : qp.g.shape[1]], 0.0)
-    gives = path > 0.0
-    return total + penalties.terminal @ np.abs(excess[:m]) + penalties.path[gives] @ path[gives]
-
-
 def any_program(seed):
     rng = np.random.default_rng(seed)
-    sizes = Sizes(
-        N=int(rng.integers(1, 25)),
-        n=int(rng.integers(1, 6)),
-        r=int(rng.integers(1, 4)),
-        m=int(rng.integers(0, 3)),
-        l=int(rng.integers(0, 5)),
-    )
+    sizes = int(rng.integers(1, 25)), int(rng.integers(0, 3)), int(rng.integers(0, 5))
     bound, trust = rng.choice([0.2, 1.0, 5.0]), rng.choice([1.0, 5.0, np.inf])
-    qp = random_program(rng, sizes, bound, trust)
+    qp = random_program(rng, *sizes, bound, trust)
     qp.g[rng.random(qp.g.shape) < 0.2] = -np.inf
     qp.g[:] += rng.choice([0.0, 0.3, 1.0])
     return qp
@@ -135,7 +118,7 @@ def test_hard_and_relaxed_rows_in_one_program():
 
 
 def test_multipliers_of_inactive_rows_are_zero_and_of_violated_ones_their_weight():
-    qp = random_program(np.random.default_rng(5), Sizes(N=30), bound=0.5)
+    qp = random_program(np.random.default_rng(5), 30, bound=0.5)
     answer = solved(qp, relaxed(qp))
     program = staged(qp)
     g = program.path(answer.dU, program.propagate(answer.dU))
@@ -147,7 +130,7 @@ def test_multipliers_of_inactive_rows_are_zero_and_of_violated_ones_their_weight
 
 def test_rows_that_say_the_same_share_their_multiplier():
     for seed in range(300, 310):
-        qp = random_program(np.random.default_rng(seed), Sizes(m=2, l=4), bound=1.0)
+        qp = random_program(np.random.default_rng(seed), l=4, bound=1.0)
         for rows in (qp.g, qp.g_X, qp.g_U):
             rows[:, 1] = rows[:, 0]
             rows[:, 2] = 3.0 * rows[:, 0]
@@ -159,7 +142,7 @@ def test_rows_that_say_the_same_share_their_multiplier():
 
 def test_two_inequalities_may_be_an_equality():
     for seed in range(400, 410):
-        qp = random_program(np.random.default_rng(seed), Sizes(N=6, m=0, l=3))
+        qp = random_program(np.random.default_rng(seed), 6, m=0, l=3)
         for stage in (2, 5):
             qp.g_X[stage, 1], qp.g_U[stage, 1] = -qp.g_X[stage, 0], -qp.g_U[stage, 0]
             qp.g[stage, 1] = -qp.g[stage, 0]
@@ -172,7 +155,7 @@ def test_two_inequalities_may_be_an_equality():
 def test_controls_that_are_fixed():
     for seed in range(500, 510):
         rng = np.random.default_rng(seed)
-        qp = random_program(rng, Sizes(N=8, l=2), bound=1.0)
+        qp = random_program(rng, 8, bound=1.0)
         fixed = rng.random(qp.lower.shape) < 0.4
         qp.lower[fixed] = qp.upper[fixed] = rng.uniform(-1.0, 1.0, size=np.count_nonzero(fixed))
         answer = solved(qp, relaxed(qp))
@@ -190,7 +173,7 @@ def test_nothing_left_to_choose():
 
 
 def test_states_that_may_not_move():
-    qp = random_program(np.random.default_rng(2), Sizes(N=6, n=2, r=3, m=0, l=0))
+    qp = random_program(np.random.default_rng(2), 6, m=0, l=0)
     qp.trust_radius[1] = 0.0
     answer = solved(qp)
     assert answer.status is QPStatus.SOLVED
@@ -201,7 +184,7 @@ def contradictions():
     """One program for each pair of kinds of rows that can contradict each other."""
 
     def program(bound=np.inf, **arrays):
-        qp = random_program(np.random.default_rng(3), Sizes(N=12, m=2, l=2), bound)
+        qp = random_program(np.random.default_rng(3), 12, bound=bound)
         qp.g[:], qp.output_error[:] = -np.inf, 0.0
         return qp._replace(**arrays)
 
@@ -245,7 +228,7 @@ def test_contradictions_are_named(name, qp, rows):
 def test_a_ray_proves_only_what_the_rows_contradict():
     """``dU_0 + dU_1 + 1 <= 0`` and its opposite, shifted by a gap between them or by an overlap."""
     for overlap in (1e-3, -1e-3):
-        qp = chain(2, path=2)
+        qp = chain(2, l=2)
         qp.g[:], qp.g[2] = -np.inf, (1.0, -1.0 + overlap)
         qp.g_X[2, :, 0] = 1.0, -1.0
         rows = rows_of(staged(qp).stages)
@@ -263,7 +246,7 @@ def test_a_ray_proves_only_what_the_rows_contradict():
 
 
 def test_small_multipliers_are_left_out_of_a_proof():
-    qp = chain(2, path=2)
+    qp = chain(2, l=2)
     qp.g[:], qp.g[1, 0], qp.g[2] = -np.inf, -5.0, (1.0, 0.0)
     qp.g_X[1, 0, 0], qp.g_X[2, :, 0] = 1.0, (1.0, -1.0)
     rows = rows_of(staged(qp).stages)
@@ -275,7 +258,7 @@ def test_small_multipliers_are_left_out_of_a_proof():
 
 @pytest.mark.parametrize('N', [1, 2, 10, 50, 200])
 def test_the_number_of_iterations_hardly_depends_on_the_horizon(N):
-    qp = random_program(np.random.default_rng(5), Sizes(N=N), bound=0.5)
+    qp = random_program(np.random.default_rng(5), N, bound=0.5)
     answer = solved(qp, relaxed(qp))
     assert answer.status is QPStatus.SOLVED
     assert answer.iterations < 30
@@ -302,7 +285,7 @@ def test_a_row_with_a_penalty_of_0_is_left_out():
 @pytest.mark.parametrize('weight', [1e-4, 1e-8])
 def test_controls_that_cost_next_to_nothing(weight):
     for seed in range(600, 605):
-        qp = random_program(np.random.default_rng(seed), Sizes(N=20), bound=1.0)
+        qp = random_program(np.random.default_rng(seed), 20, bound=1.0)
         qp.L_UU[:], qp.L_UX[:], qp.L_U[:] = weight * np.eye(2), 0.0, 0.0
         assert solved(qp, relaxed(qp)).status is QPStatus.SOLVED
 

@@ -1,14 +1,17 @@
 """Where the active set gives up, Clarabel has the answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from programs import contradicting, penalties, program, solve_rows, staged
 
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import QPStatus, clarabel_backend, kkt_residual, solve_qp
-from cmpsp_ros.mpsp.qp.riccati_backend import empty_hint, solve_from
-from cmpsp_ros.mpsp.riccati import solver
-from cmpsp_ros.mpsp.riccati.active_set import find_active_set
+from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.riccati.active_set import CAPACITY
+from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
+from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve_from
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
@@ -28,14 +31,8 @@ def asked(monkeypatch):
 
 @pytest.fixture
 def stopped(monkeypatch):
-    """An active-set method that stops after one iteration."""
-
-    def solve(qp, penalty, hint, room):
-        return find_active_set(
-            qp, penalty, room.white, room.active, hint, room.dU, room.dX, room.multipliers, 1
-        )
-
-    monkeypatch.setattr(solver, 'solve', solve)
+    """An active-set method that gives up."""
+    monkeypatch.setattr(riccati_backend, 'solve_program', lambda *_: ITERATION_LIMIT)
 
 
 def crowded(N):
@@ -92,16 +89,37 @@ def test_so_does_one_that_is_asked_for_what_has_no_solution(asked, stopped):
     assert len(asked) == 1
 
 
-def test_more_rows_than_there_is_room_for(asked):
-    subproblem = crowded(solver.CAPACITY // 2 + 10)
-    hint = empty_hint(subproblem.size)
-    solution = solve_from(subproblem, None, hint)
+def test_more_active_bounds_than_there_is_capacity_for(asked):
+    """They are held, and need none."""
+    subproblem = crowded(CAPACITY // 2 + 10)
+    warm = no_warm_start(subproblem.size)
+    for _ in range(2):
+        solution = solve_from(subproblem, None, warm)
+        assert solution.status is QPStatus.SOLVED
+        assert np.count_nonzero(solution.bounds) > CAPACITY
+        assert kkt_residual(subproblem, solution, None) < 1e-8
+        np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
+        assert warm[0] == np.count_nonzero(solution.bounds)
+    assert asked == []
+
+
+def test_more_other_rows_than_there_is_capacity_for(asked):
+    """Speed limits, as path rows that are active on all stages."""
+    subproblem = crowded(CAPACITY // 2 + 10)
+    stages, free = subproblem.size.horizon + 1, np.full_like(subproblem.upper, np.inf)
+    lin = replace(
+        subproblem.linearisation,
+        g=np.full((stages, 2), -1.0),
+        g_X=np.zeros((stages, 2, 2)),
+        g_U=np.tile(np.eye(2), (stages, 1, 1)),
+    )
+    program = Subproblem(lin, -free, free, subproblem.trust_radius)
+    warm = no_warm_start(program.size)
+    solution = solve_from(program, None, warm)
     assert solution.status is QPStatus.SOLVED
-    assert np.count_nonzero(solution.bounds) > solver.CAPACITY
-    assert kkt_residual(subproblem, solution, None) < 1e-8
-    np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-10)
+    np.testing.assert_allclose(solution.dU[:-2], 1.0, atol=1e-7)
     assert len(asked) == 1
-    assert hint.length[0] == 0
+    assert warm[0] == 0
 
 
 def test_without_curvature_neither_is_of_use(asked):

@@ -7,11 +7,8 @@ import pytest
 from problems import LinearQuadratic
 
 from cmpsp_ros.mpsp import spectrum
-from cmpsp_ros.mpsp.spectrum import (
-    extreme_eigenvalues,
-    is_positive_definite_with,
-    largest_diagonal,
-)
+from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
+from cmpsp_ros.mpsp.spectrum import extreme_eigenvalues, largest_diagonal
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
@@ -38,9 +35,9 @@ def test_they_are_those_of_the_condensed_hessian(seed, shape, lost):
     )
     assert largest_diagonal(subproblem.stages) == pytest.approx(np.abs(np.diag(H)).max())
     for shift in (-values[0] + 1e-9 * size, -values[0] - 1e-9 * size):
-        assert is_positive_definite_with(subproblem.stages, shift) == (shift > -values[0])
+        assert is_positive_definite(subproblem.stages, shift) == (shift > -values[0])
     for shift in (values[-1] + 1e-9 * size, values[-1] - 1e-9 * size):
-        assert is_positive_definite_with(subproblem.stages, shift, -1.0) == (shift > values[-1])
+        assert is_positive_definite(subproblem.stages, shift, -1.0) == (shift > values[-1])
 
 
 def test_a_hessian_with_nothing_on_its_diagonal():
@@ -64,7 +61,7 @@ def test_what_is_not_finite_has_none(part, bad):
     stages = replace(
         subproblem, linearisation=replace(subproblem.linearisation, **{part: spoilt})
     ).stages
-    assert not is_positive_definite_with(stages, 1.0)
+    assert not is_positive_definite(stages, 1.0)
     assert not np.isfinite(extreme_eigenvalues(stages)).all()
 
 

@@ -36,8 +36,9 @@ _MILLISECONDS = 1e-6
 _PATIENCE = 5
 # New plans are made every control step if the one followed may not be, else ever more seldom.
 _LONGEST_PAUSE = 7
-# How much more work a step may do while the robot stands and waits for its first plan.
-_BEFORE_IT_MOVES = 4
+# How much more work a step may do while the robot stands and waits for its first plan, and on the
+# plan that it follows.
+_PATIENT = 4
 # Control steps for which a plan that may be followed is given the time to mend a flaw. A robot that
 # is not quite as modelled puts a little of one into every plan, and each change of plans is a jerk.
 _TRANSIENT = 4
@@ -129,14 +130,14 @@ class Choice:
         # The plan that is followed comes first; others have what it leaves.
         self._work_left = self._settings.solver.work_limit(self._settings.control_period)
         if plan is None:
-            self._work_left *= _BEFORE_IT_MOVES
+            self._work_left *= _PATIENT
         moment = Moment(start, held, horizon, plan, self._settings)
         if plan is None:
             self._planner.forget()
             guess, *others = self._guessed(self._guesses.first, moment)
         else:
             guess, others = shift(plan.controls, plan.horizon, horizon), None
-        warm = self._improved(self._planner, guess, moment)
+        warm = self._improved(self._planner, guess, moment, patience=_PATIENT)
         if self._most == 1:
             return self._or_fresh(warm, moment)
         review = others is not None or self._is_wanted(warm)
@@ -323,7 +324,12 @@ class Choice:
         return initial if self._most == 1 else min(initial, SCREENING)
 
     def _improved(
-        self, planner: Planner, guess: Array, moment: Moment, iterations: int = 0
+        self,
+        planner: Planner,
+        guess: Array,
+        moment: Moment,
+        iterations: int = 0,
+        patience: int = 1,
     ) -> Candidate:
         began = self._timer()
         improvement = planner.improve(
@@ -334,7 +340,7 @@ class Choice:
             iterations=iterations or self._iterations(moment),
             moving=moment.start.moving,
             near=moment.start.near,
-            work_limit=max(self._work_left, 0),
+            work_limit=max(self._work_left, 0) * patience,
         )
         self._work_left -= improvement.work
         solved = self._timer()

@@ -44,7 +44,7 @@ class Weights:
     control_rate: float = 0.0
 
 
-UNLIMITED: Final = 1 << 60
+UNLIMITED: Final = 1 << 58
 """A limit of work that is never reached."""
 
 

@@ -157,6 +157,16 @@ def test_rows_that_others_imply():
         np.testing.assert_allclose(found, [6.0, second, 0.0], atol=1e-13)
 
 
+@pytest.mark.parametrize('weight', [1.0, 1.4, 10.0])
+def test_an_output_that_repeats_a_saturated_one_is_met_once(weight):
+    """The first one is at its penalty before the second is looked at, and nothing else is."""
+    qp = chain(2, [3.0, 3.0], m=2)
+    found = run(qp, relaxed(qp, terminal=weight))
+    assert found.outcome == SOLVED
+    np.testing.assert_allclose(found.dU[:, 0], [1.5, 1.5, 0.0], atol=1e-13)
+    assert found.multipliers.terminal.sum() == pytest.approx(-1.5)
+
+
 @pytest.mark.parametrize(('apart', 'proved'), [(0.1, 1), (1e-5, 0)])
 def test_rows_almost_alike_contradict_each_other_as_far_as_they_are_alike(apart, proved):
     qp = chain(2, [3.0, 3.0 + apart], 1, m=2)

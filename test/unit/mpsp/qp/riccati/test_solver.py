@@ -241,7 +241,10 @@ def test_random_programs_end_as_with_other_solvers(seed):
 
 
 def test_random_programs_are_of_all_sorts():
-    ends = [(run(qp, penalties).outcome, penalties is None) for _, qp, penalties in map(sorts, range(40))]
+    ends = [
+        (run(qp, penalties).outcome, penalties is None)
+        for _, qp, penalties in map(sorts, range(40))
+    ]
     assert {(SOLVED, True), (SOLVED, False), (INFEASIBLE, True), (INFEASIBLE, False)} == set(ends)
 
 
@@ -271,7 +274,11 @@ def test_a_warm_start_moves_to_a_later_horizon(stages):
     kept = 21 - stages if stages < 20 else 5
     cut = min(stages, 15)
     later = whole._replace(
-        **{name: getattr(whole, name)[cut : cut + kept] for name in whole._fields if name[0] in 'Lglu'},
+        **{
+            name: getattr(whole, name)[cut : cut + kept]
+            for name in whole._fields
+            if name[0] in 'Lglu'
+        },
         A=whole.A[cut : cut + kept - 1],
         B=whole.B[cut : cut + kept - 1],
     )

@@ -72,7 +72,10 @@ def sailing(rng, N, bound=1.0, pull=1.0, l=2, m=2):  # noqa: E741
     dt = 10.0 / N
     qp.A[:] = np.eye(3)
     qp.A[:, 0, 2], qp.A[:, 1, 2] = -dt * np.sin(heading), dt * np.cos(heading)
-    qp.B[:, 0], qp.B[:, 1] = 0.5 * dt * np.cos(heading)[:, None], 0.5 * dt * np.sin(heading)[:, None]
+    qp.B[:, 0], qp.B[:, 1] = (
+        0.5 * dt * np.cos(heading)[:, None],
+        0.5 * dt * np.sin(heading)[:, None],
+    )
     qp.B[:, 2] = dt * np.array([1.0, -1.0])
     weight = rng.uniform(0.5, 2.0, size=N + 1)
     qp.L_XX[:, :2, :2] = weight[:, None, None] * np.eye(2) * 10.0 / N

@@ -14,10 +14,8 @@ from stage_programs import (
     staged,
 )
 
-from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (
     CLARABEL,
-    Penalties,
     QPStatus,
     Row,
     available,
@@ -28,8 +26,6 @@ from cmpsp_ros.mpsp.qp import (
 from cmpsp_ros.mpsp.qp.clarabel_backend import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.infeasibility import contradicting_rows
 from cmpsp_ros.mpsp.qp.sparse_rows import rows_of
-from cmpsp_ros.mpsp.subproblem import Subproblem
-
 
 
 def solved(qp, penalties=None):

@@ -7,8 +7,7 @@ import pytest
 from programs import contradicting, penalties, program, solve_rows, staged
 
 from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import QPStatus, clarabel_backend, kkt_residual, solve_qp
-from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp import QPStatus, clarabel_backend, kkt_residual, riccati_backend, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.active_set import CAPACITY
 from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve_from

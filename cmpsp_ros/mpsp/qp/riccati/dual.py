@@ -50,16 +50,16 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
         An outcome of `step.meet`; `DONE` where nothing is violated any more.
     """
     head, bounds = p.head[0], 0
-    outcome, looked_at = DONE, -1
+    outcome, looked_at, recovered_at = DONE, -1, head.iterations
     while outcome == DONE:
         row = _furthest(at)
         if row < 0:
             # What has been looked for and brought no iteration is violated by rounding alone.
             if head.iterations == looked_at:
                 break
-            if looked_at >= 0:
+            if head.iterations != recovered_at:
                 recover_step(p, at.v)
-            looked_at = head.iterations
+            looked_at = recovered_at = head.iterations
             if not _find_violated(p, at):
                 break
             row = _furthest(at)

@@ -21,6 +21,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     empty_warm_start,
 )
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import Program, empty_program
 from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
 
@@ -139,5 +140,5 @@ def is_positive_definite(qp: StageQP, shift: float = 0.0, sign: float = 1.0) -> 
     size = Dimensions(N, n, r, len(qp.output_error), qp.g.shape[1])
     with borrowed_space(size) as mine:
         fill(mine, changed)
-        mine.program.head['fixed'] = 0
+        free_all(mine.program)
         return bool(factorise(mine.program))

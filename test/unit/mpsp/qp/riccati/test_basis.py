@@ -58,19 +58,6 @@ def filled(rng, count=5, length=9):
     return rows
 
 
-def test_rows_that_are_appended():
-    rows = filled(np.random.default_rng(0))
-    rows.check()
-
-
-@pytest.mark.parametrize('sign', [1.0, -1.0])
-def test_a_row_is_appended_with_its_sign(sign):
-    rng = np.random.default_rng(1)
-    rows = filled(rng)
-    assert rows.add(rng.normal(size=9), sign)
-    rows.check()
-
-
 @pytest.mark.parametrize('length', [1, 4, 9])
 def test_a_row_is_split_in_two_orthogonal_parts(length):
     rng = np.random.default_rng(2)
@@ -105,15 +92,6 @@ def test_a_row_that_is_all_but_dependent_keeps_the_basis_orthogonal():
         assert rows.add(rows.kept[0] + scale * rng.normal(size=9))
     Q = rows.at.Q
     np.testing.assert_allclose(Q @ Q.T, np.eye(7), atol=1e-13)
-
-
-def test_a_row_without_length_is_dependent():
-    rows = filled(np.random.default_rng(5))
-    inside, outside, rest = rows.split(np.zeros(9))
-    assert rest == 0.0
-    np.testing.assert_array_equal(inside[:5], 0.0)
-    np.testing.assert_array_equal(outside, 0.0)
-    assert Rows(2, 9).split(np.zeros(9))[2] == 0.0
 
 
 @pytest.mark.parametrize('index', range(5))

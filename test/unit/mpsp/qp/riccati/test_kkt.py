@@ -46,7 +46,12 @@ def test_every_part_that_is_wrong_is_seen(sort, by):
         assert kkt_residual(p) > 1e-4
         p.stages['dU'][place_] -= by
         moved(p)
-    parts = p.terminal['multiplier'], p.path['multiplier'], p.stages['bounds'], p.stages['trust'][1:]
+    parts = (
+        p.terminal['multiplier'],
+        p.path['multiplier'],
+        p.stages['bounds'],
+        p.stages['trust'][1:],
+    )
     for part in parts:
         for where in np.ndindex(part.shape):
             before, part[where] = part[where], part[where] + by

@@ -157,6 +157,16 @@ def test_rows_that_others_imply():
         np.testing.assert_allclose(found, [6.0, second, 0.0], atol=1e-13)
 
 
+@pytest.mark.parametrize('weight', [1.0, 1.4, 10.0])
+def test_an_output_that_repeats_a_saturated_one_is_met_once(weight):
+    """The first one is at its penalty before the second is looked at, and nothing else is."""
+    qp = chain(2, [3.0, 3.0], m=2)
+    found = run(qp, relaxed(qp, terminal=weight))
+    assert found.outcome == SOLVED
+    np.testing.assert_allclose(found.dU[:, 0], [1.5, 1.5, 0.0], atol=1e-13)
+    assert found.multipliers.terminal.sum() == pytest.approx(-1.5)
+
+
 @pytest.mark.parametrize(('apart', 'proved'), [(0.1, 1), (1e-5, 0)])
 def test_rows_almost_alike_contradict_each_other_as_far_as_they_are_alike(apart, proved):
     qp = chain(2, [3.0, 3.0 + apart], 1, m=2)
@@ -231,7 +241,10 @@ def test_random_programs_end_as_with_other_solvers(seed):
 
 
 def test_random_programs_are_of_all_sorts():
-    ends = [(run(qp, penalties).outcome, penalties is None) for _, qp, penalties in map(sorts, range(40))]
+    ends = [
+        (run(qp, penalties).outcome, penalties is None)
+        for _, qp, penalties in map(sorts, range(40))
+    ]
     assert {(SOLVED, True), (SOLVED, False), (INFEASIBLE, True), (INFEASIBLE, False)} == set(ends)
 
 
@@ -261,7 +274,11 @@ def test_a_warm_start_moves_to_a_later_horizon(stages):
     kept = 21 - stages if stages < 20 else 5
     cut = min(stages, 15)
     later = whole._replace(
-        **{name: getattr(whole, name)[cut : cut + kept] for name in whole._fields if name[0] in 'Lglu'},
+        **{
+            name: getattr(whole, name)[cut : cut + kept]
+            for name in whole._fields
+            if name[0] in 'Lglu'
+        },
         A=whole.A[cut : cut + kept - 1],
         B=whole.B[cut : cut + kept - 1],
     )

@@ -75,7 +75,7 @@ def links_of(text):
 
 
 # Its own problem is compiled: a minute.
-SLOW = {'qp.md'}
+SLOW = {'kernels.md'}
 
 
 @pytest.mark.parametrize(

@@ -102,16 +102,21 @@ class LongHorizons:
         """Solvers that were timed at one horizon at least."""
         return [name for name in QP_PEERS if any(name in each.peers for each in self.found)]
 
-    def exponent(self, time_of: Callable[[LongStep], float | None]) -> float | None:
+    def exponent(self, name: str = 'warm') -> float | None:
         """Slope of the logarithm of a time over that of ``N``; None with fewer than two horizons.
 
         Args:
-            time_of: The time at a horizon; None where there is none.
+            name: `warm`, `cold` or the name of another solver.
         """
-        times = [(each.steps, found) for each in self.found if (found := time_of(each)) is not None]
+        times = {}
+        for each in self.found:
+            known = {'warm': each.warm, 'cold': each.cold}
+            known |= {peer: of_peer.time for peer, of_peer in each.peers.items()}
+            if name in known:
+                times[each.steps] = known[name]
         if len(times) < 2:
             return None
-        slope, _ = np.polyfit(*np.log(np.array(times, float)).T, 1)
+        slope, _ = np.polyfit(np.log(list(times)), np.log(list(times.values())), 1)
         return float(slope)
 
 
@@ -209,7 +214,8 @@ class _Ours:
             pose, np.zeros(2), self.controls, self._horizon, iterations=iterations
         )
         if not improvement.solved or improvement.elastic:
-            raise BenchError(f'long horizons: found no plan ({improvement.reason})')
+            reason = 'it needs slack' if improvement.solved else improvement.reason
+            raise BenchError(f'long horizons: found no plan ({reason})')
         self.qp_iterations, self.work = improvement.qp_iterations, improvement.work
         return improvement.plan.controls
 

@@ -114,7 +114,7 @@ def _counted_work() -> Iterator[list[int]]:
         counted.append(improvement.work)
         return improvement
 
-    Planner.improve = counting  # type: ignore[method-assign]
+    Planner.improve = counting  # type: ignore[method-assign, assignment]
     try:
         yield counted
     finally:

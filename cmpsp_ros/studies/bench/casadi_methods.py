@@ -93,6 +93,10 @@ class Sqp:
             raise BenchError(f'{self._plugin} does not solve one of its programs') from error
         return unpack(answer['x'].full().ravel(), U[-1])
 
+    def qp_time(self, steps: int) -> float:
+        """What the quadratic programs of the last step of so many took, as CasADi says [us]."""
+        return float(self._solvers[steps].stats()['t_proc_QP']) * 1e6
+
 
 class Converged:
     """A solver for nonlinear programs, run until it has converged.

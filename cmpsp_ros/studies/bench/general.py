@@ -37,7 +37,7 @@ class General:
     Attributes:
         states: ``n``.
         controls: ``r``.
-        iterations: Median of the iterations, each of which meets one row.
+        iterations: Median of the iterations, each of which adds one row.
         active: Median of the rows that are active at the solution.
         time: Of one program: the mean of their medians over all runs [us].
         flops: Of one program, as `flops` counts them; the mean.
@@ -117,19 +117,19 @@ def program(seed: int, states: int, controls: int) -> Subproblem:
     return Subproblem(Linearisation(**parts), *limits)
 
 
-def flops(N: int, n: int, r: int, l: int, k: int) -> float:  # noqa: E741 (the paper's l)
+def flops(N: int, n: int, r: int, l: int, k: int, c: int) -> float:  # noqa: E741 (the paper's l)
     """Additions and multiplications of a factorisation and ``k`` iterations, to leading order.
 
     - The factorisation takes ``6 n^3 + 8 n^2 r + 4 n r^2 + 2/3 r^3`` a stage: ``P A`` and ``P B``
       ``2 n^3 + 2 n^2 r``, the controls' elimination ``2 n^2 r + 3 n r^2 + 2/3 r^3``, the closed
       loop ``2 n^2 r + n r^2``, the cost to go ``n^3 + n^2 r``, the covariance ``3 n^3 + n^2 r``.
     - An iteration makes one row, which is a sweep over half of the stages on average,
-      ``N (n^2 + n r)``; takes it apart into what ``c`` active rows span and the rest, ``3 c N r``;
-      solves a triangular system, ``c^2``; and looks at all rows once, which is a sweep over the
+      ``N (n^2 + n r)``; takes it apart into what ``j`` active rows span and the rest, ``3 j N r``;
+      solves a triangular system, ``j^2``; and looks at all rows once, which is a sweep over the
       stages for the states, ``2 n^2 + 4 n r`` each, and one for the rows, ``2 l (n + r)`` each.
 
-    The number ``c`` of active rows grows by one an iteration. Rows that leave are not counted, nor
-    is the check of the answer.
+    The number of active rows grows evenly to ``c``. Rows that leave are not counted, nor are the
+    further factorisations in which bounds are held, nor the check of the answer.
 
     Args:
         N: Steps.
@@ -137,12 +137,11 @@ def flops(N: int, n: int, r: int, l: int, k: int) -> float:  # noqa: E741 (the p
         r: Controls.
         l: Path constraints at a stage.
         k: Iterations.
+        c: Active rows at the end.
     """
     factorisation = N * (6 * n**3 + 8 * n**2 * r + 4 * n * r**2 + 2 / 3 * r**3)
     row, look = N * (n**2 + n * r), N * (2 * n**2 + 4 * n * r + 2 * l * (n + r))
-    projections = 3 * N * r * k * (k - 1) / 2
-    triangular = (k - 1) * k * (2 * k - 1) / 6
-    return factorisation + k * (row + look) + projections + triangular
+    return factorisation + k * (row + look + 3 * N * r * c / 2 + c**2 / 3)
 
 
 def _of(programs: list[Subproblem], took: float) -> General:
@@ -157,7 +156,8 @@ def _of(programs: list[Subproblem], took: float) -> General:
         rows = (solution.terminal, solution.path, solution.trust, solution.bounds)
         iterations.append(solution.iterations)
         active.append(sum(int(np.count_nonzero(part)) for part in rows))
-        work.append(flops(size.horizon, size.state, size.control, size.path, solution.iterations))
+        sizes = size.horizon, size.state, size.control, size.path
+        work.append(flops(*sizes, solution.iterations, active[-1]))
     return General(
         size.state,
         size.control,

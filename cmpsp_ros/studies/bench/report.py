@@ -103,6 +103,11 @@ def content(results: Results) -> dict[str, Any]:
         - `machine`: processor, cores, kernel, versions of Python and of packages, as text.
         - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
           nothing was measured.
+        - `robots_ms`: by robot spreads `first` and `every`, `steps`, `work` of each step in visits
+          of a stage, `levels` with the steps at each fallback level, and `terminal_error` [m].
+        - `long_horizons_us`: `steps`, by horizon a list of `steps`, `active`, `warm`, `cold`,
+          `qp_iterations`, `work` and `peers`, by name `time`, `ratio` and `ratio_of_qps`; and the
+          fitted exponents `exponent_warm` and `exponent_cold`, which may be null.
         - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
         - `hard_ms`: by hard case `first` and `every`, each a spread, `longest`, and in how many
           steps its plan was `elastic`.
@@ -124,7 +129,7 @@ def content(results: Results) -> dict[str, Any]:
         A spread has `count`, `median`, `p99`, `p999` and `largest`; percentiles for which there
         are too few values are null.
     """
-    comparison, latency = results.comparison, results.latency
+    comparison, latency, long = results.comparison, results.latency, results.long_horizons
     resident = {'benchmark': results.resident}
     if latency is not None:
         resident |= {
@@ -135,6 +140,22 @@ def content(results: Results) -> dict[str, Any]:
         'command': results.order.command,
         'machine': results.machine,
         'targets': [{**asdict(each), 'holds': each.holds} for each in targets(results)],
+        'robots_ms': {
+            each.name: {
+                'first': asdict(Spread.of(each.times[:, 0])),
+                'every': asdict(Spread.of(each.times)),
+                'steps': each.times.shape[1],
+                'work': each.work.tolist(),
+                'levels': each.levels,
+                'terminal_error': each.terminal_error,
+            }
+            for each in results.robots
+        },
+        'long_horizons_us': {
+            'steps': [asdict(each) for each in long.found],
+            'exponent_warm': long.exponent('warm'),
+            'exponent_cold': long.exponent('cold'),
+        },
         'presets_ms': _of_runs(results.presets),
         'hard_ms': {
             each.name: {
@@ -171,7 +192,7 @@ def content(results: Results) -> dict[str, Any]:
             for each in results.growth
         },
         'general': [asdict(each) for each in results.general],
-        'not_compared': {**comparison.left_out, **results.missing},
+        'not_compared': {**comparison.left_out, **results.missing, **long.missing},
         'latency_ms': None
         if latency is None
         else {

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from cmpsp_ros.parameters.robots import robot_names
 from cmpsp_ros.studies.bench.general import General
 from cmpsp_ros.studies.bench.hard_cases import HardCase
 from cmpsp_ros.studies.bench.horizons import HORIZONS, Growth
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.long_horizons import LONG_HORIZONS, LongHorizons
 from cmpsp_ros.studies.bench.many_plans import Plans
 from cmpsp_ros.studies.bench.presets import PresetTiming
+from cmpsp_ros.studies.bench.robot_drives import RobotDrive
 from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.timing import Comparison
 
@@ -34,6 +37,8 @@ class Order:
         output: A file that ends in `.json`, or a folder; None to write nothing.
         steps: Steps of the full horizon where methods are compared.
         horizons: Numbers of steps over which their growth is measured.
+        robots: Robots that drive on long horizons.
+        long_horizons: Numbers of steps over which one plan's control step is measured.
     """
 
     presets: Sequence[str]
@@ -44,6 +49,8 @@ class Order:
     output: Path | None = None
     steps: int = COMPARED_STEPS
     horizons: Sequence[int] = HORIZONS
+    robots: Sequence[str] = field(default_factory=robot_names)
+    long_horizons: Sequence[int] = LONG_HORIZONS
 
     @property
     def command(self) -> str:
@@ -64,6 +71,8 @@ class Results:
     Attributes:
         order: What was asked.
         machine: What it was measured on.
+        robots: Robots on long horizons.
+        long_horizons: One plan's control steps over long horizons.
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
         tails: Many control steps of the project's own methods.
@@ -78,6 +87,8 @@ class Results:
 
     order: Order
     machine: dict[str, str]
+    robots: list[RobotDrive]
+    long_horizons: LongHorizons
     presets: list[PresetTiming]
     comparison: Comparison
     tails: list[Tail]

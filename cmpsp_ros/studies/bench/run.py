@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cmpsp_ros.studies.bench import general, hard_cases, many_plans, presets
+from cmpsp_ros.studies.bench import (
+    general,
+    hard_cases,
+    long_horizons,
+    many_plans,
+    presets,
+    robot_drives,
+)
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.horizons import grow
 from cmpsp_ros.studies.bench.latency import Latency
@@ -46,6 +53,10 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     found = machine()
     # First what needs more than this process, so that what fails there fails soon.
     latency = _latency(order, progress) if order.latency else None
+    told = progress('robots', order.runs * len(order.robots))
+    robots = robot_drives.measure(order.robots, order.runs, told)
+    told = progress('long horizons', len(order.long_horizons))
+    long = long_horizons.measure(order.long_horizons, order.runs, beside=order.peers, progress=told)
     timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
     of_hard = hard_cases.presets()
     told = progress('hard cases', order.runs * len(of_hard))
@@ -67,6 +78,8 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     results = Results(
         order=order,
         machine=found,
+        robots=robots,
+        long_horizons=long,
         presets=timings,
         comparison=comparison,
         tails=of_tails,

@@ -12,7 +12,9 @@ from rich.table import Table as RichTable
 
 from cmpsp_ros.studies.bench.general import PROGRAMS
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.long_horizons import LIMIT
 from cmpsp_ros.studies.bench.results import Results
+from cmpsp_ros.studies.bench.robot_drives import PRESET
 from cmpsp_ros.studies.bench.spread import Spread
 from cmpsp_ros.studies.bench.targets import PIQP, PIQP_THERE, Target, pace, targets
 from cmpsp_ros.studies.bench.timing import Ratios
@@ -63,6 +65,10 @@ class Table:
 def tables(results: Results) -> Iterator[Table]:
     """All tables of some results."""
     yield _targets(results)
+    yield _robots(results)
+    yield _long_horizons(results)
+    if beside := results.long_horizons.names:
+        yield _beside(results, beside)
     yield _presets(results)
     yield _hard(results)
     yield _comparison(results)
@@ -71,7 +77,11 @@ def tables(results: Results) -> Iterator[Table]:
     yield _plans(results)
     yield _growth(results)
     yield _general(results)
-    left_out = {**results.comparison.left_out, **results.missing}
+    left_out = {
+        **results.comparison.left_out,
+        **results.missing,
+        **results.long_horizons.missing,
+    }
     if left_out:
         yield Table('Not compared', ('method', 'why'), list(left_out.items()), words=2)
     if results.latency is not None:
@@ -100,6 +110,82 @@ def _verdict(target: Target) -> str:
     if target.holds is None:
         return 'not measured'
     return 'yes' if target.holds else 'no'
+
+
+def _robots(results: Results) -> Table:
+    note = (
+        f'Each robot of `config/robots` on `{PRESET}` in lockstep: all that the guidance law does'
+        ' in a control step, on a horizon of so many steps that shrinks. Computing time, waiting'
+        ' for a processor left out. *First* is the median of the first steps, in which the robot'
+        ' stands and plans are made from nothing; *max* is that of all later ones. *Work* is that'
+        ' of the step that does the most, in visits of a stage, and of the most after the first.'
+    )
+    rows = []
+    for each in results.robots:
+        later = each.times[:, 1:]
+        rows.append(
+            (
+                each.name,
+                str(each.times.shape[1]),
+                _of(float(np.median(each.times[:, 0])), 1),
+                *_spread(Spread.of(each.times), 2)[:2],
+                _of(float(later.max()), 1),
+                str(each.work.max()),
+                str(each.work[1:].max()),
+                ', '.join(f'{level} {count}' for level, count in each.levels.items()),
+                f'{each.terminal_error:.1e}',
+            )
+        )
+    columns = (
+        'robot', 'steps', 'first', 'median', 'p99', 'max', 'work', 'work after the first',
+        'fallback level', 'terminal error [m]',
+    )  # fmt: skip
+    return Table('Robots on long horizons [ms]', columns, rows, note)
+
+
+def _long_horizons(results: Results) -> Table:
+    found = results.long_horizons
+    warm, cold = found.exponent('warm'), found.exponent('cold')
+    rows = [
+        (
+            str(each.steps),
+            f'{100.0 * each.active:.0f} %',
+            _of(each.warm, 0),
+            _of(each.cold, 0),
+            f'{each.qp_iterations:g}',
+            f'{each.work:g}',
+        )
+        for each in found.found
+    ]
+    rows.append(('exponent of N', '', _of(warm, 2), _of(cold, 2), '', ''))
+    columns = ('N', 'bounds active', 'warm [µs]', 'cold [µs]', 'QP iterations', 'work')
+    note = (
+        f'Case 3 with a wheel-speed limit of {LIMIT:g} rad/s, cut into N control periods: the outer'
+        ' wheel turns at the limit nearly all the way. One plan, improved by two iterations with'
+        ' line search from a pose a few millimetres beside its own; computing time. *Bounds active*'
+        ' are those with a multiplier, of two for each step. *Warm* begins with the active'
+        ' constraints of the plan, as a control step does, *cold* with none.'
+    )
+    return Table('One plan over long horizons', columns, rows, note)
+
+
+def _beside(results: Results, names: Sequence[str]) -> Table:
+    found = results.long_horizons
+    rows = []
+    for name in names:
+        for each in found.found:
+            if peer := each.peers.get(name):
+                ratios = _of(peer.ratio, 3), _of(peer.ratio_of_qps, 3)
+                rows += [(name, str(each.steps), _of(peer.time, 0), *ratios)]
+        rows += [(name, 'exponent of N', _of(found.exponent(name), 2), '', '')]
+    columns = ('method', 'N', 'time [µs]', 'ratio', 'ratio to its programs alone')
+    note = (
+        'The same steps by two iterations of other solvers, through CasADi, in turn with ours.'
+        ' Ratios are medians of quotients of the *warm* step of the table above by theirs of the'
+        ' same step, and by the time of their quadratic programs alone, without derivatives: ours'
+        ' has the line search in it as well. Only steps that reach the goal and keep clear count.'
+    )
+    return Table('Other solvers over long horizons', columns, rows, note)
 
 
 def _presets(results: Results) -> Table:
@@ -254,7 +340,8 @@ def _general(results: Results) -> Table:
     note = (
         f'{PROGRAMS} random programs of 50 steps for each size, through the back end for any'
         ' problem, whose sizes are not known when it is compiled. The work is that of one'
-        ' factorisation and as many iterations as were made, by count of their operations.'
+        ' factorisation and as many iterations as were made, by count of their operations. Active'
+        ' rows include bounds that are held in the factorisation.'
     )
     return Table('One program of other sizes', columns, rows, note)
 

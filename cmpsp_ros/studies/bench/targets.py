@@ -29,6 +29,10 @@ _TAIL = 3.0
 _EIGHT = 1.0
 _LONG = 400
 
+# Robots on long horizons: first step, 99th percentile and median [ms]; and growth with N.
+_ROBOTS = {'first step': 50.0, 'p99': 10.0, 'median': 3.0}
+_GROWTH = 1.2
+
 
 @dataclass(frozen=True)
 class Target:
@@ -52,6 +56,7 @@ class Target:
 
 def targets(results: Results) -> Iterator[Target]:
     """All targets, with what was found."""
+    yield from _of_long_horizons(results)
     bare, full = RiccatiActiveSet.name, FullStep.name
     for below, (first, loop) in _BESIDE.items():
         yield from _beside(results, bare, below, first, loop)
@@ -95,6 +100,21 @@ def _beside(results: Results, name: str, below: str, first: float, loop: float) 
     both = (None, None) if found is None else (found.first, found.loop)
     yield Target(f'{name} / {below}: first step', first, both[0])
     yield Target(f'{name} / {below}: every step, median', loop, both[1])
+
+
+def _of_long_horizons(results: Results) -> Iterator[Target]:
+    """Of the robots the slowest counts."""
+    spreads = [Spread.of(each.times) for each in results.robots]
+    found = {
+        'first step': [float(np.median(each.times[:, 0])) for each in results.robots],
+        'p99': [each.largest if each.p99 is None else each.p99 for each in spreads],
+        'median': [each.median for each in spreads],
+    }
+    for name, at_most in _ROBOTS.items():
+        what = f'robots on long horizons, the slowest: {name} [ms]'
+        yield Target(what, at_most, max(found[name], default=None))
+    exponent = results.long_horizons.exponent()
+    yield Target('long horizons, half of the wheel limits active: exponent of N', _GROWTH, exponent)
 
 
 def _of_latency(results: Results) -> Iterator[Target]:

@@ -14,4 +14,5 @@ def task():
 @pytest.fixture(scope='session')
 def results():
     """Two runs with four steps and every solver that is installed."""
-    return run(Order(['case3'], runs=2, tail=10, peers=True, steps=4, horizons=(4, 6)))
+    small = {'steps': 4, 'horizons': (4, 6), 'robots': ['jackal'], 'long_horizons': (25, 50)}
+    return run(Order(['case3'], runs=2, tail=10, peers=True, **small))

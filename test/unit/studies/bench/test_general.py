@@ -35,8 +35,10 @@ def test_every_size_is_timed():
 
 
 def test_operations_grow_as_they_should():
-    scalar = flops(1, 1, 1, 0, 0)
+    scalar = flops(1, 1, 1, 0, 0, 0)
     assert scalar == pytest.approx(18.0 + 2.0 / 3.0)
-    assert flops(100, 6, 3, 0, 0) == pytest.approx(800.0 * flops(1, 3, 1.5, 0, 0))
+    assert flops(100, 6, 3, 0, 0, 0) == pytest.approx(800.0 * flops(1, 3, 1.5, 0, 0, 0))
     # One iteration: half a sweep for the row, one for the states, and one for four constraints.
-    assert flops(10, 3, 2, 4, 1) - flops(10, 3, 2, 4, 0) == 10 * (15 + 42 + 40)
+    assert flops(10, 3, 2, 4, 1, 0) - flops(10, 3, 2, 4, 0, 0) == 10 * (15 + 42 + 40)
+    # Beside that two dozen active rows, half of them on average.
+    assert flops(10, 3, 2, 4, 1, 24) - flops(10, 3, 2, 4, 1, 0) == 3 * 10 * 2 * 12 + 24**2 / 3

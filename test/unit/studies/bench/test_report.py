@@ -48,6 +48,8 @@ def test_a_file_has_the_data_alone(results, tmp_path):
     assert read['command'] == 'cmpsp bench case3 --runs 2 --tail 10 --peers'
     assert read['tails_us']['riccati active set']['spread']['count'] == 12
     assert read['tails_us']['riccati active set']['spread_again']['count'] == 12
+    assert read['robots_ms']['jackal']['steps'] == len(read['robots_ms']['jackal']['work'])
+    assert [each['steps'] for each in read['long_horizons_us']['steps']] == [25, 50]
     assert list(read['plans_us']) == ['1', '2', '4', '8']
     assert [each['states'] for each in read['general']] == [3, 6, 12]
     assert {'holds', 'found', 'at_most', 'what'} == read['targets'][0].keys()
@@ -72,8 +74,13 @@ def test_every_method_is_in_the_tables(results):
     names = [each.name for each in results.comparison.timed]
     for title in ('What the methods drive', 'First step over horizons [µs]'):
         assert [row[0] for row in found[title].rows] == names
+    titles = list(found)
+    assert titles[:2] == ['Targets', 'Robots on long horizons [ms]']
+    assert titles.index('One plan over long horizons') < titles.index('What the methods drive')
     left_out = [row[0] for row in found['Not compared'].rows]
-    assert set(left_out) == {*results.comparison.left_out, *results.missing}
+    assert set(left_out) == {
+        *results.comparison.left_out, *results.missing, *results.long_horizons.missing,
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize('name', ['there.json', '', 'there.json/folder', 'there.json/file.json'])

@@ -19,6 +19,8 @@ def invoke(*args):
 
 @pytest.mark.slow
 def test_all_that_was_asked_for_is_there(results):
+    assert [each.name for each in results.robots] == ['jackal']
+    assert [each.steps for each in results.long_horizons.found] == [25, 50]
     assert [each.name for each in results.presets] == ['case3']
     found = results.comparison
     assert (found.steps, found.runs) == (4, 2)
@@ -57,8 +59,10 @@ def test_progress_is_told():
         told.append(f'{part} {pieces}')
         return lambda: told.append(part)
 
-    run(Order(['case1'], runs=1, tail=4, steps=3, horizons=(3,)), progress)
+    small = {'steps': 3, 'horizons': (3,), 'robots': ['jackal'], 'long_horizons': (50,)}
+    run(Order(['case1'], runs=1, tail=4, **small), progress)
     assert told == [
+        'robots 1', 'robots', 'long horizons 1', 'long horizons',
         'presets 1', 'presets', 'hard cases 8', *['hard cases'] * 8,
         'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
         'tail 2', 'tail', 'tail',
@@ -97,6 +101,15 @@ def test_the_command_writes_and_tells(tmp_path):
     path = tmp_path / 'bench.json'
     done = invoke('case1', '--runs', 1, '--tail', 50, '--output', path)
     assert done.exit_code == 0, done.output
-    for said in ('case1', 'condensed + daqp', 'guidance law', '[ms]', 'not measured', 'written'):
+    for said in (
+        'turtlebot4',
+        'exponent of N',
+        'case1',
+        'condensed + daqp',
+        'guidance law',
+        '[ms]',
+        'not measured',
+        'written',
+    ):
         assert said in done.stdout
     assert json.loads(path.read_text())['presets_ms'].keys() == {'case1'}

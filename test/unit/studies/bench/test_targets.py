@@ -8,7 +8,9 @@ import pytest
 from cmpsp_ros.studies.bench.hard_cases import HardCase
 from cmpsp_ros.studies.bench.horizons import Growth
 from cmpsp_ros.studies.bench.latency import Latency
+from cmpsp_ros.studies.bench.long_horizons import LongHorizons, LongStep
 from cmpsp_ros.studies.bench.many_plans import Plans
+from cmpsp_ros.studies.bench.robot_drives import RobotDrive
 from cmpsp_ros.studies.bench.tables import tables
 from cmpsp_ros.studies.bench.tail import Tail
 from cmpsp_ros.studies.bench.targets import pace, targets
@@ -30,8 +32,11 @@ def known(task, results):
     # Three of 200 are more than the 99th percentile leaves out.
     first = np.arange(200) < 3
     total = np.where(first, 9.0, 1.25)
+    long = [LongStep(N, 0.5, 2.0 * N, 4.0, 5.0, 100.0, {}) for N in (50, 100)]
     return replace(
         results,
+        robots=[drive('fast', [[40.0, 1.0, 2.0]]), drive('slow', [[60.0, 2.0, 12.0]] * 100)],
+        long_horizons=LongHorizons(long, {}),
         comparison=replace(results.comparison, timed=timed),
         hard=[hard_case('easy', [[0.1, 0.1, 0.9]] * 3), hard_case('hard', [[0.8, 0.3, 0.3]] * 3)],
         growth=[Growth(BARE, [100, 400], [1.0, 900.0], 1.58)],
@@ -43,12 +48,20 @@ def known(task, results):
     )
 
 
+def drive(name, times):
+    return RobotDrive(name, np.array(times), np.ones(3, int), {'nominal': 3}, 0.0)
+
+
 def hard_case(name, times):
     return HardCase(name, np.array(times), elastic=1)
 
 
 def test_what_holds_and_what_does_not(known):
     assert [(each.found, each.holds) for each in targets(known)] == [
+        (60.0, False),
+        (60.0, False),
+        (12.0, False),
+        (pytest.approx(1.0), True),
         (pytest.approx(0.08), True),
         (pytest.approx(0.08), True),
         (pytest.approx(0.02), True),
@@ -77,7 +90,7 @@ def test_what_holds_and_what_does_not(known):
 def test_each_says_what_it_is(known):
     said = [each.what for each in targets(known)]
     assert len(set(said)) == len(said)
-    assert said[0] == 'riccati active set / condensed + daqp: first step'
+    assert said[4] == 'riccati active set / condensed + daqp: first step'
 
 
 def test_how_slow_the_machine_is(known):
@@ -96,7 +109,8 @@ def test_how_slow_the_machine_is(known):
 
 def test_what_was_not_measured(known):
     bare = replace(known.comparison, timed=known.comparison.timed[:1])
-    without = replace(known, comparison=bare, hard=[], growth=[], tails=[], plans=[], latency=None)
+    nothing = {'robots': [], 'long_horizons': LongHorizons([], {}), 'hard': [], 'growth': []}
+    without = replace(known, comparison=bare, **nothing, tails=[], plans=[], latency=None)
     assert {each.holds for each in targets(without)} == {None}
 
 

@@ -1,0 +1,88 @@
+"""One plan over long horizons, and other solvers beside it."""
+
+from dataclasses import replace
+
+import pytest
+
+from cmpsp_ros.studies.bench import long_horizons
+from cmpsp_ros.studies.bench.errors import BenchError
+from cmpsp_ros.studies.bench.long_horizons import LongHorizons, LongStep, Peer, long_task, measure
+
+
+def of_times(times, peer=None):
+    peers = {} if peer is None else {'other': Peer(peer, 0.1, 0.2)}
+    return [LongStep(N, 0.5, time, 2.0 * time, 5.0, 10.0, peers) for N, time in times.items()]
+
+
+def test_the_exponent_is_fitted_to_all_horizons():
+    found = LongHorizons(of_times({N: 3e-3 * N**1.5 for N in (50, 100, 200)}, 7.0), {})
+    assert found.exponent() == found.exponent('warm') == pytest.approx(1.5)
+    assert found.exponent('cold') == pytest.approx(1.5)
+    assert found.exponent('other') == pytest.approx(0.0, abs=1e-9)
+    assert found.exponent('nobody') is None
+    assert LongHorizons(of_times({50: 1.0}), {}).exponent() is None
+
+
+def test_half_of_the_bounds_are_active_on_every_horizon():
+    told = []
+    found = measure((50, 100), 1, beside=False, progress=lambda: told.append(1))
+    assert [each.steps for each in found.found] == [50, 100]
+    for each in found.found:
+        assert 0.4 < each.active < 0.6
+        assert each.warm > 0.0
+        assert each.cold > 0.0
+        assert each.work > 0
+        assert each.peers == {}
+    assert found.missing == {}
+    assert len(told) == 2
+
+
+def test_peers_take_the_same_steps():
+    pytest.importorskip('casadi')
+    found = measure((25,), 1, beside=True)
+    assert found.names
+    for name, peer in found.found[0].peers.items():
+        assert name in long_horizons.QP_PEERS
+        assert peer.time > 0.0
+        assert 0.0 < peer.ratio <= peer.ratio_of_qps
+    assert found.exponent(found.names[0]) is None
+
+
+def test_a_peer_that_fails_says_why(monkeypatch):
+    class Failing:
+        name, largest = 'sqpmethod + piqp', 400
+
+        def prepare(self, steps):
+            pass
+
+        def step(self, pose, U, durations):
+            raise BenchError('out of order')
+
+    class Lazy(Failing):
+        name = 'sqpmethod + hpipm'
+
+        def step(self, pose, U, durations):
+            return 0.0 * U
+
+    missing = {'qrqp': 'not asked', 'casadi': 'not installed'}
+    monkeypatch.setattr(long_horizons, 'peers', lambda task: ([Failing(), Lazy()], missing))
+    found = measure((25,), 1, beside=True)
+    assert found.names == []
+    assert found.missing.keys() == {
+        'casadi', 'sqpmethod + piqp, N = 25', 'sqpmethod + hpipm, N = 25',
+    }  # fmt: skip
+    assert found.missing['sqpmethod + piqp, N = 25'] == 'out of order'
+    assert 'misses the goal' in found.missing['sqpmethod + hpipm, N = 25']
+
+
+def test_without_a_plan_there_is_no_time(monkeypatch):
+    monkeypatch.setattr(long_horizons, 'LIMIT', 30.0)
+    with pytest.raises(BenchError, match='found no plan'):
+        measure((25,), 1, beside=False)
+
+
+def test_the_drive_is_the_same_at_every_number_of_steps():
+    short, long = long_task(50), long_task(400)
+    assert (short.steps, long.steps) == (50, 400)
+    same = replace(short.settings, control_period=long.settings.control_period)
+    assert same == long.settings

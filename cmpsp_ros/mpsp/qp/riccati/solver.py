@@ -39,8 +39,6 @@ TOLERANCE: Final = 1e-8
 # Sweeps that improve the guess of which bounds to hold, before rows are added one by one: at most
 # so many, and so many that change no fewer bounds than the best before. More would go in circles.
 _SWEEPS, _PATIENCE = 10, 2
-# Held bounds, squared, times the length of a row: what it takes to have them in the basis instead.
-_FEW = 2_000_000
 
 
 @allocation_free
@@ -89,12 +87,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
         if outcome in (RELEASED, CROWDED):
-            if guesses or head.fixed * head.fixed * at.v.shape[0] > _FEW:
-                restart_from(p, at, warm, guesses)
-            else:
-                # So few are as well in the basis, where one leaves it at a time.
-                leave_warm_start(p, at, warm)
-                free_all(p)
+            restart_from(p, at, warm, guesses)
             continue
         leave_warm_start(p, at, warm)
         if outcome == DONE and kkt_residual(p) <= TOLERANCE:

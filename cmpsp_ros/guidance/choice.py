@@ -86,7 +86,7 @@ class Choice:
         self._centers = ClearSpace.of(settings.road, settings.obstacles, 0.0).centers
         self._beside: list[_Contender] = []
         self.phases: dict[str, float] = {}
-        self._work_left = 0
+        self._work_left = 1
         self.forget()
 
     def aim(self, settings: GuidanceSettings) -> None:

@@ -34,7 +34,6 @@ from cmpsp_ros.robot.road import Annulus
 
 Array = NDArray[np.float64]
 
-_A_RATE = 1.0
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
 _STEPS_ACROSS = 50
@@ -106,8 +105,6 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
     """Settings with one thing changed that may be changed live and needs code of its own."""
     for hessian in get_args(Hessian):
         yield replace(settings, solver=replace(settings.solver, hessian=hessian))
-    for rate in (0.0, _A_RATE):
-        yield replace(settings, weights=replace(settings.weights, control_rate=rate))
     for limit in (_A_LIMIT, math.inf):
         yield replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
     for delay in (0.0, settings.control_period / 2.0):

@@ -199,8 +199,8 @@ def _parameters() -> Iterator[Parameter]:
     yield cost('weights.control_effort', _DOUBLE, 0.0, 's^2/rad^2',
         'Weight on the squared wheel speeds; not in the paper.', range=_NOT_NEGATIVE)
     yield cost('weights.control_rate', _DOUBLE, 0.0, 's^2/rad^2',
-        'Weight on the squared change of wheel speeds between control steps; not in the paper. Above '
-        '0 it needs code of its own.', range=_NOT_NEGATIVE, **_FIXED)
+        'Weight on the squared change of wheel speeds between control steps; not in the paper. '
+        'Above 0 it needs code of its own.', range=_NOT_NEGATIVE, **_FIXED)
 
     solver = _Group('Solver', 'guidance')
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',

@@ -108,7 +108,8 @@ def content(results: Results) -> dict[str, Any]:
           of a stage, `levels` with the steps at each fallback level, and `terminal_error` [m].
         - `long_horizons_us`: `steps`, by horizon a list of `steps`, `active`, `qp_iterations`,
           `work`, `times` with `warm`, `cold` and other solvers, and `ratios` of warm steps to
-          those, and to their quadratic programs; `exponent_warm` and `exponent_cold`, which may be null.
+          those, and to their quadratic programs; `exponent_warm` and `exponent_cold`, which may be
+          null.
         - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
         - `hard_ms`: by hard case `first` and `every`, each a spread, `longest`, and in how many
           steps its plan was `elastic`.

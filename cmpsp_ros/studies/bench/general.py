@@ -54,8 +54,8 @@ class General:
 def measure(runs: int, progress: Callable[[], None] = lambda: None) -> list[General]:
     """Time random programs of every size, all of them in turn.
 
-    They go through the back end that anybody's problem goes through, whose sizes are not known
-    when it is compiled, without any hint.
+    They go through the back end for any problem, without a warm start. It is compiled for a few
+    sizes, and a program is filled up to the next one (`compiled_size`).
 
     Args:
         runs: Solutions of each program.

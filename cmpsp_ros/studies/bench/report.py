@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cmpsp_ros.studies.bench.errors import BenchError
+from cmpsp_ros.studies.bench.long_horizons import COLD, WARM
 from cmpsp_ros.studies.bench.pictures import pictures
 from cmpsp_ros.studies.bench.presets import PresetTiming
 from cmpsp_ros.studies.bench.results import Results
@@ -30,9 +31,9 @@ _CAPTIONS = {
 _INTRODUCTION = """\
 # Performance
 
-How long a control step takes, what other solvers take for the same problem, how that grows with the
-horizon and with the size of the system, how long the longest steps are, and what becomes of it
-between two processes. This page is written by one command:
+How long a control step takes, on long horizons first; what other solvers take for the same problem,
+how that grows with the horizon and with the size of the system, how long the longest steps are, and
+what becomes of it between two processes. This page is written by one command:
 
 ```sh
 {command}
@@ -105,9 +106,10 @@ def content(results: Results) -> dict[str, Any]:
           nothing was measured.
         - `robots_ms`: by robot spreads `first` and `every`, `steps`, `work` of each step in visits
           of a stage, `levels` with the steps at each fallback level, and `terminal_error` [m].
-        - `long_horizons_us`: `steps`, by horizon a list of `steps`, `active`, `warm`, `cold`,
-          `qp_iterations`, `work` and `peers`, by name `time`, `ratio` and `ratio_of_qps`; and the
-          fitted exponents `exponent_warm` and `exponent_cold`, which may be null.
+        - `long_horizons_us`: `steps`, by horizon a list of `steps`, `active`, `qp_iterations`,
+          `work`, `times` with `warm`, `cold` and other solvers, and `ratios` of warm steps to
+          those, and to their quadratic programs; `exponent_warm` and `exponent_cold`, which may be
+          null.
         - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
         - `hard_ms`: by hard case `first` and `every`, each a spread, `longest`, and in how many
           steps its plan was `elastic`.
@@ -153,8 +155,8 @@ def content(results: Results) -> dict[str, Any]:
         },
         'long_horizons_us': {
             'steps': [asdict(each) for each in long.found],
-            'exponent_warm': long.exponent('warm'),
-            'exponent_cold': long.exponent('cold'),
+            'exponent_warm': long.exponent(WARM),
+            'exponent_cold': long.exponent(COLD),
         },
         'presets_ms': _of_runs(results.presets),
         'hard_ms': {

@@ -7,7 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -61,21 +61,17 @@ def measure(
         ParameterError: No such robot, or one that cannot drive there.
     """
     scenarios = {name: load_scenario(PRESET, (), lockstep=True, robot=name) for name in robots}
-    drives: dict[str, list[RobotDrive]] = {name: [] for name in robots}
+    drives: dict[str, RobotDrive] = {}
     for _ in range(runs):
         for name, scenario in scenarios.items():
-            drives[name].append(_drive(name, scenario))
+            drive = _drive(name, scenario)
+            known = drives.setdefault(name, drive)
+            if not np.array_equal(drive.work, known.work):
+                raise BenchError(f'{name}: found runs that differ, wanted the same work in each')
+            if drive is not known:
+                drives[name] = replace(known, times=np.concatenate([known.times, drive.times]))
             progress()
-    return [_joined(of_robot) for of_robot in drives.values()]
-
-
-def _joined(drives: Sequence[RobotDrive]) -> RobotDrive:
-    first = drives[0]
-    for each in drives[1:]:
-        if not np.array_equal(each.work, first.work):
-            raise BenchError(f'{first.name}: found runs that differ, wanted the same work in each')
-    times = np.concatenate([each.times for each in drives])
-    return RobotDrive(first.name, times, first.work, first.levels, first.terminal_error)
+    return list(drives.values())
 
 
 def _drive(name: str, scenario: Scenario) -> RobotDrive:

@@ -12,7 +12,7 @@ from rich.table import Table as RichTable
 
 from cmpsp_ros.studies.bench.general import PROGRAMS
 from cmpsp_ros.studies.bench.latency import Latency
-from cmpsp_ros.studies.bench.long_horizons import LIMIT
+from cmpsp_ros.studies.bench.long_horizons import COLD, LIMIT, QP_PEERS, WARM
 from cmpsp_ros.studies.bench.results import Results
 from cmpsp_ros.studies.bench.robot_drives import PRESET
 from cmpsp_ros.studies.bench.spread import Spread
@@ -67,8 +67,8 @@ def tables(results: Results) -> Iterator[Table]:
     yield _targets(results)
     yield _robots(results)
     yield _long_horizons(results)
-    if beside := results.long_horizons.names:
-        yield _beside(results, beside)
+    if any(each.ratios for each in results.long_horizons.found):
+        yield _beside(results)
     yield _presets(results)
     yield _hard(results)
     yield _comparison(results)
@@ -145,13 +145,13 @@ def _robots(results: Results) -> Table:
 
 def _long_horizons(results: Results) -> Table:
     found = results.long_horizons
-    warm, cold = found.exponent('warm'), found.exponent('cold')
+    warm, cold = found.exponent(WARM), found.exponent(COLD)
     rows = [
         (
             str(each.steps),
             f'{100.0 * each.active:.0f} %',
-            _of(each.warm, 0),
-            _of(each.cold, 0),
+            _of(each.times[WARM], 0),
+            _of(each.times[COLD], 0),
             f'{each.qp_iterations:g}',
             f'{each.work:g}',
         )
@@ -169,15 +169,16 @@ def _long_horizons(results: Results) -> Table:
     return Table('One plan over long horizons', columns, rows, note)
 
 
-def _beside(results: Results, names: Sequence[str]) -> Table:
+def _beside(results: Results) -> Table:
     found = results.long_horizons
     rows = []
-    for name in names:
-        for each in found.found:
-            if peer := each.peers.get(name):
-                ratios = _of(peer.ratio, 3), _of(peer.ratio_of_qps, 3)
-                rows += [(name, str(each.steps), _of(peer.time, 0), *ratios)]
-        rows += [(name, 'exponent of N', _of(found.exponent(name), 2), '', '')]
+    for name in QP_PEERS:
+        able = [each for each in found.found if name in each.ratios]
+        for each in able:
+            ratios = (_of(ratio, 3) for ratio in each.ratios[name])
+            rows.append((name, str(each.steps), _of(each.times[name], 0), *ratios))
+        if able:
+            rows.append((name, 'exponent of N', _of(found.exponent(name), 2), '', ''))
     columns = ('method', 'N', 'time [µs]', 'ratio', 'ratio to its programs alone')
     note = (
         'The same steps by two iterations of other solvers, through CasADi, in turn with ours.'
@@ -339,7 +340,8 @@ def _general(results: Results) -> Table:
     )
     note = (
         f'{PROGRAMS} random programs of 50 steps for each size, through the back end for any'
-        ' problem, whose sizes are not known when it is compiled. The work is that of one'
+        ' problem, which fills a program up to the next size it is compiled for (8, 4 for 6, 2 and'
+        ' 16, 8 for 12, 4): the time is that of the larger size. The work is that of one'
         ' factorisation and as many iterations as were made, by count of their operations. Active'
         ' rows include bounds that are held in the factorisation.'
     )

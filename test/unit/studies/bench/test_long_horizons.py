@@ -6,12 +6,15 @@ import pytest
 
 from cmpsp_ros.studies.bench import long_horizons
 from cmpsp_ros.studies.bench.errors import BenchError
-from cmpsp_ros.studies.bench.long_horizons import LongHorizons, LongStep, Peer, long_task, measure
+from cmpsp_ros.studies.bench.long_horizons import LongHorizons, LongStep, long_task, measure
 
 
 def of_times(times, peer=None):
-    peers = {} if peer is None else {'other': Peer(peer, 0.1, 0.2)}
-    return [LongStep(N, 0.5, time, 2.0 * time, 5.0, 10.0, peers) for N, time in times.items()]
+    others = {} if peer is None else {'other': peer}
+    return [
+        LongStep(N, 0.5, 5.0, 10.0, {'warm': time, 'cold': 2.0 * time, **others}, {})
+        for N, time in times.items()
+    ]
 
 
 def test_the_exponent_is_fitted_to_all_horizons():
@@ -29,23 +32,22 @@ def test_half_of_the_bounds_are_active_on_every_horizon():
     assert [each.steps for each in found.found] == [50, 100]
     for each in found.found:
         assert 0.4 < each.active < 0.6
-        assert each.warm > 0.0
-        assert each.cold > 0.0
+        assert each.times.keys() == {'warm', 'cold'}
+        assert min(each.times.values()) > 0.0
         assert each.work > 0
-        assert each.peers == {}
+        assert each.ratios == {}
     assert found.missing == {}
     assert len(told) == 2
 
 
 def test_peers_take_the_same_steps():
     pytest.importorskip('casadi')
-    found = measure((25,), 1, beside=True)
-    assert found.names
-    for name, peer in found.found[0].peers.items():
+    (found,) = measure((25,), 1, beside=True).found
+    assert found.ratios
+    for name, (ratio, ratio_of_qps) in found.ratios.items():
         assert name in long_horizons.QP_PEERS
-        assert peer.time > 0.0
-        assert 0.0 < peer.ratio <= peer.ratio_of_qps
-    assert found.exponent(found.names[0]) is None
+        assert found.times[name] > found.times['warm'] > 0.0
+        assert 0.0 < ratio <= ratio_of_qps
 
 
 def test_a_peer_that_fails_says_why(monkeypatch):
@@ -67,7 +69,7 @@ def test_a_peer_that_fails_says_why(monkeypatch):
     missing = {'qrqp': 'not asked', 'casadi': 'not installed'}
     monkeypatch.setattr(long_horizons, 'peers', lambda task: ([Failing(), Lazy()], missing))
     found = measure((25,), 1, beside=True)
-    assert found.names == []
+    assert found.found[0].ratios == {}
     assert found.missing.keys() == {
         'casadi', 'sqpmethod + piqp, N = 25', 'sqpmethod + hpipm, N = 25',
     }  # fmt: skip

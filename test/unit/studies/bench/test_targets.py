@@ -32,7 +32,7 @@ def known(task, results):
     # Three of 200 are more than the 99th percentile leaves out.
     first = np.arange(200) < 3
     total = np.where(first, 9.0, 1.25)
-    long = [LongStep(N, 0.5, 2.0 * N, 4.0, 5.0, 100.0, {}) for N in (50, 100)]
+    long = [LongStep(N, 0.5, 5.0, 100.0, {'warm': 2.0 * N, 'cold': 4.0}, {}) for N in (50, 100)]
     return replace(
         results,
         robots=[drive('fast', [[40.0, 1.0, 2.0]]), drive('slow', [[60.0, 2.0, 12.0]] * 100)],

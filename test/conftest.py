@@ -18,7 +18,10 @@ ROOT = Path(__file__).parents[1]
 INTEGRATION = ROOT / 'test' / 'integration'
 LEVELS = ('OK', 'WARN', 'ERROR')
 # What may follow a sentence about a plan, where there were several.
-CHOICE = r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
+CHOICE = (
+    r'( (It is|Changed over to) the best of \d+ plans(, [^.]+)?\.)?'
+    r'( The work of this step was used up\.)?'
+)
 
 # No test by examples is about time, and the first example may compile. The examples are the same
 # every time; others come with --hypothesis-profile=exploring.

@@ -73,7 +73,7 @@ class SolverSettings:
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
     work_rate: float = 6e7
-    work_share: float = 0.05
+    work_share: float = 0.04
 
     def work_limit(self, period: float) -> int:
         """Work that a control step may do, in visits of a stage.

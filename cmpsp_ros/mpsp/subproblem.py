@@ -11,7 +11,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.stage_qp import StageQP
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.qp.solution import Row

@@ -224,7 +224,7 @@ def _parameters() -> Iterator[Parameter]:
     yield solver('solver.work_rate', _DOUBLE, 6e7, '1/s',
         'Stages that the solver visits in a second on this computer, as `cmpsp warmup` tells.',
         range=_POSITIVE)
-    yield solver('solver.work_share', _DOUBLE, 0.05, '',
+    yield solver('solver.work_share', _DOUBLE, 0.04, '',
         'Fraction of a control period that a control step may spend on solving, four times as much '
         'before the robot moves; 0 means no limit. The plan that is followed comes first. Work is '
         'counted, not timed: a replay does just as much.', range=Range(0.0, 1.0))

@@ -24,7 +24,7 @@ from cmpsp_ros.mpsp.qp.sparse_rows import (
     multipliers_of,
     rows_of,
 )
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.stage_qp import StageQP
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 TOLERANCE = 1e-8

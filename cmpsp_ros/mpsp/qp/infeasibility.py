@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import Row
 from cmpsp_ros.mpsp.qp.sparse_rows import Rows
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.stage_qp import StageQP
 
 FARTHEST = 1e6
 """The proof covers all controls within their bounds, and within this where they have none."""

@@ -25,7 +25,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, locate
 from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, Row
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 

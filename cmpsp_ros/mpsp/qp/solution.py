@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.mpsp.problem import Array, Dimensions
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 TOLERANCE = 1e-5

@@ -20,7 +20,7 @@ from cmpsp_ros.mpsp.qp.sparse_rows import (
     rows_of,
     values_of,
 )
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.stage_qp import StageQP
 from cmpsp_ros.studies.verify.case import Program
 
 Array = NDArray[np.float64]

@@ -255,7 +255,7 @@ def test_back_ends_lead_to_the_same_solution(name):
         ({'penalty_terminal': np.ones(3)}, r'penalty_terminal: found shape \(3,\), wanted \(2,\)'),
         ({'penalty_path': np.ones(1)}, r'penalty_path: found shape \(1,\), wanted \(2,\)'),
         ({'trust_radius': np.ones(1)}, r'trust_radius: found shape \(1,\), wanted \(2,\)'),
-        ({'qp': 'newton'}, "qp: found 'newton', wanted one of riccati_active_set, riccati_"),
+        ({'qp': 'newton'}, "qp: found 'newton', wanted one of riccati_active_set, clarabel"),
     ],
 )
 def test_options_that_do_not_fit_are_named(changes, message):

@@ -23,7 +23,7 @@ def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'control_period', 'final_time', 'waypoints.names', 'waypoints.<name>.time',
         'follow.speed', 'follow.horizon', 'robot.joint_names', 'road.type', 'road.source',
-            'solver.qp',
+        'weights.control_rate', 'solver.qp',
         'enable_stamped_cmd_vel', 'autostart', 'initial_pose', 'odom_rate', 'real_time_factor',
         'publish_clock', 'lockstep', 'noise.dropout_windows', 'noise.seed',
         'realtime.priority', 'realtime.cpu',

@@ -23,7 +23,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import Program, empty_program
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.stage_qp import Multipliers, StageQP
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""

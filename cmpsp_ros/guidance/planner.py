@@ -35,6 +35,8 @@ FUNCTIONS: Final = Functions(
 )
 """The robot's problem, compiled."""
 
+# What an iteration of the back end takes at a stage, in visits of a stage.
+_WORK_OF_BACK_END: Final = 10_000
 _REASONS: Final = {
     SOLVED: QPStatus.SOLVED.value,
     INFEASIBLE: QPStatus.INFEASIBLE.value,
@@ -122,11 +124,12 @@ class Planner:
         assert self._functions is not None  # noqa: S101 (compiled with the planner)
         self._driver.improve(self._functions, data, steps, over)
         outcome = self._outcome[0]
-        # What takes the back end's time is bounded by nothing.
-        if outcome == NO_CURVATURE or (outcome == ITERATION_LIMIT and work_limit >= UNLIMITED):
-            return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving, near=near
-            )
+        if outcome in (NO_CURVATURE, ITERATION_LIMIT):
+            work = int(self._work[0]) + _WORK_OF_BACK_END * most * (steps + 1)
+            if outcome == NO_CURVATURE or work <= work_limit:
+                return self._back_end.improve(
+                    pose, held, guess, horizon, iterations=most, moving=moving, near=near
+                )._replace(work=work)
         return _summary(self._ws, horizon)
 
     def _compile(self, data: GuidanceData | ControlRateData) -> None:

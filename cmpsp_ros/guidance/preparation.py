@@ -51,8 +51,8 @@ def prepare(settings: GuidanceSettings) -> None:
         ValueError: The settings cannot be worked with.
     """
     settings = _made_short(settings)
-    warm_up(settings)
     run_kernels(settings)
+    warm_up(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
     circular = _on_annulus(settings)

@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import wait
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.queues import SimpleQueue
 from pathlib import Path
@@ -18,9 +19,14 @@ import numpy as np
 from cmpsp_ros.guidance.preparation import prepare
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp import Options, from_functions, solve
+from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
 from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
+from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.riccati.correction import correct
+from cmpsp_ros.mpsp.qp.riccati.program import empty_program
+from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -96,15 +102,17 @@ def warm_up_all(
     folder = kernel_folder()
     if folder is None:
         return Outcome(None, (), ())
-    # The method last: most of its code is the roads' too.
-    work: dict[str, tuple[GuidanceSettings, ...] | None] = dict(_kinds(presets))
+    # The solver takes as long as all else that a road needs. The method comes last: most of its
+    # code is the roads' too.
+    work: dict[str, Callable[[], None]] = {'the solver': _solver}
+    work |= {name: partial(_drive, each) for name, each in _kinds(presets).items()}
     if not presets:
-        work['the method'] = None
+        work['the method'] = _method
     begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()
     count, parts = 0, []
     pool = new_pool(min(_workers(), len(work)), _report_to, begun)
     try:
-        left = {pool.submit(_do, name, presets) for name, presets in work.items()}
+        left = {pool.submit(_do, name, task) for name, task in work.items()}
         while left:
             done, left = wait(left, _POLL)
             parts += [each.result() for each in done]
@@ -141,16 +149,25 @@ def _kinds(presets: Sequence[str]) -> dict[str, tuple[GuidanceSettings, ...]]:
     return found
 
 
-def _do(name: str, presets: tuple[GuidanceSettings, ...] | None) -> Part:
+def _do(name: str, task: Callable[[], None]) -> Part:
     began = time.perf_counter()
     with compilations() as compiled:
-        if presets is None:
-            _method()
-        else:
-            for each in presets:
-                prepare(each)
-                _measure(each)
+        task()
     return Part(name, len(compiled), time.perf_counter() - began)
+
+
+def _solver() -> None:
+    """Compile what solves the programs of the guidance law; horizon and rows do not matter."""
+    sizes = 1, 3, 2, 2, 2
+    program, active = empty_program(*sizes), empty_active_set(*sizes)
+    entry_for(solve_program, program, active, empty_warm_start(*sizes))
+    entry_for(correct, program, active, np.zeros(2), np.zeros((2, 2)))
+
+
+def _drive(presets: Sequence[GuidanceSettings]) -> None:
+    for each in presets:
+        prepare(each)
+        _measure(each)
 
 
 def _measure(settings: GuidanceSettings) -> None:

@@ -56,7 +56,7 @@ def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
 
     Args:
         function: A compiled function.
-        arguments: Examples. Whatever it is called with must have the very same types, arrays the
+        arguments: Examples. All arguments of a call must have the very same types, arrays the
             same layout: nothing checks it.
     """
     dispatcher: Any = function

@@ -74,7 +74,7 @@ class ActiveSet(NamedTuple):
 
 
 def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # noqa: E741
-    """Room for programs of these sizes."""
+    """Memory for programs of these sizes."""
     q, rows = (N + 1) * r, m + (N + 1) * (l + 2 * r + 2 * n)
     M, kinds = min(q, CAPACITY), l + r + n + m
     return ActiveSet(
@@ -96,7 +96,7 @@ def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # no
 
 
 def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> Indices:  # noqa: E741
-    """Room for the rows that a solution leaves for the next program like it.
+    """Memory for the rows that a solution leaves for the next program like it.
 
     The first entry is how many there are, the second the `begun` of their program's head. Then come
     the numbers of the rows that were active, in the order in which they became so, and

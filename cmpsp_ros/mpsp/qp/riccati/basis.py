@@ -20,7 +20,7 @@ _CANCELLED = 0.01
 
 
 class Basis(NamedTuple):
-    """Room for the basis; each function is given the number of rows in it.
+    """Memory for the basis; each function is given the number of rows in it.
 
     Attributes:
         Q: Orthonormal rows, shape ``(M, q)``.

@@ -35,7 +35,7 @@ class Space(NamedTuple):
     Attributes:
         size: The user's sizes.
         program: The records.
-        active: Room for the active-set method.
+        active: Memory for the active-set method.
         warm: A warm start with nothing in it.
     """
 

@@ -51,7 +51,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
 
     Args:
         p: The program; filled with the solution.
-        whole: Room for the active-set method.
+        whole: Memory for the active-set method.
         warm: Rows to begin with. They change the way to the solution, not the solution. Those of
             this solution are left in it.
 

@@ -151,7 +151,7 @@ def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) 
     """Tell a row that contradicts the active ones from one that they imply.
 
     Rounding of the active rows would look like a contradiction: it is taken out first. The proof of
-    one is that of Farkas: whatever meets the active rows exceeds this one by as much as the point
+    one is that of Farkas: what meets the active rows exceeds this one by as much as the point
     does, but for the part of the row that is no combination of them. Bounds that are held belong to
     the active rows; where the combination asks for a multiplier that one cannot have, it is in the
     way, and released.

@@ -110,7 +110,7 @@ bench: setup  ## time the control steps
 	$(BIN)/cmpsp bench
 
 docs: setup  ## write the tables of topics and parameters into README.md, and config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.nodes.topics README.md
+	$(BIN)/python -m cmpsp_ros.nodes.common.topics README.md
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write README.md
 

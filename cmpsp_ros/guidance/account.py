@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.audit import Verdict
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
 from cmpsp_ros.guidance.itinerary import Itinerary
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 

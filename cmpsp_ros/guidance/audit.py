@@ -10,13 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.arcs import arc_from
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.moving_discs import (
+from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.moving_discs import (
     NOTHING_MOVES,
     RADIUS,
     VELOCITY_X,
@@ -25,8 +24,9 @@ from cmpsp_ros.robot.moving_discs import (
     X,
     Y,
 )
-from cmpsp_ros.robot.road_space import RoadSpace
-from cmpsp_ros.robot.shape_functions import ROUGHNESS, distance_from, sweep, sweep_moving
+from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, distance_from, sweep, sweep_moving
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -88,7 +88,7 @@ class Audit:
         self._robot = settings.model
         self._between = settings.safety.between_samples
         self._radius = settings.robot_radius
-        self._space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         self._names = (
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),

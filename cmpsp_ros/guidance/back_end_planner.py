@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.task import Task
@@ -16,8 +17,7 @@ from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate
 from cmpsp_ros.mpsp.iteration import CMPSP, Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.robot.guidance_problem import GuidanceProblem
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 

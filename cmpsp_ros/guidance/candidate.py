@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.audit import Audit, Verdict
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 

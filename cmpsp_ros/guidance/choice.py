@@ -25,8 +25,8 @@ from cmpsp_ros.guidance.moment import Moment
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.guidance.signature import in_words, signature_of
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 
@@ -83,7 +83,7 @@ class Choice:
         self._guesses, self._judge = Guesses(settings, self._most), Judge(settings)
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._centers = ClearSpace.of(settings.road, settings.obstacles, 0.0).centers
+        self._centers = FreeSpace.of(settings.road, settings.obstacles, 0.0).centers
         self._beside: list[_Contender] = []
         self.phases: dict[str, float] = {}
         self._work_left = 1

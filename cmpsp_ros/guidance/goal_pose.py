@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.itinerary import TOLD
 from cmpsp_ros.guidance.odometry import FARTHEST, heading_of, stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.corridor import Corridor
+from cmpsp_ros.world.roads.corridor import Corridor
 
 _ROUNDING = 1e-9
 

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.road import Road
-from cmpsp_ros.robot.road_space import RoadSpace
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robot import road_functions
-from cmpsp_ros.robot.differential_drive import drive
-from cmpsp_ros.robot.road_space import RoadSpace
+from cmpsp_ros.robots.differential_drive import drive
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 

@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.goals import Goal, line_ahead, way_along
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.way_back import is_away, time_back, turn_rate
-from cmpsp_ros.robot.road import OpenFloor
+from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
 

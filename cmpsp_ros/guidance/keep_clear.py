@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
+from cmpsp_ros.world.free_space import FreeSpace
 
 
-def along_path(settings: GuidanceSettings) -> ClearSpace:
+def along_path(settings: GuidanceSettings) -> FreeSpace:
     """Space for every point of the path: robot radius and margin away from edges and obstacles."""
     distance = settings.robot_radius + settings.safety.margin
-    return ClearSpace.of(settings.road, settings.obstacles, distance)
+    return FreeSpace.of(settings.road, settings.obstacles, distance)
 
 
-def at_samples(settings: GuidanceSettings, longest: float | None = None) -> ClearSpace:
+def at_samples(settings: GuidanceSettings, longest: float | None = None) -> FreeSpace:
     """Space for the samples of a plan, such that the path between them stays in `along_path`.
 
     Without a wheel limit there is no such space that is known beforehand, and it is the same as
@@ -32,11 +32,11 @@ def at_samples(settings: GuidanceSettings, longest: float | None = None) -> Clea
     period = max(settings.control_period, longest or 0.0)
     space = along_path(settings)
     if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
-        return space.for_samples(settings.robot.twist_limits(), period)
+        return space.tightened(settings.robot.twist_limits(), period)
     return space
 
 
-def at_goal(settings: GuidanceSettings, longest: float | None = None) -> ClearSpace | None:
+def at_goal(settings: GuidanceSettings, longest: float | None = None) -> FreeSpace | None:
     """Space for a plan's last sample where the goal is nearer to something than samples may be.
 
     From that alone the last sample keeps what every point of the path does. The bound between

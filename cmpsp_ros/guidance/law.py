@@ -26,7 +26,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.slip import SlipEstimate
 from cmpsp_ros.guidance.under_way import CommandsUnderWay
 from cmpsp_ros.guidance.way_back import way_back
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.other_plans import OtherPlan, Seen
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 

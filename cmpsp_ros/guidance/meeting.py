@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import Horizon, shift
 from cmpsp_ros.guidance.initial_guess import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ class Met:
     centers: Array
     radii: Array
 
-    def taken_from(self, space: ClearSpace) -> ClearSpace:
+    def taken_from(self, space: FreeSpace) -> FreeSpace:
         """A space without them, where there are any, as at one instant."""
         if not self.names:
             return space

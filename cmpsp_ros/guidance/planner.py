@@ -10,6 +10,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation import ocp_functions
+from cmpsp_ros.guidance.formulation.guidance_problem import (
+    begun_at,
+    guidance_data,
+    target_of,
+    with_parameters,
+)
+from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
 from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
@@ -22,17 +30,12 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
-from cmpsp_ros.robot import guidance_functions
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import GuidanceData
-from cmpsp_ros.robot.guidance_problem import begun_at, guidance_data, target_of, with_parameters
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
-FUNCTIONS: Final = Functions(
-    guidance_functions.predict, guidance_functions.evaluate, guidance_functions.linearise
-)
+FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
 """The robot's problem, compiled."""
 
 # What an iteration of the back end takes at a stage, in visits of a stage.
@@ -59,7 +62,7 @@ class Planner:
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rate = settings.weights.control_rate
-        self._space: ClearSpace | None = None
+        self._space: FreeSpace | None = None
         self._given: GuidanceData
         self._horizon: Horizon | None = None
         longest = _longest(settings)

@@ -27,10 +27,10 @@ from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.moving_discs import MovingDiscs
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 
@@ -72,7 +72,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
     on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
     on_road.model.roll_out(pose, controls, durations)
-    space = ClearSpace.of(_A_ROAD, (), 0.0)
+    space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)

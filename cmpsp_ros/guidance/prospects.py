@@ -12,9 +12,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
-from cmpsp_ros.robot.way import Point, angle_between, shortest_way
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.shortest_path import Point, angle_between, shortest_way
 
 
 def shortest_time(settings: GuidanceSettings, start: Point) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.initial_guess import SHORTEST_LOOKAHEAD, pursue, wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robot.differential_drive import drive
+from cmpsp_ros.robots.differential_drive import drive
 
 Array = NDArray[np.float64]
 

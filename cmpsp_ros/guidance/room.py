@@ -9,7 +9,7 @@ from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.lookout import Lookout
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ class Room:
         """Take road, obstacles and robot from the settings."""
         self._settings = settings
         distance = settings.robot_radius
-        self._space = ClearSpace.of(settings.road, settings.obstacles, distance)
+        self._space = FreeSpace.of(settings.road, settings.obstacles, distance)
 
     def along(self, decision: Decision) -> Array:
         """Least clearance of a plan from each pose to the next, and at the last.

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 

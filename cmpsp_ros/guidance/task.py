@@ -7,13 +7,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES, LINE, POINT, POSE
 from cmpsp_ros.guidance.keep_clear import at_goal, at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.between_samples import at_ends
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES, LINE, POINT, POSE
-from cmpsp_ros.robot.guidance_problem import Cost
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.inter_sample_margin import at_ends
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -53,8 +53,8 @@ class Task:
         obstacles = len(settings.obstacles) + self._capacity
         self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
-        self._spaces: dict[float, ClearSpace] = {}
-        self._padded: tuple[ClearSpace, ClearSpace] | None = None
+        self._spaces: dict[float, FreeSpace] = {}
+        self._padded: tuple[FreeSpace, FreeSpace] | None = None
 
     def aim(self, settings: GuidanceSettings) -> None:
         """Take another goal; nothing else of the settings may differ."""
@@ -64,9 +64,9 @@ class Task:
         self.heading = math.nan if heading is None else heading
         self.outputs = POINT if heading is None else LINE if settings.follow else POSE
         self.penalty_terminal = np.full(self.outputs, _GOAL_PENALTY)
-        self._ends: dict[float, ClearSpace | None] = {}
+        self._ends: dict[float, FreeSpace | None] = {}
 
-    def standing(self, guess: Array, durations: Array) -> ClearSpace:
+    def standing(self, guess: Array, durations: Array) -> FreeSpace:
         """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
         settings, period = self.settings, self.settings.control_period
         if settings.safety.between_samples and math.isinf(settings.robot.max_wheel_speed):
@@ -84,13 +84,13 @@ class Task:
             return space
         return space.with_some(np.arange(len(durations) + 1) == len(durations), end)
 
-    def _end(self, duration: float) -> ClearSpace | None:
+    def _end(self, duration: float) -> FreeSpace | None:
         """What the last sample keeps to instead, after a step so long [s]."""
         if duration not in self._ends:
             self._ends[duration] = at_goal(self.settings, duration)
         return self._ends[duration]
 
-    def _standing(self, longest: float) -> ClearSpace:
+    def _standing(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:
             self._spaces[longest] = at_samples(self.settings, longest)
         return self._spaces[longest]
@@ -101,7 +101,7 @@ class Task:
         durations: Array,
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
-    ) -> ClearSpace:
+    ) -> FreeSpace:
         """Space to keep to at the samples.
 
         Args:
@@ -136,7 +136,7 @@ class Task:
             found = discs.for_samples_of(times, twists, period)
         else:
             limits = settings.robot.twist_limits() if between else None
-            found = discs.for_samples(times, limits, period, pose)
+            found = discs.tightened(times, limits, period, pose)
         centers = np.zeros((len(times), self._capacity, 2))
         radii = np.full((len(times), self._capacity), -np.inf)
         inside = discs.slots >= 0

@@ -19,8 +19,8 @@ from cmpsp_ros.guidance.initial_guess import SHORTEST_LOOKAHEAD
 from cmpsp_ros.guidance.road_profile import draw_taut, follow, lengths, relax
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.signature import arc_to
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 MOST_WAYS = 8
@@ -53,7 +53,7 @@ class Way:
 
 def ways_through(
     settings: GuidanceSettings,
-    space: ClearSpace,
+    space: FreeSpace,
     pose: Array,
     durations: Array,
     most: int = MOST_WAYS,
@@ -166,7 +166,7 @@ def _straddled(settings: GuidanceSettings) -> float:
 
 
 def _discs(
-    road: Annulus, space: ClearSpace, begin: float, side: float, straddled: float
+    road: Annulus, space: FreeSpace, begin: float, side: float, straddled: float
 ) -> list[Disc]:
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
     # Samples keep farther away than the path between them comes.

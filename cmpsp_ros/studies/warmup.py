@@ -30,8 +30,8 @@ from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robot.clear_space import ClearSpace
 from cmpsp_ros.studies.pool import new_pool
+from cmpsp_ros.world.free_space import FreeSpace
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
@@ -173,7 +173,7 @@ def _drive(presets: Sequence[GuidanceSettings]) -> None:
 def _measure(settings: GuidanceSettings) -> None:
     """Find the clearance of a path driven, as is done of every run and of every bag."""
     pose = settings.road.middle()
-    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
 
 

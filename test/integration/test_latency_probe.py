@@ -13,7 +13,7 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
-from cmpsp_ros.nodes.topics import DECISION, SIM_ODOM
+from cmpsp_ros.nodes.common.topics import DECISION, SIM_ODOM
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
 from cmpsp_ros.studies.bench import BenchError, over_dds
 from cmpsp_ros.studies.bench.over_dds import measure_latency

@@ -19,7 +19,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.nodes.written import from_json
+from cmpsp_ros.nodes.recording.flush_answer import from_json
 
 pytestmark = pytest.mark.integration
 

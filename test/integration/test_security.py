@@ -14,7 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.nodes.topics import TOPICS
+from cmpsp_ros.nodes.common.topics import TOPICS
 
 pytestmark = pytest.mark.integration
 
@@ -121,7 +121,7 @@ def test_the_nodes_use_all_that_they_are_granted_and_nothing_else(start, ros):
 def started(spawn, **env):
     return spawn(
         [
-            *(sys.executable, '-m', 'cmpsp_ros.nodes.guidance_node', '--ros-args'),
+            *(sys.executable, '-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args'),
             *('--enclave', '/cmpsp/guidance', '--params-file', CONFIG / 'case3.yaml'),
         ],
         **ENFORCED,

@@ -20,7 +20,7 @@ from geometry_msgs.msg import Point
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.nodes.topics import DECISION, MARKERS, PLAN_MARKERS
+from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS
 from cmpsp_ros.view.palette import RUNGS
 
 pytestmark = pytest.mark.integration

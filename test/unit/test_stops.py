@@ -41,21 +41,9 @@ def said(path):
 
 
 SOURCES = [
-    *(each for each in (ROOT / 'cmpsp_ros/guidance').glob('*.py') if each.name not in ELSEWHERE),
-    *(
-        ROOT / 'cmpsp_ros/nodes' / f'{name}.py'
-        for name in (
-            'clock_watch',
-            'compiling',
-            'guidance_loop',
-            'guidance_node',
-            'guidance_report',
-            'health',
-            'obstacle_input',
-            'odometry_bytes',
-            'rivals',
-        )
-    ),
+    *(each for each in (ROOT / 'cmpsp_ros/guidance').rglob('*.py') if each.name not in ELSEWHERE),
+    *(ROOT / 'cmpsp_ros/nodes/guidance').glob('*.py'),
+    *(ROOT / 'cmpsp_ros/nodes/common' / f'{name}.py' for name in ('compiling', 'health')),
 ]
 SENTENCES = sorted({text for path in SOURCES for text in said(path)})
 

@@ -15,10 +15,10 @@ from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles
 from cmpsp_ros.guidance.tracks import Track
-from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.studies.bench.presets import Preset
 from cmpsp_ros.studies.bench.quiet import collector_off
 from cmpsp_ros.studies.bench.tables import Table
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 Array = NDArray[np.float64]
 

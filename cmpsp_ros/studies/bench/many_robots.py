@@ -17,7 +17,7 @@ from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child
 from cmpsp_ros.demo.run import guide, started
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
-from cmpsp_ros.nodes.observer import Seen
+from cmpsp_ros.nodes.lifecycle_client import Seen
 from cmpsp_ros.parameters.presets import write_fleet_file
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.memory import resident

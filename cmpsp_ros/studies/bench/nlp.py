@@ -13,7 +13,7 @@ import casadi
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.bench.task import Task
 
 Array = NDArray[np.float64]

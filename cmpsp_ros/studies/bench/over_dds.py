@@ -12,7 +12,7 @@ import numpy as np
 
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, use_free_domain
-from cmpsp_ros.nodes.observer import Observer
+from cmpsp_ros.nodes.lifecycle_client import Observer
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
 from cmpsp_ros.parameters.table import Values

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.initial_guess import initial_guess
 from cmpsp_ros.guidance.keep_clear import at_samples
@@ -16,8 +18,6 @@ from cmpsp_ros.mpsp.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
 from cmpsp_ros.mpsp.subproblem import Subproblem
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.studies.verify.case import Draft, Program, Rng
 from cmpsp_ros.studies.verify.clarabel_reference import solve
 from cmpsp_ros.studies.verify.scenario import Maker, Scenario

@@ -16,8 +16,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robot.obstacles import Obstacle
 from cmpsp_ros.studies.verify.case import Rng
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from cmpsp_ros.guidance.planner import Planner
-from cmpsp_ros.nodes.guidance_node import GuidanceNode
+from cmpsp_ros.nodes.guidance.node import GuidanceNode
 
 pytestmark = pytest.mark.integration
 

@@ -9,7 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist
 
-from cmpsp_ros.nodes.topics import GUIDED_BY
+from cmpsp_ros.nodes.common.topics import GUIDED_BY
 
 pytestmark = pytest.mark.integration
 

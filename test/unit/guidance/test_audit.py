@@ -9,7 +9,7 @@ from scenarios import FIRST, SECOND, clearance, settings
 
 from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 HERE = np.array([0.0, -10.0, 0.0])
 GIVEN = settings((FIRST, SECOND), 51.0)

@@ -16,7 +16,7 @@ from cmpsp_ros.mpsp.control_rate import ControlRateProblem
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 
 def assert_alike(compiled, general):

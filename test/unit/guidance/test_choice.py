@@ -30,9 +30,9 @@ from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import InitialGuess
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import ways_through
-from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import OpenFloor
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import OpenFloor
 
 ON_TIME = [k * PERIOD for k in range(51)]
 BOTH = (FIRST, SECOND)

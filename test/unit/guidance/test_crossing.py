@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.roads.road import Annulus
 
 PERIOD = 200_000_000
 STEPS = 300

@@ -26,7 +26,7 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 ON_TIME = [k * PERIOD for k in range(51)]
 COURSE = settings((FIRST, SECOND), 51.0, ROAD)

@@ -14,9 +14,9 @@ from cmpsp_ros.guidance.goal_pose import GoalError
 from cmpsp_ros.guidance.goals import Follow, Goal, line_ahead, way_along
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 
 @pytest.mark.parametrize('changes', [{}, NOISE])

@@ -9,8 +9,8 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.itinerary import Itinerary
 from cmpsp_ros.guidance.keep_clear import along_path, at_goal, at_samples
 from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.robot.between_samples import inside, outside
-from cmpsp_ros.robot.corridor import Corridor
+from cmpsp_ros.world.inter_sample_margin import inside, outside
+from cmpsp_ros.world.roads.corridor import Corridor
 
 
 def test_path_keeps_radius_and_margin():

@@ -18,10 +18,10 @@ from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import MovingObstacles
 from cmpsp_ros.guidance.tracks import Track, Tracks
-from cmpsp_ros.robot.moving_discs import MovingDiscs
-from cmpsp_ros.robot.obstacles import Capsule, Obstacle, convex
-from cmpsp_ros.robot.road import OpenFloor
-from cmpsp_ros.robot.shape_functions import ROUGHNESS
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, convex
+from cmpsp_ros.world.roads.road import OpenFloor
 
 PIECES = 200
 ROOM = MovingObstacles(capacity=4, growth=0.02)

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.lookout import Lookout
 from cmpsp_ros.guidance.other_plans import OtherPlan, plan_of
 from cmpsp_ros.guidance.settings import MovingObstacles
 from cmpsp_ros.guidance.tracks import Track, TrackError, Tracks, read_keys, written_keys
-from cmpsp_ros.robot.road import Annulus, OpenFloor
+from cmpsp_ros.world.roads.road import Annulus, OpenFloor
 
 MS = 1_000_000
 RADIUS = 0.15

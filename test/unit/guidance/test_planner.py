@@ -10,7 +10,7 @@ from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.initial_guess import initial_guess
 from cmpsp_ros.guidance.planner import Planner
 from cmpsp_ros.guidance.settings import SolverSettings, Weights
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 HORIZON = remaining(0, PERIOD, 50 * PERIOD)
 POSE = np.array(START)

@@ -9,9 +9,9 @@ import pytest
 
 from cmpsp_ros.guidance.prospects import doubts, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 START = (0.0, -9.25)
 ROCK = Obstacle('rock', (8.0, -6.0), 0.7)

@@ -10,9 +10,9 @@ from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.keep_clear import along_path, at_samples
 from cmpsp_ros.guidance.settings import Safety, SolverSettings
 from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus, OpenFloor
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import Annulus, OpenFloor
 
 GUESS = np.tile([45.0, 44.0], (11, 1))
 

@@ -15,8 +15,8 @@ from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.guidance.signature import in_words, signature_of
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import MOST_WAYS, turning_first, ways_through
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.way import shortest_way
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 # What is kept from the bounds of a gap, and cut where a bend is too sharp for the limit [m].
 ROOM = 0.08

@@ -130,8 +130,8 @@ def test_judge_says_when_there_is_no_way():
     pytest.importorskip('casadi')
     from dataclasses import replace
 
-    from cmpsp_ros.robot.obstacles import Obstacle
     from cmpsp_ros.studies.paper.judge import judge
+    from cmpsp_ros.world.obstacles.shapes import Obstacle
 
     settings = replace(cases()[0].settings, obstacles=(Obstacle('wall', (7.0, -7.0), 1.5),))
     path = guessed_path(few_obstacles()[0])

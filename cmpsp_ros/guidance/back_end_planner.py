@@ -13,10 +13,11 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.mpsp.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE, Iterate
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]

@@ -23,12 +23,12 @@ from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.mpsp.control_rate import ControlRateData, with_control_rate
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.iteration import Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
+from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs

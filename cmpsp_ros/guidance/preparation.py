@@ -23,10 +23,10 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.signature import signature_of
 from cmpsp_ros.guidance.task import Task
 from cmpsp_ros.guidance.ways_through import ways_through
-from cmpsp_ros.mpsp.iteration import CMPSP
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL, QPSolution, QPStatus, backend
 from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.corridor import Corridor

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.mpsp.derivative_check import DerivativeReport, check_derivatives
     from cmpsp_ros.mpsp.errors import ProblemError
     from cmpsp_ros.mpsp.functions import from_functions
-    from cmpsp_ros.mpsp.iterate import Iterate, Step
-    from cmpsp_ros.mpsp.iteration import CMPSP, Options, solve
+    from cmpsp_ros.mpsp.options import Options
     from cmpsp_ros.mpsp.problem import (
         Dimensions,
         Evaluation,
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
         OptimalControlProblem,
     )
     from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, available, solve_qp
+    from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
+    from cmpsp_ros.mpsp.sqp.iterate import Iterate, Step
     from cmpsp_ros.mpsp.status import Solution, Status, Violation
     from cmpsp_ros.mpsp.subproblem import Subproblem
 
@@ -77,10 +78,11 @@ _HOMES = {
     'derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
     'functions': ('from_functions',),
-    'iterate': ('Iterate', 'Step'),
-    'iteration': ('CMPSP', 'Options', 'solve'),
+    'options': ('Options',),
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
     'qp': ('Penalties', 'QPSolution', 'QPStatus', 'Row', 'available', 'solve_qp'),
+    'sqp.cmpsp': ('CMPSP', 'solve'),
+    'sqp.iterate': ('Iterate', 'Step'),
     'status': ('Solution', 'Status', 'Violation'),
     'subproblem': ('Subproblem',),
 }

@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.problem import Array, Evaluation
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.convergence import Record
-    from cmpsp_ros.mpsp.iterate import Iterate
+    from cmpsp_ros.mpsp.sqp.iterate import Iterate
 
 _NAMED = 4
 

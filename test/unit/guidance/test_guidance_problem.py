@@ -7,7 +7,8 @@ from problems import assert_derivatives, differences
 
 from cmpsp_ros.guidance.formulation.guidance_problem import EDGES, Cost, GuidanceProblem
 from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
-from cmpsp_ros.mpsp.iteration import Options, solve
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace

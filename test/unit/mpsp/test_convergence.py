@@ -7,7 +7,8 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 
 from cmpsp_ros.mpsp.convergence import Convergence
-from cmpsp_ros.mpsp.iteration import Options, solve
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 TARGET = np.array([[1.0, -2.0], [0.5, 3.0]])
 DIRECTION = np.array([[0.6, 0.0], [0.0, -0.8]])

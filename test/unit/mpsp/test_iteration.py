@@ -8,8 +8,8 @@ from problems import LinearQuadratic, TooFlat, VanDerPol, options_for, run, zero
 
 from cmpsp_ros.mpsp.condensing import condense
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.iteration import CMPSP, solve
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, solve_qp
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
 from cmpsp_ros.mpsp.status import Status
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from problems import HalfHearted, LinearQuadratic, TooFlat, VanDerPol, options_for, run, zeros
 
-from cmpsp_ros.mpsp.iteration import CMPSP, solve
 from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
 from cmpsp_ros.mpsp.status import Status
 
 

@@ -8,7 +8,8 @@ from problems import LinearQuadratic, VanDerPol, differences
 
 from cmpsp_ros.mpsp.condensing import condense
 from cmpsp_ros.mpsp.functions import from_functions
-from cmpsp_ros.mpsp.iteration import Options, solve
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.mpsp.theorem2 import Verdict, check, lagrangian_gradient, lagrangian_hessian
 

@@ -1,60 +1,23 @@
-"""The C-MPSP iteration of Sec. 4 as a state machine: `init`, `step`, `terminate`."""
+"""The C-MPSP iteration of Sec. 4 for problems in Python: `init`, `step`, `terminate`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.answer import Answer, answer
 from cmpsp_ros.mpsp.convergence import Record, record
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.iterate import Iterate, Size, Step
-from cmpsp_ros.mpsp.merit import Merit, Trial, search
-from cmpsp_ros.mpsp.problem import Array, Evaluation, Hessian, OptimalControlProblem
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, Penalties, QPStatus, backend
-from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.qp.riccati.fill import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
+from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
+from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
 from cmpsp_ros.mpsp.subproblem import Subproblem
-
-
-@dataclass(frozen=True)
-class Options:
-    """How the iteration is run.
-
-    Where constraints contradict each other those with the least penalty give way first and alone,
-    and only where that is not enough all of them do.
-
-    Attributes:
-        penalty_terminal: Weight of each terminal output in merit and relaxation, shape ``(m,)``.
-        penalty_path: Weight of each path constraint in merit and relaxation, shape ``(l,)``.
-        qp: Name of the QP back end; not asked where the closed form (35) will do.
-        hessian: Which Hessian of the cost.
-        elastic: Whether a subproblem without a feasible point is solved relaxed.
-        trust_radius: Largest predicted change of each state component in one iteration, shape
-            ``(n,)``, infinite where free; None for no trust region.
-        line_search: Whether a step is shortened until it lowers the merit; the paper's iteration
-            (43) takes the full step.
-        output_tolerance: ``eps_Y`` of Sec. 4.
-        control_tolerance: ``eps_U`` of Sec. 4.
-        violation_tolerance: Largest path constraint (4) at a solution, absolute. Sec. 4 does not
-            ask for it, but without it a point outside the constraints could pass for one.
-        growth_limit: Growth of the controls or the cost since the guess, as a factor, from which
-            on a run has diverged.
-    """
-
-    penalty_terminal: Array
-    penalty_path: Array
-    qp: str = RICCATI_ACTIVE_SET
-    hessian: Hessian = 'gauss_newton'
-    elastic: bool = True
-    trust_radius: Array | None = None
-    line_search: bool = True
-    output_tolerance: float = 1e-9
-    control_tolerance: float = 1e-6
-    violation_tolerance: float = 1e-6
-    growth_limit: float = 1e10
 
 
 class CMPSP:
@@ -67,23 +30,27 @@ class CMPSP:
             ProblemError: An option does not fit the problem, or its back end is not installed.
         """
         size = problem.size
-        for name, length in (('penalty_terminal', size.output), ('penalty_path', size.path)):
-            found = getattr(options, name).shape
-            if found != (length,):
-                raise ProblemError(f'{name}: found shape {found}, wanted {(length,)}')
-        if options.trust_radius is not None and options.trust_radius.shape != (size.state,):
-            found = options.trust_radius.shape
-            raise ProblemError(f'trust_radius: found shape {found}, wanted {(size.state,)}')
-        backend(options.qp)
+        options.check(size)
         self._problem = problem
         self._options = options
-        stages = size.horizon + 1
-        self._penalties = Penalties(
-            options.penalty_terminal, np.tile(options.penalty_path, (stages, 1))
-        )
-        self._merit = Merit(self._penalties.terminal, self._penalties.path)
         free = np.full(size.state, np.inf)
         self._trust_radius = free if options.trust_radius is None else options.trust_radius
+        n, r = compiled_size(size.state, size.control)
+        self._driver = Driver(
+            replace(size, state=n, control=r),
+            options.penalty_terminal,
+            options.penalty_path,
+            np.concatenate([self._trust_radius, np.full(n - size.state, np.inf)]),
+            (options.qp, options.hessian, size),
+        )
+        ws = self._driver.ws
+        ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
+        # `full_change` is measured where there is a tolerance.
+        ws.run['control_tolerance'], ws.run['slack_tolerance'] = np.inf, SLACK_TOLERANCE
+        ws.lower[:, : size.control] = problem.control_lower
+        ws.upper[:, : size.control] = problem.control_upper
+        added = range(size.control, r)
+        ws.program.stages['L_UU'][:, added, added] = 1.0
 
     def init(self, U: Array) -> Iterate:
         """Predict along a guessed control history, brought within its bounds.
@@ -114,18 +81,29 @@ class CMPSP:
             at: The iterate.
             subproblem: Its `subproblem`, where it is at hand already.
         """
-        options = self._options
-        found = answer(
-            self.subproblem(at) if subproblem is None else subproblem,
-            options.qp,
-            options.hessian,
-            self._penalties if options.elastic else None,
-        )
-        trial = Trial(0.0, at.U, at.X, at.evaluation)
-        if found.solution.status is QPStatus.SOLVED:
-            trial = self._advance(trial, found, 0.0 if at.step is None else at.step.length)
-        step = _summary(found, trial, at.U)
-        return Iterate(at.index + 1, trial.U, trial.X, trial.evaluation, at.guess_size, at.U, step)
+        if subproblem is None:
+            subproblem = self.subproblem(at)
+        self._load(at)
+        self._driver.go_on(_functions(self._problem), subproblem.linearisation)
+        size, ws = self._problem.size, self._driver.ws
+        U, X, evaluation = at.U, at.X, at.evaluation
+        if ws.run['length'][0] > 0.0:
+            U, X = ws.now.U[:, : size.control].copy(), ws.now.X[:, : size.state].copy()
+            cost = float(ws.run['cost'][0])
+            evaluation = Evaluation(cost, ws.now.output_error.copy(), ws.now.g.copy())
+        step = _summary(self._driver, subproblem)
+        return Iterate(at.index + 1, U, X, evaluation, at.guess_size, at.U, step)
+
+    def _load(self, at: Iterate) -> None:
+        """Put an iterate where the iteration expects one that it has evaluated."""
+        size, ws = self._problem.size, self._driver.ws
+        run, there = ws.run, ws.trial
+        there.U[:, : size.control], there.X[:, : size.state] = at.U, at.X
+        there.output_error[:], there.g[:] = at.evaluation.output_error, at.evaluation.g
+        run['trial_cost'], run['phase'] = at.evaluation.cost, EVALUATED
+        run['iterations'], run['max_iterations'] = at.index, at.index + 1
+        run['length'] = 0.0 if at.step is None else at.step.length
+        run['full_change'] = run['active_rows'] = run['is_corrected'] = 0
 
     def terminate(self, at: Iterate) -> Status | None:
         """Status where the iteration is over by itself, else None.
@@ -187,64 +165,66 @@ class CMPSP:
             and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
         )
 
-    def _advance(self, start: Trial, found: Answer, last_length: float) -> Trial:
-        subproblem, solution, elastic = found
-        dU = solution.dU
-        if self._options.line_search:
-            merit = self._merit.above_multipliers(solution)
-            promised = merit.predicted_decrease(subproblem, dU)
-
-            def mend(after: Evaluation) -> Array:
-                return second_order_correction(subproblem, solution, after.output_error, after.g)
-
-            # A relaxed step leaves rows violated that no correction could mend.
-            correction = None if elastic else mend
-            # What can no longer be checked relies on the length that could: a Hessian too flat
-            # for full steps would otherwise swing about the solution at the level of rounding.
-            longest = 1.0
-            if 0.0 < last_length < 1.0 and not merit.can_check(promised, start.evaluation):
-                longest = last_length
-            return search(self._problem, start, dU, merit, promised, correction, longest)
-        U = np.clip(start.U + dU, self._problem.control_lower, self._problem.control_upper)
-        X = self._problem.predict(U)
-        return Trial(1.0, U, X, self._problem.evaluate(X, U))
-
 
 def _size(U: Array, evaluation: Evaluation) -> Size:
     return Size(1.0 + abs(evaluation.cost), 1.0 + float(np.abs(U).max()))
 
 
-def _summary(found: Answer, trial: Trial, U: Array) -> Step:
-    subproblem, solution, elastic = found
+def _functions(problem: OptimalControlProblem) -> Functions:
+    """A problem in Python as functions that fill records, which may have more room.
+
+    Their data are its derivatives at the iterate.
+    """
+    n, r = problem.size.state, problem.size.control
+
+    def predict(_: Linearisation, U: Array, X: Array) -> None:
+        X[:, :n] = problem.predict(U[:, :r].copy())
+
+    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
+        found = problem.evaluate(X[:, :n].copy(), U[:, :r].copy())
+        output_error[:], g[:] = found.output_error, found.g
+        return found.cost
+
+    def linearise(
+        data: Linearisation,
+        _X: Array,
+        _U: Array,
+        stages: Records,
+        path: Records,
+        terminal: Records,
+    ) -> None:
+        put_derivatives(stages, path, terminal, data)
+
+    return Functions(predict, evaluate, linearise)
+
+
+def _summary(driver: Driver, subproblem: Subproblem) -> Step:
+    """What the driver's last iteration did."""
+    run, back_end = driver.ws.run[0], driver.back_end
+    assert back_end is not None  # noqa: S101 (a problem in Python has one)
+    solution, elastic = back_end.solution, bool(run['level'] > 0)
+    is_finite = solution.status is QPStatus.SOLVED or subproblem.is_finite
     slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
-    finite = solution.status is QPStatus.SOLVED or subproblem.is_finite
-    if elastic and finite:
+    if elastic and is_finite:
         dX = subproblem.propagate(solution.dU)
         slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)
         miss = subproblem.terminal(solution.dU, dX)
-    active = (solution.path, solution.trust, solution.bounds)
-    change, norm = _sum_of_norms(solution.dU), _sum_of_norms(U)
     return Step(
         solution.status,
         elastic,
         miss,
         slack,
-        trial.length,
+        float(run['length']),
         solution.terminal,
         solution.path,
         solution.bounds,
-        sum(int(np.count_nonzero(part)) for part in active),
+        int(run['active_rows']),
         solution.iterations,
-        change / (norm or 1.0),
-        subproblem.shift,
-        trial.corrected,
-        finite,
+        float(run['full_change']),
+        back_end.shift,
+        bool(run['is_corrected']),
+        is_finite,
     )
-
-
-def _sum_of_norms(U: Array) -> float:
-    """``sum |U_k|``, the measure of ``eps_U`` in Sec. 4."""
-    return float(np.sqrt(np.einsum('kr,kr->k', U, U)).sum())
 
 
 def solve(

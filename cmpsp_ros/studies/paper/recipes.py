@@ -12,11 +12,11 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import initial_guess
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.planner import FUNCTIONS
+from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import Task
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
 from cmpsp_ros.guidance.mission.goals import line_ahead, place_of, way_along
-from cmpsp_ros.guidance.planning.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.homotopy.homotopy_class import signature_of
 from cmpsp_ros.guidance.planning.homotopy.path_search import ways_through
@@ -23,17 +22,8 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Judge
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
-<<<<<<< HEAD:cmpsp_ros/guidance/preparation.py
-from cmpsp_ros.guidance.signature import signature_of
-from cmpsp_ros.guidance.task import Task
-from cmpsp_ros.guidance.ways_through import ways_through
-=======
-from cmpsp_ros.mpsp.iteration import CMPSP
->>>>>>> guidance:cmpsp_ros/guidance/warmup.py
 from cmpsp_ros.mpsp.problem import Hessian
-from cmpsp_ros.mpsp.qp import CLARABEL, QPSolution, QPStatus, backend
-from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.corridor import Corridor
@@ -131,23 +121,13 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run what the general iteration seldom needs: the second-order correction, and the fall-back.
-
-    The active-set method falls back on Clarabel, which is imported when it is first asked.
-    """
-    planner, road = BackEndPlanner(Task(settings)), settings.road
+    """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
+    road = settings.road
+    planner = Planner(replace(settings, solver=replace(settings.solver, qp=CLARABEL)))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    horizon = remaining(0, period, final)
-    pose = road.middle()
+    horizon, pose = remaining(0, period, final), road.middle()
     guess = along_road(settings, pose, horizon.durations)
-    problem = planner.problem(pose, np.zeros(2), guess, horizon)
-    iteration = CMPSP(problem, planner.options(problem))
-    iterate = iteration.init(guess)
-    subproblem = iteration.subproblem(iterate)
-    unmoved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
-    after = iterate.evaluation
-    second_order_correction(subproblem, unmoved, after.output_error, after.g)
-    backend(CLARABEL)(subproblem, None)
+    planner.improve(pose, np.zeros(2), guess, horizon, iterations=1)
 
 
 def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:

@@ -19,7 +19,6 @@ from cmpsp_ros.guidance.formulation.guidance_problem import (
 from cmpsp_ros.guidance.formulation.ocp_formulation import Task
 from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
 from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
-from cmpsp_ros.guidance.planning.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.planning.solve_result import Improvement
 from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
 from cmpsp_ros.mpsp.control_rate import ControlRateData, with_control_rate
@@ -38,13 +37,14 @@ Array = NDArray[np.float64]
 FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
 """The robot's problem, compiled."""
 
-# What an iteration of the back end takes at a stage, in visits of a stage.
+# What an iteration of a QP back end takes at a stage, in visits of a stage.
 _WORK_OF_BACK_END: Final = 10_000
-_REASONS: Final = {
-    SOLVED: QPStatus.SOLVED.value,
-    INFEASIBLE: QPStatus.INFEASIBLE.value,
-    ITERATION_LIMIT: 'The work of this control step was used up, or rounding was too large.',
+_STATUS: Final = {
+    SOLVED: QPStatus.SOLVED,
+    INFEASIBLE: QPStatus.INFEASIBLE,
+    NO_CURVATURE: QPStatus.FAILED,
 }
+_WORK_USED_UP: Final = 'The work of this control step was used up, or rounding was too large.'
 
 
 class Planner:
@@ -58,7 +58,6 @@ class Planner:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles, weights and solver from the settings."""
         self._task = Task(settings)
-        self._back_end = BackEndPlanner(self._task)
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rate = settings.weights.control_rate
@@ -66,13 +65,13 @@ class Planner:
         self._given: GuidanceData
         self._horizon: Horizon | None = None
         longest = _longest(settings)
-        # Made for one number of outputs, and kept for when it is asked for again.
+        # By the number of outputs, and kept for when that is asked for again; the second are for
+        # what the compiled solver cannot do.
         self._drivers: dict[int, Driver] = {}
-        self._functions: Functions | None = None
+        self._others: dict[int, Driver] = {}
         self._use_driver(len(longest.durations))
-        if self._compiled:
-            nothing = np.zeros((len(longest.edges), 2))
-            self._compile(self._data(np.zeros(3), nothing[0], nothing, longest))
+        nothing = np.zeros((len(longest.edges), 2))
+        self._functions = _compiled(self._data(np.zeros(3), nothing[0], nothing, longest), self._ws)
 
     def aim(self, settings: GuidanceSettings) -> None:
         """Take another goal; nothing else of the settings may differ."""
@@ -112,10 +111,6 @@ class Planner:
             work_limit: Visits of a stage after which a subproblem is given up.
         """
         most = iterations or self._task.settings.solver.iterations_per_step
-        if not self._compiled:
-            return self._back_end.improve(
-                pose, held, guess, horizon, iterations=most, moving=moving, near=near
-            )
         steps = len(horizon.durations)
         if steps >= len(self._ws.lower):
             self._use_driver(steps)
@@ -124,21 +119,27 @@ class Planner:
         self._ws.trial.U[: steps + 1] = guess
         self._most[0], self._work_limit[0] = most, work_limit
         data = self._data(pose, held, guess, horizon, moving, near)
-        assert self._functions is not None  # noqa: S101 (compiled with the planner)
         self._driver.improve(self._functions, data, steps, over)
         outcome = self._outcome[0]
-        if outcome in (NO_CURVATURE, ITERATION_LIMIT):
+        if self._compiled and outcome in (NO_CURVATURE, ITERATION_LIMIT):
             work = int(self._work[0]) + _WORK_OF_BACK_END * most * (steps + 1)
             if outcome == NO_CURVATURE or work <= work_limit:
-                return self._back_end.improve(
-                    pose, held, guess, horizon, iterations=most, moving=moving, near=near
-                )._replace(work=work)
-        return _summary(self._ws, horizon)
+                return self._improve_otherwise(guess, horizon, data, most)._replace(work=work)
+        return _summary(self._driver, horizon)
 
-    def _compile(self, data: GuidanceData | ControlRateData) -> None:
-        inner = data.inner if isinstance(data, ControlRateData) else data
-        entries = FUNCTIONS.entries(inner, self._ws)
-        self._functions = entries if inner is data else with_control_rate(entries)
+    def _improve_otherwise(
+        self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, most: int
+    ) -> Improvement:
+        """Do by the QP back ends what the compiled solver cannot: they can add curvature."""
+        steps, outputs = len(horizon.durations), self._task.outputs
+        other = self._others.get(outputs)
+        if other is None or steps >= len(other.ws.lower):
+            other = self._others[outputs] = self._make_driver(len(self._ws.lower) - 1, by_name=True)
+        self._set_tolerances(other)
+        other.ws.trial.U[: steps + 1] = guess
+        other.ws.run['max_iterations'] = most
+        other.improve(self._functions, data, steps, 0)
+        return _summary(other, horizon)
 
     def _data(
         self,
@@ -169,30 +170,32 @@ class Planner:
         """Use memory for so many steps at least; nothing is known of a last plan in a new one."""
         outputs, known = self._task.outputs, self._drivers.get(self._task.outputs)
         if known is None or steps >= len(known.ws.lower):
-            known = self._drivers[outputs] = self._make_driver(steps)
+            known = self._make_driver(steps, by_name=not self._compiled)
+            self._drivers[outputs] = known
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
         self._most, self._outcome = known.ws.run['max_iterations'], known.ws.run['outcome']
         head = known.ws.program.head
         self._work, self._work_limit = head['work'], head['work_limit']
-        self._set_tolerances()
+        self._set_tolerances(known)
         if changed:
             self.forget()
 
-    def _make_driver(self, steps: int) -> Driver:
+    def _make_driver(self, steps: int, *, by_name: bool) -> Driver:
         task = self._task
         settings = task.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
         size = Dimensions(steps, states, 2, task.outputs, len(task.penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = task.heading_trust_region
-        driver = Driver(size, task.penalty_terminal, task.penalty_path, trust_radius)
+        back_end = (settings.solver.qp, settings.solver.hessian, size) if by_name else None
+        driver = Driver(size, task.penalty_terminal, task.penalty_path, trust_radius, back_end)
         driver.ws.upper[:] = settings.robot.max_wheel_speed
         driver.ws.lower[:] = -driver.ws.upper
         return driver
 
-    def _set_tolerances(self) -> None:
-        task, run = self._task, self._ws.run
+    def _set_tolerances(self, driver: Driver) -> None:
+        task, run = self._task, driver.ws.run
         target = target_of(task.goal, task.heading, task.outputs)
         default = Options(task.penalty_terminal, task.penalty_path)
         run['line_search'] = default.line_search
@@ -209,7 +212,14 @@ def _longest(settings: GuidanceSettings) -> Horizon:
     return remaining(0, period, final)
 
 
-def _summary(ws: Workspace, horizon: Horizon) -> Improvement:
+def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions:
+    if isinstance(data, ControlRateData):
+        return with_control_rate(FUNCTIONS.entries(data.inner, ws))
+    return FUNCTIONS.entries(data, ws)
+
+
+def _summary(driver: Driver, horizon: Horizon) -> Improvement:
+    ws, back_end = driver.ws, driver.back_end
     run = ws.run[0]
     stages, outcome = len(horizon.edges), int(run['outcome'])
     largest, left, path = 0.0, [], 0
@@ -218,6 +228,11 @@ def _summary(ws: Workspace, horizon: Horizon) -> Improvement:
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
         left = [index for index, each in enumerate(slack) if each > SLACK_TOLERANCE]
+    if back_end is None:
+        iterations = int(ws.program.head['iterations'][0])
+        reason = _WORK_USED_UP if outcome == ITERATION_LIMIT else _STATUS[outcome].value
+    else:
+        iterations, reason = back_end.solution.iterations, back_end.solution.status.value
     return Improvement(
         Plan(horizon, ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()),
         outcome == SOLVED,
@@ -226,8 +241,8 @@ def _summary(ws: Workspace, horizon: Horizon) -> Improvement:
         tuple([index for index in left if index < path]),
         bool(left) and left[-1] >= path,
         int(run['iterations']),
-        int(ws.program.head['iterations'][0]),
+        iterations,
         int(run['active_rows']),
-        _REASONS.get(outcome, QPStatus.FAILED.value),
+        reason,
         int(ws.program.head['work'][0]),
     )

@@ -4,15 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from general_iteration import improve
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.planning.back_end_planner import BackEndPlanner
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import SolverSettings, Weights
-from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -31,14 +30,14 @@ def assert_alike(compiled, general):
 
 def side_by_side(given, start, steps=8, late=0):
     """Drive by the compiled plans, and compare each of them with the other kind."""
-    compiled, general = Planner(given), BackEndPlanner(Task(given))
+    compiled = Planner(given)
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
     pose, held = np.array(start, dtype=float), np.zeros(2)
     horizon, seen = remaining(0, period, final), []
     guess = initial_guess(given, pose, horizon.durations)
     for step in range(steps):
         one = compiled.improve(pose, held, guess, horizon)
-        other = general.improve(pose, held, guess, horizon)
+        other = improve(given, pose, held, guess, horizon)
         assert_alike(one, other)
         seen.append(other)
         now = (step + 1) * period + late * (step % 3)
@@ -78,25 +77,22 @@ def test_a_road_that_is_blocked():
     assert any(improvement.elastic for improvement in seen)
 
 
-def test_the_compiled_planner_hands_over_what_it_was_not_made_for():
-    horizon = remaining(0, PERIOD, 50 * PERIOD)
-    pose = np.array(START)
-    for solver in (SolverSettings(hessian='exact'), SolverSettings(qp='daqp')):
-        given = replace(CASES['case 3'], solver=solver)
-        guess = initial_guess(given, pose, horizon.durations)
-        one = Planner(given).improve(pose, np.zeros(2), guess, horizon)
-        other = BackEndPlanner(Task(given)).improve(pose, np.zeros(2), guess, horizon)
-        np.testing.assert_array_equal(one.plan.controls, other.plan.controls)
-        assert one.qp_iterations == other.qp_iterations
+@pytest.mark.parametrize('changes', [{'hessian': 'exact'}, {'qp': 'daqp'}], ids=str)
+def test_back_ends_by_name_and_the_exact_hessian(changes):
+    solver = SolverSettings(**changes)
+    seen = side_by_side(replace(CASES['case 3'], solver=solver), START, steps=4)
+    assert all(improvement.solved for improvement in seen)
 
 
-def test_the_problem_is_that_of_the_settings():
-    horizon = remaining(0, PERIOD, 50 * PERIOD)
-    guess = np.full((51, 2), 45.0)
-    task = Task(replace(CASES['case 3'], weights=Weights(control_rate=1.0)))
-    planner = BackEndPlanner(task)
-    problem = planner.problem(np.array(START), np.zeros(2), guess, horizon)
-    assert isinstance(problem, ControlRateProblem)
-    options = planner.options(problem)
-    np.testing.assert_array_equal(options.trust_radius, [np.inf, np.inf, 0.6, np.inf, np.inf])
-    assert len(options.penalty_path) == problem.size.path == 4
+def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():
+    """Work for a single iteration of the solver, and none for the back end either."""
+    given, horizon = CASES['case 3'], remaining(0, PERIOD, 50 * PERIOD)
+    pose, held = np.array(START), np.zeros(2)
+    guess = initial_guess(given, pose, horizon.durations)
+    planner = Planner(given)
+    assert not planner.improve(pose, held, guess, horizon, work_limit=60).solved
+    wanted = improve(given, pose, held, guess, horizon)
+    planner._driver._solve = lambda *_: ITERATION_LIMIT
+    found = planner.improve(pose, held, guess, horizon)
+    assert_alike(found, wanted)
+    assert found.work > 10_000 * 51

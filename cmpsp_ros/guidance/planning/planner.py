@@ -21,13 +21,13 @@ from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
 from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
 from cmpsp_ros.guidance.planning.solve_result import Improvement
 from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
-from cmpsp_ros.mpsp.control_rate import ControlRateData, with_control_rate
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models.control_rate import ControlRateData, with_control_rate
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.convergence import Record, record
+from cmpsp_ros.mpsp.analysis.convergence import Record, record
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.fill import compiled_size, put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
 from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
 from cmpsp_ros.mpsp.subproblem import Subproblem

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.guidance_problem import begun_at
 from cmpsp_ros.guidance.planning.planner import FUNCTIONS
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.methods import ITERATIONS, PENALTY
 from cmpsp_ros.studies.bench.task import Task

@@ -6,11 +6,11 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_formulation import Task
 from cmpsp_ros.guidance.planning.solve_result import Improvement
-from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 
 
 def improve(settings, pose, held, guess, horizon):

@@ -9,17 +9,17 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmpsp_ros.mpsp.arguments import (
+from cmpsp_ros.mpsp.curvature import project_stages
+from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.arguments import (
     check_hessian,
     control_bounds,
     terminal_target,
     vector,
     whole_number,
 )
-from cmpsp_ros.mpsp.curvature import project_stages
-from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
-from cmpsp_ros.mpsp.differences import Scheme, StageFunction
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.differences import Scheme, StageFunction
 from cmpsp_ros.mpsp.problem import (
     Array,
     Dimensions,

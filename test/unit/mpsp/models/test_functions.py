@@ -7,7 +7,7 @@ import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives
 
 from cmpsp_ros.mpsp import Options, ProblemError, Status, check_derivatives, from_functions, solve
-from cmpsp_ros.mpsp.differences import StageFunction
+from cmpsp_ros.mpsp.models.differences import StageFunction
 
 SCHEMES = ('auto', 'complex_step', 'central')
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol
 
-from cmpsp_ros.mpsp.convergence import Convergence
+from cmpsp_ros.mpsp.analysis.convergence import Convergence
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 

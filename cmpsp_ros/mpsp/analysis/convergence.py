@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.sqp.iterate import Iterate
+    from cmpsp_ros.mpsp.iterate import Iterate
 
 _LEAST_POINTS = 4
 _TAIL = 20

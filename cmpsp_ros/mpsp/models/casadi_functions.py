@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmpsp_ros.mpsp.arguments import (
+from cmpsp_ros.mpsp.curvature import project_stages
+from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.arguments import (
     check_hessian,
     control_bounds,
     numbers,
@@ -16,9 +19,6 @@ from cmpsp_ros.mpsp.arguments import (
     vector,
     whole_number,
 )
-from cmpsp_ros.mpsp.curvature import project_stages
-from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
-from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.problem import (
     Array,
     Dimensions,

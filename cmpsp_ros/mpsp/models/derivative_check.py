@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmpsp_ros.mpsp.arguments import check_hessian
 from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.arguments import check_hessian
 from cmpsp_ros.mpsp.problem import Array, Hessian, Linearisation, OptimalControlProblem
 
 _STEP = float(np.finfo(float).eps ** (1.0 / 3.0))

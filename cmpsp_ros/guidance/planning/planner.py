@@ -188,7 +188,7 @@ class Planner:
         size = Dimensions(steps, states, 2, task.outputs, len(task.penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = task.heading_trust_region
-        back_end = (settings.solver.qp, settings.solver.hessian, size) if by_name else None
+        back_end = (settings.solver.qp, settings.solver.hessian) if by_name else None
         driver = Driver(size, task.penalty_terminal, task.penalty_path, trust_radius, back_end)
         driver.ws.upper[:] = settings.robot.max_wheel_speed
         driver.ws.lower[:] = -driver.ws.upper

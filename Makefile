@@ -97,7 +97,7 @@ test: setup  ## run the tests that take minutes together; more options for pytes
 	$(RUN_TESTS)
 
 test-all: WHICH :=
-test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/testing.md)
+test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/reference/testing.md)
 	$(RUN_TESTS)
 
 lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, and who may import whom
@@ -108,13 +108,13 @@ lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, and who may import who
 
 setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 
-bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/performance.md has a run
+bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/reference/performance.md has a run
 	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
-docs: setup  ## write the tables of topics and parameters into README.md, and config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.nodes.common.topics README.md
+docs: setup  ## write doc/reference/topics.md and parameters.md, and config/cmpsp.policy.xml
+	$(BIN)/python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.parameters.documentation --write README.md
+	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
 
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)

@@ -28,6 +28,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     clear_multipliers,
     count_rows,
     locate,
+    product,
     set_multiplier,
 )
 
@@ -53,7 +54,7 @@ def fix_from(p: Program, warm: Indices) -> None:
                     found += 1
                 elif abs(p.stages[k].upper[a] if sign > 0.0 else p.stages[k].lower[a]) < math.inf:
                     _hold(p, k, a, sign)
-        if found < MANY:
+        if found < MANY or 2 * found < warm[0]:
             return
 
 
@@ -208,16 +209,18 @@ def hold_violated(p: Program) -> int:
     """Hold the controls that the step has beyond a bound, if they are many; returns how many."""
     found = 0
     for attempt in range(2):
-        found = 0
+        found, others = 0, 0
         for k in range(p.head[0].horizon + 1):
             stage = p.stages[k]
+            for j in range(p.path.shape[1]):
+                others += int(p.path[k, j].value + product(p.path[k, j], stage) > 0.0)
             for a in range(stage.fixed.shape[0]):
                 above = stage.dU[a] > stage.upper[a]
                 if stage.fixed[a] == 0.0 and (above or stage.dU[a] < stage.lower[a]):
                     found += 1
                     if attempt == 1:
                         _hold(p, k, a, 1.0 if above else -1.0)
-        if found < MANY:
+        if found < MANY or found + p.head[0].fixed < others:
             return 0
     return found
 

@@ -31,7 +31,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     SOLVED,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
 TOLERANCE: Final = 1e-8
@@ -89,6 +89,10 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         outcome = meet_all(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
+        if outcome == FULL and head.fixed > 0 and head.work <= head.work_limit:
+            # Rows pile up against bounds that should not be held.
+            free_all(p)
+            sweeps, guesses, outcome = _SWEEPS, False, RELEASED
         if outcome in (RELEASED, CROWDED):
             restart_from(p, at, warm, guesses)
             continue

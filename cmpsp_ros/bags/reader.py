@@ -16,8 +16,8 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.folder import METADATA, is_locked
-from cmpsp_ros.bags.guarded import GuardedReader
+from cmpsp_ros.bags.storage.folder import METADATA, is_locked
+from cmpsp_ros.bags.storage.guarded import GuardedReader
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,8 +53,8 @@ class Bag:
     """A bag opened for reading; a context manager, closed at the end of its block.
 
     Nothing in a bag is trusted: whatever is wrong with it becomes a `BagError`, and memory and
-    time are bounded by the size of its files (see `cmpsp_ros.bags.limits`). Messages are read as
-    they are asked for, never all at once.
+    time are bounded by the size of its files (see `cmpsp_ros.bags.storage.limits`). Messages are
+    read as they are asked for, never all at once.
 
     Args:
         path: Folder with a `metadata.yaml`, or a single mcap or sqlite3 file.

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.passing import Passing, mean_speed
-from cmpsp_ros.bags.run import Run
+from cmpsp_ros.bags.runs.encounters import encounters
+from cmpsp_ros.bags.runs.passing import Passing, mean_speed
+from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.odometry import Odometry
-from cmpsp_ros.bags.decisions import Said
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.decisions import Said
 from cmpsp_ros.guidance.odometry import stamp_of
 
 Array = NDArray[np.float64]

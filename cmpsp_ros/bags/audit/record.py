@@ -13,13 +13,13 @@ from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, 
 from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
-from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
-from cmpsp_ros.bags.encounters import Encounter, encounters
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.other_robots import meetings, read_others
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import Driven
-from cmpsp_ros.bags.tracks import read_tracks
+from cmpsp_ros.bags.runs.decisions import Said, read_decisions, wheel_speeds
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters
+from cmpsp_ros.bags.runs.other_robots import meetings, read_others
+from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.tracks import Track
 

@@ -15,7 +15,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
 from cmpsp_ros.bags.report.slider import goals_of, told_of
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.bags.road_picture import draw_road
+from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.view.palette import (
     EDGE,
     GOAL,

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
+from cmpsp_ros.bags.runs.goals import aims
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.tracks import Track
 

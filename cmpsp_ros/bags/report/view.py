@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit import Finding, Outcome, Record, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
-from cmpsp_ros.bags.decisions import Said
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.decisions import Said
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings

@@ -13,8 +13,8 @@ from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names, Recorded
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names, Recorded
+from cmpsp_ros.bags.replay.replay import replay
 
 pytestmark = pytest.mark.integration
 

@@ -9,8 +9,8 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.mcap_records import MAGIC
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.storage.mcap_records import MAGIC
 from cmpsp_ros.bags.writer import BagWriter
 
 STRING = 'std_msgs/msg/String'
@@ -77,7 +77,7 @@ def test_messages_of_one_stamp_stay_in_the_order_of_writing(tmp_path):
 
 def test_not_all_at_once(tmp_path, monkeypatch):
     apart = [[('/a', 10 * number + k) for k in range(5)] for number in range(10)]
-    monkeypatch.setattr('cmpsp_ros.bags.guarded_mcap.MAX_HELD', 10 * len(HELLO))
+    monkeypatch.setattr('cmpsp_ros.bags.storage.guarded_mcap.MAX_HELD', 10 * len(HELLO))
     with Bag(write(tmp_path / 'apart', apart)) as bag:
         assert len(list(bag.raw('/a'))) == 50
     over = [[('/a', number), ('/a', 1000)] for number in range(1, 20)]

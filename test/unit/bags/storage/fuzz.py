@@ -1,7 +1,7 @@
 """Bags with damage of every kind: none may do more than be refused.
 
-`python test/unit/bags/fuzz.py --count 5000` reads and recovers that many mutated bags in bounded
-memory and time, and prints what became of them.
+`python test/unit/bags/storage/fuzz.py --count 5000` reads and recovers that many mutated bags
+in bounded memory and time, and prints what became of them.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.export import export
+from cmpsp_ros.bags.export.files import export
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 MEMORY = 1500 << 20

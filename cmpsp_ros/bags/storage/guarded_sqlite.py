@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
-from cmpsp_ros.bags.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS, check_file, check_yaml
+from cmpsp_ros.bags.storage.limits import (
+    MAX_CHUNK,
+    MAX_METADATA,
+    MAX_TOPICS,
+    check_file,
+    check_yaml,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path

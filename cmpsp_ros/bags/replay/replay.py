@@ -7,13 +7,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from cmpsp_ros.bags.comparison import Comparison, Difference
 from cmpsp_ros.bags.custom_data import own_version, software_versions
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.follower import Follower
-from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Inputs, Lost, Reset, Told
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names, Recorded
+from cmpsp_ros.bags.replay.comparison import Comparison, Difference
+from cmpsp_ros.bags.replay.follower import Follower
+from cmpsp_ros.bags.replay.inputs import (
+    Began,
+    Changed,
+    Halted,
+    Heard,
+    Input,
+    Inputs,
+    Lost,
+    Reset,
+    Told,
+)
+from cmpsp_ros.bags.replay.recording import Names, Recorded
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.errors import ParameterError

@@ -5,9 +5,10 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.bags.folder import METADATA, write_whole
-from cmpsp_ros.bags.mcap_storage import McapStorage
-from cmpsp_ros.bags.metadata import (
+from cmpsp_ros.bags.storage.folder import METADATA, write_whole
+from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET, Form, Storage
+from cmpsp_ros.bags.storage.mcap_storage import McapStorage
+from cmpsp_ros.bags.storage.metadata import (
     VERSION,
     FileSummary,
     as_yaml,
@@ -15,8 +16,7 @@ from cmpsp_ros.bags.metadata import (
     profiles_of,
     qos_text,
 )
-from cmpsp_ros.bags.sqlite_storage import SqliteStorage
-from cmpsp_ros.bags.storage import NO_MESSAGE_YET, Form, Storage
+from cmpsp_ros.bags.storage.sqlite_storage import SqliteStorage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.node_parameters import EVENTS, changes_in
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
 from cmpsp_ros.guidance.facts import MOVING
 from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.goals import Goal

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cmpsp_ros.bags.recording import Recorded
+from cmpsp_ros.bags.replay.recording import Recorded
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.facts import MOVING, facts, waypoints
 

@@ -7,8 +7,8 @@ from itertools import islice
 from typing import TYPE_CHECKING, Literal
 
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.export.tables import Column, Row, Table, tables
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.tables import Column, Row, Table, tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
 
-from cmpsp_ros.bags.limits import (
+from cmpsp_ros.bags.storage.limits import (
     MAX_HELD,
     MAX_METADATA,
     MAX_SUMMARY,
@@ -18,7 +18,7 @@ from cmpsp_ros.bags.limits import (
     check_yaml,
     inflated_allowed,
 )
-from cmpsp_ros.bags.mcap_records import (
+from cmpsp_ros.bags.storage.mcap_records import (
     CHANNEL,
     CHUNK,
     FOOTER,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from rosbags.rosbag2.enums import CompressionMode
 from rosbags.rosbag2.storage_mcap import McapWriter
 
-from cmpsp_ros.bags.storage import NO_MESSAGE_YET
+from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.decisions import Said, read_decisions
+from cmpsp_ros.bags.runs.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.tracks import read_tracks
+from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.robots.arcs import arc_ends
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
@@ -45,7 +45,7 @@ def encounters(
 
     Args:
         path: The path driven.
-        tracks: As from `cmpsp_ros.bags.tracks.read_tracks`.
+        tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
         robot_radius: Of the robot's footprint [m].
         timeout: Age at which an obstacle that is not told of again is forgotten [s].
     """

@@ -17,14 +17,14 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS
 from cmpsp_ros.bags.writer import BagWriter
 
 HERE = Path(__file__).parent
-REPOSITORY = HERE.parents[2]
+REPOSITORY = HERE.parents[3]
 STRING = 'std_msgs/msg/String'
 STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
 HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
@@ -71,7 +71,7 @@ def test_random_damage(tmp_path, program):
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 def test_more_random_damage_in_bounded_memory():
-    """More of the same: `python test/unit/bags/fuzz.py --count 5000`."""
+    """More of the same: `python test/unit/bags/storage/fuzz.py --count 5000`."""
     done = subprocess.run(
         [sys.executable, HERE / 'fuzz.py', '--count', '250', '--seed', 'test'],
         env={**os.environ, 'PYTHONPATH': str(REPOSITORY)},
@@ -285,7 +285,7 @@ def test_file_that_fills_the_disk(path, monkeypatch):
     whole = file.read_bytes()
     file.write_bytes(zstd.compress(whole))
     assert len(read(path)) == 3
-    monkeypatch.setattr('cmpsp_ros.bags.limits.MAX_INFLATED_FILE', len(whole) - 1)
+    monkeypatch.setattr('cmpsp_ros.bags.storage.limits.MAX_INFLATED_FILE', len(whole) - 1)
     refused(path, 'bytes uncompressed')
 
 

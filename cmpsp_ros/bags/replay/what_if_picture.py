@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.road_picture import draw_road
-from cmpsp_ros.bags.what_if import WhatIf
+from cmpsp_ros.bags.replay.what_if import WhatIf
+from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.obstacles.shapes import outline
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Recorded
+from cmpsp_ros.bags.replay.recording import Recorded
 from cmpsp_ros.guidance.goals import Goal
 
 Array = NDArray[np.float64]

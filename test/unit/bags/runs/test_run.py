@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.run import Driven, read_run
+from cmpsp_ros.bags.runs.run import Driven, read_run
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
 

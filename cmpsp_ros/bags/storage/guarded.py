@@ -8,10 +8,10 @@ import yaml
 from rosbags.rosbag2 import Reader, ReaderError
 from rosbags.rosbag2.reader import DirectoryReader
 
-from cmpsp_ros.bags.folder import METADATA
-from cmpsp_ros.bags.guarded_mcap import GuardedMcap
-from cmpsp_ros.bags.guarded_sqlite import GuardedSqlite
-from cmpsp_ros.bags.limits import (
+from cmpsp_ros.bags.storage.folder import METADATA
+from cmpsp_ros.bags.storage.guarded_mcap import GuardedMcap
+from cmpsp_ros.bags.storage.guarded_sqlite import GuardedSqlite
+from cmpsp_ros.bags.storage.limits import (
     MAX_CHUNK,
     MAX_FILES,
     MAX_METADATA,

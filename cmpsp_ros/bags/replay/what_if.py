@@ -12,8 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from cmpsp_ros.bags.errors import UnknownTypeError
-from cmpsp_ros.bags.follower import Follower
-from cmpsp_ros.bags.inputs import Halted, Heard, Input, Inputs
 from cmpsp_ros.bags.messages import (
     PATH,
     STATUS,
@@ -23,7 +21,9 @@ from cmpsp_ros.bags.messages import (
     path_message,
 )
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names, Odometry, Recorded
+from cmpsp_ros.bags.replay.follower import Follower
+from cmpsp_ros.bags.replay.inputs import Halted, Heard, Input, Inputs
+from cmpsp_ros.bags.replay.recording import Names, Odometry, Recorded
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
-from cmpsp_ros.bags.decisions import Said
+from cmpsp_ros.bags.runs.decisions import Said
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.settings import GuidanceSettings
 

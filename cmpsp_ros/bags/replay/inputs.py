@@ -12,9 +12,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
+from cmpsp_ros.bags.replay.node_parameters import NodeParameters
+from cmpsp_ros.bags.replay.recording import Names, Odometry, Recorded, Recording
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.other_plans import Seen
 from cmpsp_ros.guidance.time_jump import TimeJump

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
 
-    from cmpsp_ros.bags.storage import StorageName
+    from cmpsp_ros.bags.storage.form import StorageName
 
 VERSION = 9
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.bags.encounters import Encounter, encounters
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import Driven, driven_in
+from cmpsp_ros.bags.runs.run import Driven, driven_in
 from cmpsp_ros.guidance.tracks import Track
 
 

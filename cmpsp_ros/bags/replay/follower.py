@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 
-from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Reset, Told
+from cmpsp_ros.bags.replay.inputs import Began, Changed, Halted, Heard, Input, Reset, Told
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goal_pose import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw

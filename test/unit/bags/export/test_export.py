@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.export import export
+from cmpsp_ros.bags.export.files import export
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.tracks import FLOATS
 
@@ -219,7 +219,7 @@ def test_parquet(bag, tmp_path):
 
 
 def test_many_rows(write, tmp_path, monkeypatch):
-    monkeypatch.setattr('cmpsp_ros.bags.export._BATCH', 3)
+    monkeypatch.setattr('cmpsp_ros.bags.export.files._BATCH', 3)
     path = write(*(('/odom', ODOMETRY, odometry(stamp, float(stamp))) for stamp in range(10)))
     assert [*export(path, tmp_path / 'csv').values()] == [10]
     assert [*export(path, tmp_path / 'parquet', 'parquet').values()] == [10]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rosbags.rosbag2 import ReaderError
 
-from cmpsp_ros.bags.limits import MAX_CHUNK, inflate
+from cmpsp_ros.bags.storage.limits import MAX_CHUNK, inflate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -14,9 +14,9 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
-from cmpsp_ros.bags.guarded_sqlite import check_tables
-from cmpsp_ros.bags.limits import MAX_TOPICS, check_file, check_yaml, inflated_allowed
-from cmpsp_ros.bags.mcap_records import (
+from cmpsp_ros.bags.storage.guarded_sqlite import check_tables
+from cmpsp_ros.bags.storage.limits import MAX_TOPICS, check_file, check_yaml, inflated_allowed
+from cmpsp_ros.bags.storage.mcap_records import (
     CHANNEL,
     CHUNK,
     FOOTER,

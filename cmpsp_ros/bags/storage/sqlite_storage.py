@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 
-from cmpsp_ros.bags.storage import NO_MESSAGE_YET
+from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -147,7 +147,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     steps = [each for each in run.decisions if each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
     p50, p99, longest = np.percentile(times, [50, 99, 100]).tolist() if times else (None,) * 3
-    counts = Counter(each.rung for each in steps)
+    counts = Counter(each.level for each in steps)
     return Summary(
         preset=preset,
         reached=reached,

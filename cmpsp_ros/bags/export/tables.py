@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import atan2
 from typing import Any, Literal
 
+from cmpsp_ros.bags.decision_record import ENTRIES, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.tracks import TrackError, tracks_of
@@ -73,44 +74,15 @@ _ROAD = (
 )
 _PLAN = (*_WHERE, Column('point', 'int'), Column('at', 'int', 'ns'), *_POSE)
 
-# What a decision says of itself; anything else in it becomes a column of text.
-_FACTS = {
-    each.name: each
-    for each in (
-        Column('step', 'int'),
-        Column('stamp', 'int', 'ns'),
-        Column('rung', 'text'),
-        Column('time_left', 'float', 's'),
-        Column('wheel_speed_right', 'float', 'rad/s'),
-        Column('wheel_speed_left', 'float', 'rad/s'),
-        Column('miss', 'float', 'm'),
-        Column('margin', 'float', 'm'),
-        Column('worst_margin', 'float', 'm'),
-        Column('slack', 'float', 'm'),
-        Column('iterations', 'int'),
-        Column('qp_iterations', 'int'),
-        Column('active_rows', 'int'),
-        Column('failures', 'int'),
-        Column('wheel_slip', 'float'),
-        Column('finished', 'bool'),
-        Column('missed', 'bool'),
-        Column('halted', 'bool'),
-        Column('run', 'int'),
-        Column('revision', 'int'),
-        Column('goal', 'text'),
-        Column('goal_x', 'float', 'm'),
-        Column('goal_y', 'float', 'm'),
-        Column('goal_time', 'float', 's'),
-        Column('goal_heading', 'float', 'rad'),
-        Column('heading_miss', 'float', 'rad'),
-        Column('told', 'int'),
-    )
-}
-_BEFORE_FACTS = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('reason', 'text'))
+_BEFORE_ENTRIES = (
+    Column('received', 'int', 'ns'),
+    Column('topic', 'text'),
+    Column('reason', 'text'),
+)
 
 _MAX_KEYS = 200
 
-_TRUTH = {'true': True, 'false': False}
+_KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 'text'}
 
 
 def tables(bag: Bag) -> list[Table]:
@@ -226,18 +198,15 @@ def _road(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 
 def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
     values = {each.key: each.value for each in message.values}
-    facts = columns[len(_BEFORE_FACTS) :]
-    yield message.message, *(_fact(each, values.get(_key(each))) for each in facts)
+    entries = columns[len(_BEFORE_ENTRIES) :]
+    yield message.message, *(_cell(each, values.get(_key(each))) for each in entries)
 
 
-def _fact(column: Column, text: str | None) -> Cell:
+def _cell(column: Column, text: str | None) -> Cell:
     if text is None:
         return None
-    if column.kind == 'int':
-        return int(text)
-    if column.kind == 'float':
-        return float(text)
-    return _TRUTH[text] if column.kind == 'bool' else text
+    parse: dict[Kind, Callable[[str], Cell]] = {'int': int, 'float': float, 'bool': truth}
+    return parse.get(column.kind, str)(text)
 
 
 def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
@@ -248,13 +217,15 @@ def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
         if len(keys) > _MAX_KEYS:
             msg = f'{bag.path}: over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions'
             raise BagError(msg)
-    return (*_BEFORE_FACTS, *map(_fact_column, keys))
+    return (*_BEFORE_ENTRIES, *map(_entry_column, keys))
 
 
-def _fact_column(key: str) -> Column:
+def _entry_column(key: str) -> Column:
     if key.endswith('_ms'):
         return Column(f'{key.removesuffix("_ms")}_time', 'float', 'ms')
-    return _FACTS.get(key, Column(key, 'text'))
+    if key not in ENTRIES:
+        return Column(key, 'text')
+    return Column(key, _KINDS[ENTRIES[key].parse], ENTRIES[key].unit)
 
 
 def _key(column: Column) -> str:

@@ -7,14 +7,14 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cmpsp_ros.bags.replay.recording import Recorded
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.facts import MOVING, facts, waypoints
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
-_TOLD = frozenset(('halted', 'run', 'revision', MOVING))
-"""Facts that say what the law was told: they are followed, not compared."""
+_INPUTS = frozenset(('halted', 'run', 'revision', MOVING))
+"""Entries that say what the law received: they are followed, not compared."""
 
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[+-]?\d+)?')
 _FRACTION = re.compile(r'-?(\d+\.\d+(e[+-]?\d+)?|\d+e[+-]?\d+|inf|nan)')
@@ -59,7 +59,7 @@ class Comparison:
         self._tolerance = tolerance
 
     def differences(
-        self, number: int, recorded: Recorded, decision: Decision
+        self, number: int, recorded: DecisionRecord, decision: Decision
     ) -> Iterator[Difference]:
         """Iterate over the fields that differ; computing times are none."""
         for field, one, other in _pairs(recorded, decision):
@@ -79,12 +79,12 @@ class Comparison:
         return False
 
 
-def _pairs(recorded: Recorded, decision: Decision) -> Pairs:
+def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
     """Every field, as recorded and as decided, in text."""
     now = facts(decision)
-    for key in {**now, **recorded.facts}:
-        if key not in _TOLD and not key.endswith('_ms'):
-            yield key, recorded.facts.get(key), now.get(key)
+    for key in {**now, **recorded.entries}:
+        if key not in _INPUTS and not key.endswith('_ms'):
+            yield key, recorded.entries.get(key), now.get(key)
     yield 'reason', recorded.reason, decision.reason
     if recorded.command is not None:
         names = ('command.linear.x', 'command.angular.z')
@@ -94,7 +94,7 @@ def _pairs(recorded: Recorded, decision: Decision) -> Pairs:
         yield from _waypoint_pairs(recorded, decision)
 
 
-def _waypoint_pairs(recorded: Recorded, decision: Decision) -> Pairs:
+def _waypoint_pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
     path, plan = recorded.path or (), decision.plan
     points = () if plan is None else waypoints(plan)
     yield 'plan.poses', str(len(path)), str(len(points))

@@ -1,11 +1,19 @@
-"""A guidance law that is told what the one in a recording was told."""
+"""A guidance law that receives what the one in a recording received."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
 
-from cmpsp_ros.bags.replay.inputs import Began, Changed, Halted, Heard, Input, Reset, Told
+from cmpsp_ros.bags.replay.inputs import (
+    GoalReceived,
+    Halted,
+    Input,
+    OdometryReceived,
+    ParametersChanged,
+    RunReset,
+    RunStarted,
+)
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.goal_pose import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
@@ -22,29 +30,29 @@ class Follower:
         """Wait for the law to be made.
 
         Args:
-            settings_of: What the law is to be told where these parameters were recorded.
+            settings_of: Settings of the law where these parameters were recorded.
         """
         self._settings_of = settings_of
 
-    def follow(self, told: Input) -> Decision | None:
+    def follow(self, event: Input) -> Decision | None:
         """Take one input; the decision on it, if there is one.
 
         Raises:
             Exception: Whatever the law raises on odometry.
         """
-        match told:
-            case Began(values):
+        match event:
+            case RunStarted(values):
                 self.law = GuidanceLaw(self._settings_of(values))
-            case Changed(values):
+            case ParametersChanged(values):
                 self.law.reconfigure(self._settings_of(values))
-            case Reset():
+            case RunReset():
                 self.law.reset()
-            case Told(stamp, goal):
+            case GoalReceived(stamp, goal):
                 # A refusal is counted, as it was then.
                 with suppress(GoalError):
                     self.law.tell(stamp, goal)
             case Halted(decision):
                 return self.law.halt(decision.stamp, decision.reason)
-            case Heard(odometry, tracks=tracks):
+            case OdometryReceived(odometry, tracks=tracks):
                 return self.law.update(odometry.stamp, odometry.pose, tracks)
         return None

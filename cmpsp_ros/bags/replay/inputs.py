@@ -1,9 +1,9 @@
-"""What a guidance law was told, in the order that its recorded decisions imply.
+"""The inputs of a recorded guidance law, in the order that its decisions imply.
 
-Odometry is in the bag, and so are goals that were told, messages on obstacles that move and plans
-of other robots. What they do not show - stops by the node's clock, resets, live changes of
-parameters, how many goals, which obstacles and which plans had come by then - every decision says
-of itself: `halted`, `run`, `revision`, `told`, `moving_obstacles`.
+Odometry is in the bag, and so are goals, moving obstacles and plans of other robots. What they do
+not show - stops by the node's clock, resets, live changes of parameters, how many goals, which
+obstacles and which plans had come by then - every decision says of itself: `halted`, `run`,
+`revision`, `told`, `moving_obstacles`.
 """
 
 from __future__ import annotations
@@ -11,10 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
-from cmpsp_ros.bags.replay.recording import Names, Odometry, Recorded, Recording
+from cmpsp_ros.bags.replay.recording import Names, OdometrySample, Recording
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.other_plans import Seen
 from cmpsp_ros.guidance.time_jump import TimeJump
@@ -22,26 +23,26 @@ from cmpsp_ros.parameters.table import Values
 
 
 @dataclass(frozen=True)
-class Began:
+class RunStarted:
     """A law was made, with these parameters."""
 
     values: Values
 
 
 @dataclass(frozen=True)
-class Changed:
+class ParametersChanged:
     """Parameters were changed live, to these."""
 
     values: Values
 
 
 @dataclass(frozen=True)
-class Reset:
+class RunReset:
     """The run began again."""
 
 
 @dataclass(frozen=True)
-class Told:
+class GoalReceived:
     """A goal came, with this time stamp [ns]."""
 
     stamp: int
@@ -49,11 +50,11 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Heard:
+class OdometryReceived:
     """Odometry came; the decision on it, if there was one, and what was known that moves."""
 
-    odometry: Odometry
-    decision: Recorded | None
+    odometry: OdometrySample
+    decision: DecisionRecord | None
     tracks: tuple[Seen, ...] = field(default=(), kw_only=True)
 
 
@@ -61,17 +62,25 @@ class Heard:
 class Halted:
     """The node stopped the robot by itself."""
 
-    decision: Recorded
+    decision: DecisionRecord
 
 
 @dataclass(frozen=True)
-class Lost:
+class OdometryMissing:
     """A decision on odometry that is not in the bag."""
 
-    decision: Recorded
+    decision: DecisionRecord
 
 
-Input = Began | Changed | Reset | Told | Heard | Halted | Lost
+Input = (
+    RunStarted
+    | ParametersChanged
+    | RunReset
+    | GoalReceived
+    | OdometryReceived
+    | Halted
+    | OdometryMissing
+)
 
 
 class Inputs:
@@ -101,7 +110,7 @@ class Inputs:
         return self._parameters.values
 
     @property
-    def said(self) -> frozenset[str]:
+    def given(self) -> frozenset[str]:
         """Keys of the parameters that the recording has; the others are defaults."""
         return self._parameters.given
 
@@ -109,9 +118,9 @@ class Inputs:
         """Read on.
 
         Raises:
-            BagError: The bag is damaged, or does not tell all that the law was told.
+            BagError: The bag is damaged, or lacks something that the law received.
         """
-        before: Recorded | None = None
+        before: DecisionRecord | None = None
         # Whether all odometry since the last decision was heard, or some may have been refused.
         heard = False
         for decision in self._recording.decisions():
@@ -126,14 +135,14 @@ class Inputs:
                 yield from self._began(decision, again=before is not None)
             else:
                 yield from self._beforehand(before, decision)
-            told = self._told(None if begins else before, decision)
+            goals = self._goals(None if begins else before, decision)
             if decision.halted:
-                yield from told
+                yield from goals
                 yield Halted(decision)
             elif odometry is None:
-                yield self._lost(decision)
+                yield self._missing(decision)
             else:
-                yield from self._heard(odometry, decision, told)
+                yield from self._received(odometry, decision, goals)
             before, heard = decision, not decision.halted
         if before is None:
             raise BagError(
@@ -141,35 +150,38 @@ class Inputs:
                 ' that begins a run (step 0): what a law knew before cannot be replayed'
             )
 
-    def _find(self, decision: Recorded) -> Odometry | None:
+    def _find(self, decision: DecisionRecord) -> OdometrySample | None:
         waiting, stamp = self._recording.odometry, decision.stamp
         return next((each for each in waiting if each.stamp == stamp), None)
 
-    def _between(self, wanted: Odometry, *, heard: bool) -> Iterator[Input]:
+    def _between(self, wanted: OdometrySample, *, heard: bool) -> Iterator[Input]:
         """Odometry that came before the one wanted, and was not decided on."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
             if heard:
-                yield from self._heard(each, None)
+                yield from self._received(each, None)
 
-    def _heard(
-        self, odometry: Odometry, decision: Recorded | None, told: Iterable[Told] = ()
+    def _received(
+        self,
+        odometry: OdometrySample,
+        decision: DecisionRecord | None,
+        goals: Iterable[GoalReceived] = (),
     ) -> Iterator[Input]:
         if self._time.back(odometry.stamp) > self.values['odom_timeout']:
-            yield Reset()
-        yield from told
+            yield RunReset()
+        yield from goals
         tracks = () if decision is None else self._recording.tracks(decision)
-        yield Heard(odometry, decision, tracks=tracks)
+        yield OdometryReceived(odometry, decision, tracks=tracks)
 
-    def _began(self, decision: Recorded, *, again: bool) -> Iterator[Input]:
+    def _began(self, decision: DecisionRecord, *, again: bool) -> Iterator[Input]:
         began = 0
         while (since := self._parameters.restart(until=decision.received)) is not None:
             began = since
         while self._has_change(until=decision.received):
             self._change(used=again and not began, since=began)
-        yield Began(self.values)
+        yield RunStarted(self.values)
 
-    def _beforehand(self, before: Recorded, decision: Recorded) -> Iterator[Input]:
+    def _beforehand(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
         """What happened to the law since the decision before, apart from odometry."""
         if decision.revision is None or before.revision is None:
             self._refuse_to_guess(decision)
@@ -182,15 +194,15 @@ class Inputs:
                         ' that change in /parameter_events'
                     )
                 self._change(used=True)
-                yield Changed(self.values)
+                yield ParametersChanged(self.values)
         if decision.run != before.run or decision.step < before.step:
-            yield Reset()
+            yield RunReset()
 
-    def _told(self, before: Recorded | None, decision: Recorded) -> list[Told]:
-        """The goals that the law was told since the decision before, or since a run began."""
-        waiting, count = self._recording.goals, decision.told
+    def _goals(self, before: DecisionRecord | None, decision: DecisionRecord) -> list[GoalReceived]:
+        """The goals that the law received since the decision before, or since a run began."""
+        waiting, count = self._recording.goals, decision.goals_received
         if before is not None and decision.run == before.run and decision.step >= before.step:
-            count -= before.told
+            count -= before.goals_received
         else:
             # What came before the run began was not heeded.
             come = sum(received <= decision.received for received, _, _ in waiting)
@@ -199,9 +211,12 @@ class Inputs:
         if count > len(waiting):
             raise BagError(
                 f'{self._bag.path}: found a decision (stamp {decision.stamp}) after'
-                f' {decision.told} goals, wanted all of them on goal_pose'
+                f' {decision.goals_received} goals, wanted all of them on goal_pose'
             )
-        return [Told(stamp, goal) for _, stamp, goal in (waiting.popleft() for _ in range(count))]
+        return [
+            GoalReceived(stamp, goal)
+            for _, stamp, goal in (waiting.popleft() for _ in range(count))
+        ]
 
     def _has_change(self, until: int | None = None) -> bool:
         waiting = self._recording.changes
@@ -212,7 +227,7 @@ class Inputs:
         if received >= since:
             self._parameters.change(received, said, used=used)
 
-    def _refuse_to_guess(self, decision: Recorded) -> None:
+    def _refuse_to_guess(self, decision: DecisionRecord) -> None:
         if self._has_change(until=decision.received):
             raise BagError(
                 f'{self._bag.path}: found parameters of {self._node} that were changed live,'
@@ -220,13 +235,13 @@ class Inputs:
                 f' {self._bag.version}, before they did)'
             )
 
-    def _lost(self, decision: Recorded) -> Lost:
+    def _missing(self, decision: DecisionRecord) -> OdometryMissing:
         if not self._recording.odometry and self._recording.unusable:
             raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
-        return Lost(decision)
+        return OdometryMissing(decision)
 
 
-def _began_anew(before: Recorded, decision: Recorded) -> bool:
+def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
     """Whether another law than before decides: the node was configured or started again."""
     if before.run is None or decision.run is None:
         return False

@@ -1,30 +1,28 @@
-"""What the guidance node heard and said, read from its bag in one go."""
+"""What the guidance node received and published, read from its bag in one go."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
-from cmpsp_ros.guidance.facts import MOVING
 from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
 from cmpsp_ros.guidance.other_plans import Seen, plan_of
 from cmpsp_ros.guidance.plan_topic import plan_topic
-from cmpsp_ros.guidance.tracks import TrackError, read_keys, tracks_of
+from cmpsp_ros.guidance.tracks import TrackError, tracks_of
 
 Array = NDArray[np.float64]
-Waypoint = tuple[float, float, float, float]
-T = TypeVar('T', int, float)
 
 _SLACK = 1_000_000_000
 """By how much messages that belong together may lie apart in a bag [ns]."""
@@ -60,7 +58,7 @@ class Names:
 
     @property
     def goal_pose(self) -> str:
-        """Topic of goals that are told under way."""
+        """Topic of goals that come under way."""
         return f'{self.node.rpartition("/")[0]}/goal_pose'
 
     @property
@@ -81,113 +79,7 @@ class Names:
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """One decision, with everything that was published on it.
-
-    Attributes:
-        source: Bag and topic, for errors.
-        received: When the recorder got it [ns].
-        reason: Its sentence.
-        facts: Everything else in its message, as text by key.
-        command: Speed and turn rate on the command's topic [m/s, rad/s]; None where not recorded.
-        path: The predicted path; None where not recorded.
-    """
-
-    source: str
-    received: int
-    reason: str
-    facts: Mapping[str, str]
-    command: tuple[float, float] | None = None
-    path: tuple[Waypoint, ...] | None = None
-
-    @classmethod
-    def of(cls, source: str, received: int, message: Any) -> Recorded:
-        """A message of `~/decision`, without what else was published."""
-        try:
-            facts = {str(each.key): str(each.value) for each in message.values}
-            return cls(source, received, str(message.message), facts)
-        except (AttributeError, TypeError) as error:
-            raise BagError(
-                f'{source}: found a message that is none of its type, wanted a decision'
-            ) from error
-
-    def text(self, key: str) -> str:
-        """A fact.
-
-        Raises:
-            BagError: There is none of this key.
-        """
-        if key not in self.facts:
-            raise BagError(
-                f'{self.source}: found a decision without {key}, wanted one of this package'
-            )
-        return self.facts[key]
-
-    def number(self, key: str) -> float:
-        """A fact that is a number.
-
-        Raises:
-            BagError: There is none of this key, or it is no number.
-        """
-        return self._parsed(key, float)
-
-    @property
-    def step(self) -> int:
-        """Number of the control step."""
-        return self._parsed('step', int)
-
-    @property
-    def stamp(self) -> int:
-        """Time stamp of the odometry that it answers [ns]."""
-        return self._parsed('stamp', int)
-
-    @property
-    def finished(self) -> bool:
-        """Whether the final time had passed."""
-        return self.text('finished') == 'true'
-
-    @property
-    def halted(self) -> bool:
-        """Whether it answers no odometry. Recordings that do not say so show it by the miss."""
-        if 'halted' in self.facts:
-            return self.facts['halted'] == 'true'
-        return self.text('rung') == 'stop' and self.facts.get('miss') == 'nan'
-
-    @property
-    def run(self) -> int | None:
-        """How often the law had been reset; None where that was not recorded."""
-        return self._parsed('run', int) if 'run' in self.facts else None
-
-    @property
-    def revision(self) -> int | None:
-        """How often the law had been given new settings; None where that was not recorded."""
-        return self._parsed('revision', int) if 'revision' in self.facts else None
-
-    @property
-    def tracks(self) -> list[tuple[int | str, int]]:
-        """Numbers and stamps of what moves, as it was known; other robots by their namespaces."""
-        try:
-            return read_keys(self.facts.get(MOVING, ''))
-        except ValueError as error:
-            raise BagError(f'{self.source}: {error}') from None
-
-    @property
-    def told(self) -> int:
-        """How many goals the law had been told since the run began."""
-        return self._parsed('told', int) if 'told' in self.facts else 0
-
-    def _parsed(self, key: str, kind: type[T]) -> T:
-        text = self.text(key)
-        try:
-            return kind(text)
-        except ValueError:
-            raise BagError(
-                f'{self.source}: found {key} {text[:40]!r} in a decision, wanted a number'
-            ) from None
-
-
-@dataclass(frozen=True)
-class Odometry:
+class OdometrySample:
     """Odometry that a decision can be made on.
 
     Attributes:
@@ -236,7 +128,7 @@ class Recording:
         self._bag, self._names, self._frame_id = bag, names, frame_id
         there = (topic for topic in optional if topic in bag.topics)
         self._topics = [names.odom, names.decision, *there]
-        self.odometry: deque[Odometry] = deque(maxlen=_MOST)
+        self.odometry: deque[OdometrySample] = deque(maxlen=_MOST)
         self.unusable = ''
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
@@ -245,18 +137,18 @@ class Recording:
         self._tracks: dict[tuple[int | str, int], Seen] = {}
         self._first = True
 
-    def decisions(self) -> Iterator[Recorded]:
+    def decisions(self) -> Iterator[DecisionRecord]:
         """Iterate over the decisions; odometry and changes are read ahead of each.
 
         Raises:
             BagError: The bag is damaged, or no recording of a guidance node.
         """
-        pending: deque[Recorded] = deque()
+        pending: deque[DecisionRecord] = deque()
         for topic, received, message in self._bag.together(self._topics):
             while pending and received > pending[0].received + _SLACK:
                 yield self._complete(pending.popleft())
             if topic == self._names.decision:
-                pending.append(Recorded.of(f'{self._bag.path}: {topic}', received, message))
+                pending.append(DecisionRecord.of(f'{self._bag.path}: {topic}', received, message))
             else:
                 try:
                     self._take(topic, received, message)
@@ -270,7 +162,7 @@ class Recording:
         while pending:
             yield self._complete(pending.popleft())
 
-    def tracks(self, decision: Recorded) -> tuple[Seen, ...]:
+    def tracks(self, decision: DecisionRecord) -> tuple[Seen, ...]:
         """Obstacles that move, and plans of other robots, as they were known to a decision.
 
         Raises:
@@ -294,7 +186,7 @@ class Recording:
             except OdometryError as error:
                 self.unusable = self.unusable or str(error)
             else:
-                self.odometry.append(Odometry(received, stamp_of(message), pose))
+                self.odometry.append(OdometrySample(received, stamp_of(message), pose))
         elif topic == self._names.cmd_vel:
             twist = getattr(message, 'twist', message)
             self._commands.append((received, (twist.linear.x, twist.angular.z)))
@@ -305,7 +197,7 @@ class Recording:
             with suppress(TrackError):
                 self._note([plan_of(message, self._others[topic], self._frame_id)])
         elif topic == self._names.goal_pose:
-            # What the node refuses at sight the law is not told.
+            # What the node refuses at sight never reaches the law.
             with suppress(GoalError):
                 self.goals.append((received, *goal_of(message, self._frame_id)))
         elif topic == self._names.path:
@@ -320,13 +212,13 @@ class Recording:
             self.changes.append((received, said))
 
     def _note(self, tracks: Iterable[Seen]) -> None:
-        """Keep what was told; what cannot be used the node refused too."""
+        """Keep what was received; what cannot be used the node refused too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MOST_TRACKS:
             del self._tracks[next(iter(self._tracks))]
 
-    def _complete(self, decision: Recorded) -> Recorded:
+    def _complete(self, decision: DecisionRecord) -> DecisionRecord:
         if self._first:
             # Commands whose decisions the recorder came too late for.
             while len(self._commands) > 1 and self._commands[1][0] < decision.received:
@@ -336,7 +228,7 @@ class Recording:
         path = None if decision.halted else self._paths.pop(decision.stamp, None)
         return replace(decision, command=self._command_of(decision), path=path)
 
-    def _command_of(self, decision: Recorded) -> tuple[float, float] | None:
+    def _command_of(self, decision: DecisionRecord) -> tuple[float, float] | None:
         """The command sent just before a decision was published."""
         if not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None

@@ -8,22 +8,23 @@ from pathlib import Path
 from typing import Final
 
 from cmpsp_ros.bags.custom_data import own_version, software_versions
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.comparison import Comparison, Difference
 from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import (
-    Began,
-    Changed,
+    GoalReceived,
     Halted,
-    Heard,
     Input,
     Inputs,
-    Lost,
-    Reset,
-    Told,
+    OdometryMissing,
+    OdometryReceived,
+    ParametersChanged,
+    RunReset,
+    RunStarted,
 )
-from cmpsp_ros.bags.replay.recording import Names, Recorded
+from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.errors import ParameterError
@@ -34,7 +35,7 @@ _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 
 
 @dataclass
-class Outcome:
+class ReplayOutcome:
     """What a replay came to.
 
     Attributes:
@@ -80,7 +81,7 @@ class Outcome:
             ]
         return '\n'.join(lines)
 
-    def add(self, recorded: Recorded | None, differences: list[Difference]) -> None:
+    def add(self, recorded: DecisionRecord | None, differences: list[Difference]) -> None:
         """Count a decision, recorded or not, and what differs in it."""
         if recorded is not None:
             self.decisions += 1
@@ -97,7 +98,7 @@ def _installed() -> dict[str, str]:
     return {'cmpsp_ros': own_version(), **software_versions()}
 
 
-def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
+def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOutcome:
     """Replay a bag, and compare.
 
     Args:
@@ -118,14 +119,14 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> Outcome:
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
         settings_of(inputs.values)
-        _refuse_another_law(path, names, inputs.said)
-        outcome = Outcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
+        _refuse_another_law(path, names, inputs.given)
+        outcome = ReplayOutcome({'cmpsp_ros': bag.version or 'unknown', **bag.software})
         follower, comparison = Follower(settings_of), Comparison(tolerance)
-        for told in inputs:
-            if isinstance(told, Began | Changed | Reset | Told):
-                _prepare(told, follower, path)
+        for event in inputs:
+            if isinstance(event, RunStarted | ParametersChanged | RunReset | GoalReceived):
+                _prepare(event, follower, path)
                 continue
-            for recorded, differences in _compare(told, follower, comparison, outcome.decisions):
+            for recorded, differences in _compare(event, follower, comparison, outcome.decisions):
                 outcome.add(recorded, differences)
         outcome.skipped = inputs.skipped
         return outcome
@@ -142,30 +143,33 @@ def _refuse_another_law(path: Path, names: Names, said: Collection[str]) -> None
 
 
 def _compare(
-    told: Heard | Halted | Lost, follower: Follower, comparison: Comparison, before: int
-) -> Iterator[tuple[Recorded | None, list[Difference]]]:
+    event: OdometryReceived | Halted | OdometryMissing,
+    follower: Follower,
+    comparison: Comparison,
+    before: int,
+) -> Iterator[tuple[DecisionRecord | None, list[Difference]]]:
     """Feed an input; the decision on it, recorded or not, with what differs."""
     number = before + 1
-    match told:
-        case Heard(odometry, None):
+    match event:
+        case OdometryReceived(odometry, None):
             # It is not fed, so that what follows can still be compared.
             if follower.law.is_due(odometry.stamp):
                 unheard = Difference(number, odometry.stamp, 'decision', 'nothing', 'one is due')
                 yield None, [unheard]
-        case Lost(recorded):
+        case OdometryMissing(recorded):
             text = 'nothing, for the odometry that it answers is not in the bag'
             yield recorded, [Difference(number, recorded.stamp, 'decision', 'one', text)]
-        case Heard(_, Recorded() as recorded) | Halted(recorded):
-            decision = _decision(told, follower)
+        case OdometryReceived(_, DecisionRecord() as recorded) | Halted(recorded):
+            decision = _decision(event, follower)
             if isinstance(decision, Decision):
                 yield recorded, list(comparison.differences(number, recorded, decision))
             else:
                 yield recorded, [Difference(number, recorded.stamp, 'decision', 'one', decision)]
 
 
-def _prepare(told: Input, follower: Follower, path: Path) -> None:
+def _prepare(event: Input, follower: Follower, path: Path) -> None:
     try:
-        follower.follow(told)
+        follower.follow(event)
     except BagError:
         raise
     except Exception as error:
@@ -174,10 +178,10 @@ def _prepare(told: Input, follower: Follower, path: Path) -> None:
         ) from error
 
 
-def _decision(told: Input, follower: Follower) -> Decision | str:
+def _decision(event: Input, follower: Follower) -> Decision | str:
     """The decision on an input, or why there is none."""
     try:
-        return follower.follow(told) or 'nothing, for none is due'
+        return follower.follow(event) or 'nothing, for none is due'
     except BagError:
         raise
     except Exception as error:

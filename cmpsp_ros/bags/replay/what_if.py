@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.messages import (
     PATH,
@@ -22,8 +23,8 @@ from cmpsp_ros.bags.messages import (
 )
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.follower import Follower
-from cmpsp_ros.bags.replay.inputs import Halted, Heard, Input, Inputs
-from cmpsp_ros.bags.replay.recording import Names, Odometry, Recorded
+from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryReceived
+from cmpsp_ros.bags.replay.recording import Names, OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -72,8 +73,8 @@ class WhatIf:
     """
 
     settings: GuidanceSettings
-    odometry: list[Odometry] = field(default_factory=list)
-    recorded: list[Recorded] = field(default_factory=list)
+    odometry: list[OdometrySample] = field(default_factory=list)
+    recorded: list[DecisionRecord] = field(default_factory=list)
     decisions: list[tuple[int, Decision]] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
@@ -89,7 +90,7 @@ class WhatIf:
     def rungs(self) -> tuple[dict[str, int], dict[str, int]]:
         """Decisions on each rung: recorded, and of the changed law."""
         return (
-            dict(Counter(each.text('rung') for each in self.recorded)),
+            dict(Counter(each.level for each in self.recorded)),
             dict(Counter(each.rung.name.lower() for _, each in self.decisions)),
         )
 
@@ -114,8 +115,8 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     with Bag(path) as bag:
         inputs = Inputs(bag, names)
         result, follower = WhatIf(settings_of(inputs.values)), Follower(settings_of)
-        for told in inputs:
-            _take(told, follower, result)
+        for event in inputs:
+            _take(event, follower, result)
         with BagWriter(output) as new:
             _copy(bag, new, result)
             for node, values in bag.parameters.items():
@@ -128,10 +129,10 @@ def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
     return result
 
 
-def _take(told: Input, follower: Follower, result: WhatIf) -> None:
-    decision = _decision(told, follower)
-    match told:
-        case Heard(odometry, recorded):
+def _take(event: Input, follower: Follower, result: WhatIf) -> None:
+    decision = _decision(event, follower)
+    match event:
+        case OdometryReceived(odometry, recorded):
             received = odometry.received
             result.odometry.append(odometry)
             if recorded is not None:
@@ -145,15 +146,15 @@ def _take(told: Input, follower: Follower, result: WhatIf) -> None:
         result.decisions.append((received, decision))
 
 
-def _decision(told: Input, follower: Follower) -> Decision | None:
+def _decision(event: Input, follower: Follower) -> Decision | None:
     """The decision on an input; a law that fails stops the robot, as it does in the node."""
     try:
-        return follower.follow(told)
+        return follower.follow(event)
     except Exception as error:
-        if not isinstance(told, Heard):
+        if not isinstance(event, OdometryReceived):
             raise
         reason = f'The guidance law failed: {type(error).__name__}: {error}'
-        return follower.law.halt(told.odometry.stamp, reason)
+        return follower.law.halt(event.odometry.stamp, reason)
 
 
 def _copy(bag: Bag, new: BagWriter, result: WhatIf) -> None:

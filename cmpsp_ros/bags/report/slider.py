@@ -33,7 +33,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 'value': numbers(np.minimum(*view.clearance[1:])),
             },
             'said': [
-                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
+                [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions
             ],
             'goals': [

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import groupby
 
-from cmpsp_ros.bags.runs.decisions import Said
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 
-def aims(decisions: Sequence[Said], settings: GuidanceSettings) -> list[tuple[int, Goal]]:
+def aims(decisions: Sequence[DecisionRecord], settings: GuidanceSettings) -> list[tuple[int, Goal]]:
     """Each goal with the time stamp [ns] from which on it was driven to, in order.
 
     Args:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.runs.decisions import Said, read_decisions
+from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.tracks import read_tracks
@@ -89,7 +89,7 @@ class Run:
             ``(W, 2)`` [rad/s].
     """
 
-    decisions: tuple[Said, ...]
+    decisions: tuple[DecisionRecord, ...]
     plans: tuple[Planned, ...]
     driven: Driven
     tracks: tuple[Track, ...]

@@ -153,9 +153,9 @@ def test_the_whole_is_a_part_too():
 def test_a_simulated_run_is_read_from_the_simulator_s_own_topics(tmp_path):
     run = read_run(write(tmp_path / 'bag', topics()))
     first, last = run.decisions
-    assert (first.stamp, first.rung, first.reason) == (7, 'nominal', 'Well.')
+    assert (first.stamp, first.level, first.reason) == (7, 'nominal', 'Well.')
     assert (first.finished, first.step_ms) == (False, 0.1 + 0.2)
-    assert (last.rung, last.finished, last.step_ms) == ('stop', True, None)
+    assert (last.level, last.finished, last.step_ms) == ('stop', True, None)
     assert run.plans == ()
     assert run.driven.stamps.tolist() == [8, 9]
     assert run.driven.poses[:, 0].tolist() == [1.0, 2.0]

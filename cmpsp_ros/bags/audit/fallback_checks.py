@@ -20,14 +20,14 @@ def reasons(record: Record) -> Verdict:
     known = {rung.name.lower() for rung in Rung}
     wrong = []
     for each in record.decisions:
-        if each.rung not in known:
-            wrong.append((each, f'is on rung {each.rung!r}, which does not exist'))
+        if each.level not in known:
+            wrong.append((each, f'is on rung {each.level!r}, which does not exist'))
         elif not each.reason.strip():
-            wrong.append((each, f'is on rung {each.rung} without a reason'))
-        elif each.rung == 'stop' and np.any(each.wheel_speeds != 0.0):
+            wrong.append((each, f'is on rung {each.level} without a reason'))
+        elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0):
             wrong.append((each, 'is on rung stop with wheels that turn'))
-        elif each.finished and each.rung != 'stop':
-            wrong.append((each, f'is on rung {each.rung} after the final time'))
+        elif each.finished and each.level != 'stop':
+            wrong.append((each, f'is on rung {each.level} after the final time'))
     if not wrong:
         return passed_if(
             True, f'All {len(record.decisions)} decisions say why.', worst=0.0, limit=0.0
@@ -49,7 +49,7 @@ def shifted(record: Record) -> Verdict:
     limit = record.history.epochs[0].settings.failure_tolerance
     row, worst, at = 0, 0, record.start
     for each in record.decisions:
-        row = row + 1 if each.rung == 'shifted' else 0
+        row = row + 1 if each.level == 'shifted' else 0
         if row > worst:
             worst, at = row, each.stamp
     sentence = (
@@ -77,7 +77,7 @@ def nominal(record: Record) -> Verdict:
     stamps = np.array([each.stamp for each in answers], dtype=np.int64)
     if np.any(np.diff(stamps) < 0):
         return skipped('Time jumps back, and rungs cannot be told apart by it.')
-    good = np.array([each.rung == 'nominal' for each in answers])
+    good = np.array([each.level == 'nominal' for each in answers])
     worst, at = np.inf, record.start
     for sweep in record.sweeps:
         rung = np.searchsorted(stamps, sweep.stamps, side='right') - 1

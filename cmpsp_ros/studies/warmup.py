@@ -16,8 +16,8 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.preparation import prepare
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.warmup import prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place

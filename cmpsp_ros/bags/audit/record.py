@@ -21,7 +21,7 @@ from cmpsp_ros.bags.runs.other_robots import meetings, read_others
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.bench.methods import ITERATIONS, PENALTY
 from cmpsp_ros.studies.bench.task import Task
 

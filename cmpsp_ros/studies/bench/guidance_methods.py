@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.audit import Audit
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.task import Task
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.peers import peers
 from cmpsp_ros.studies.bench.presets import Preset

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles
-from cmpsp_ros.guidance.tracks import Track
 from cmpsp_ros.studies.bench.presets import Preset
 from cmpsp_ros.studies.bench.quiet import collector_off
 from cmpsp_ros.studies.bench.tables import Table

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.guidance_problem import begun_at
-from cmpsp_ros.guidance.planner import FUNCTIONS
+from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.improvement import Improvement
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.planning.solve_result import Improvement
 from cmpsp_ros.studies.bench.errors import BenchError
 from cmpsp_ros.studies.bench.quiet import collector_off
 

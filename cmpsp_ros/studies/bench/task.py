@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem, guidance_data
 from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
-from cmpsp_ros.guidance.initial_guess import initial_guess
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.bench.presets import Preset
 from cmpsp_ros.world.free_space import FreeSpace

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import initial_guess
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
 from cmpsp_ros.mpsp.subproblem import Subproblem

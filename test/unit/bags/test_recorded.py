@@ -20,7 +20,7 @@ from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.guidance.facts import facts
+from cmpsp_ros.guidance.messages.key_values import facts
 from cmpsp_ros.parameters.settings import guidance_settings
 
 FOLDER = Path(__file__).parent / 'recorded'

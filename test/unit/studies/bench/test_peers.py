@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.bench import peers as module
 from cmpsp_ros.studies.bench.peers import peers
 from cmpsp_ros.studies.bench.timing import close_loop

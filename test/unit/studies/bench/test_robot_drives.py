@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.studies.bench import robot_drives
 from cmpsp_ros.studies.bench.errors import BenchError

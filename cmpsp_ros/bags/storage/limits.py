@@ -35,6 +35,9 @@ MAX_TOPICS = 2_000
 MAX_SUMMARY = 64 * _MEGABYTE
 """Index at the end of an mcap file [bytes]; a day at one chunk a second takes 20 MB."""
 
+MAX_CHUNKS = 200_000
+"""Chunks of an mcap file; a day at one chunk a second has 86,400."""
+
 MAX_CHUNK = 64 * _MEGABYTE
 """Chunk of an mcap file, uncompressed, and any single message [bytes]."""
 
@@ -144,17 +147,22 @@ def inflated_allowed(size: int) -> int:
     return _FREE_RATIO + _MAX_RATIO * size
 
 
-def check_inflated_file(path: Path) -> None:
-    """Make sure that a file compressed by zstd as a whole does not fill the disk.
+def inflate_file(source: Path, target: Path) -> Path:
+    """Uncompress a file that is compressed by zstd as a whole.
+
+    Returns:
+        The target.
 
     Raises:
         ReaderError: It is larger than `MAX_INFLATED_FILE` when uncompressed.
 
     """
+    check_file(source)
     size = 0
-    with zstd.open(path, 'rb') as file:
+    with zstd.open(source, 'rb') as file, target.open('wb') as whole:
         while piece := file.read(_PIECE):
-            size += len(piece)
+            size += whole.write(piece)
             if size > MAX_INFLATED_FILE:
-                msg = f'{path.name} has more than {MAX_INFLATED_FILE} bytes uncompressed'
+                msg = f'{source.name} has more than {MAX_INFLATED_FILE} bytes uncompressed'
                 raise ReaderError(msg)
+    return target

@@ -1,6 +1,7 @@
 """The records of an mcap file, read within bounds.
 
-Format: mcap.dev/spec. A record is an opcode, its length and that many bytes.
+rosbags reads files with an index only, and trusts it; this reads what was cut off, and checks what
+an index says. Format: mcap.dev/spec. A record is an opcode, its length and that many bytes.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ if TYPE_CHECKING:
     from typing import BinaryIO
 
 MAGIC = b'\x89MCAP0\r\n'
-HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 1, 2, 3, 4, 5, 6
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, STATISTICS = 2, 3, 4, 5, 6, 8, 11
 
 LAST_OPCODE, FIRST_PRIVATE = 15, 128
 _HEAD = struct.Struct('<BQ')
 _MESSAGE = struct.Struct('<HIQQ')
 _CHUNK = struct.Struct('<QQQI')
+_MOST_HEAD = 64
 
 
 class Record(NamedTuple):
@@ -52,6 +54,51 @@ class Message(NamedTuple):
     channel: int
     stamp: int
     raw: bytes
+
+
+class ChunkHead(NamedTuple):
+    """What a chunk says before its content.
+
+    Attributes:
+        start: First stamp [ns].
+        end: Last stamp [ns].
+        size: Its records' length, uncompressed [bytes].
+        checksum: CRC-32 of its records; 0 for none.
+        compression: `zstd`, `lz4`, or empty for none.
+        compressed: Its records' length in the file [bytes].
+    """
+
+    start: int
+    end: int
+    size: int
+    checksum: int
+    compression: str
+    compressed: int
+
+    @classmethod
+    def read(cls, fields: Fields) -> ChunkHead:
+        """Read it.
+
+        Raises:
+            ReaderError: It is cut off, or the chunk is larger than `MAX_CHUNK`.
+
+        """
+        start, end, size, checksum = _CHUNK.unpack(fields.take(_CHUNK.size))
+        head = cls(start, end, size, checksum, fields.text(), fields.uint(8))
+        if head.size > MAX_CHUNK:
+            msg = f'chunk of {head.size} bytes, at most {MAX_CHUNK} are read'
+            raise ReaderError(msg)
+        if not head.compression and head.compressed != head.size:
+            msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
+            raise ReaderError(msg)
+        return head
+
+
+class Chunk(NamedTuple):
+    """A chunk: its head, and the records in it, one after the other."""
+
+    head: ChunkHead
+    data: bytes
 
 
 class Fields:
@@ -148,32 +195,36 @@ def message(body: bytes) -> Message:
     return Message(channel, stamp, body[_MESSAGE.size :])
 
 
-def chunk(body: bytes, *, partly: bool = False) -> bytes:
+def chunk_head(file: BinaryIO, record: Record) -> ChunkHead:
+    """Read the head of a chunk record only.
+
+    Raises:
+        ReaderError: It is cut off, or larger than `MAX_CHUNK`.
+
+    """
+    return ChunkHead.read(Fields(content(file, record._replace(size=min(record.size, _MOST_HEAD)))))
+
+
+def chunk(body: bytes, *, partly: bool = False) -> Chunk:
     """Uncompress a chunk record.
 
     Args:
         body: Content of the record.
-        partly: Whether it may be cut off; the result then is the beginning of the whole.
-
-    Returns:
-        The records in it, one after the other.
+        partly: Whether it may be cut off; the result then has the beginning of the whole.
 
     Raises:
         ReaderError: Damaged, cut off, or larger than `MAX_CHUNK`.
 
     """
     fields = Fields(body)
-    _, _, size, checksum = _CHUNK.unpack(fields.take(_CHUNK.size))
-    compression, compressed = fields.text(), fields.uint(8)
-    if size > MAX_CHUNK:
-        msg = f'chunk of {size} bytes, at most {MAX_CHUNK} are read'
-        raise ReaderError(msg)
-    data = fields.take(min(compressed, fields.left) if partly else compressed)
-    inflated = inflate(data, compression, size, partly=partly)
-    if not partly and (len(inflated) != size or (checksum and crc32(inflated) != checksum)):
+    head = ChunkHead.read(fields)
+    data = fields.take(min(head.compressed, fields.left) if partly else head.compressed)
+    inflated = inflate(data, head.compression, head.size, partly=partly)
+    is_whole = len(inflated) == head.size and head.checksum in {0, crc32(inflated)}
+    if not partly and not is_whole:
         msg = f'chunk of {len(inflated)} bytes is not what it was when it was written'
         raise ReaderError(msg)
-    return inflated
+    return Chunk(head, inflated)
 
 
 def inner(inflated: bytes) -> Iterator[tuple[int, bytes]]:

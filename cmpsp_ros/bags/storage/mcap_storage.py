@@ -1,8 +1,13 @@
-"""Mcap storage that takes back what the disk refused."""
+"""Mcap storage that takes back what the disk refused, with checksums.
+
+rosbags' writer does the format. It loses the chunk that a full disk refuses, writes its index after
+half a chunk, and leaves all checksums empty; what is here hooks into its writing of a chunk.
+"""
 
 from __future__ import annotations
 
 import os
+from binascii import crc32
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +18,13 @@ from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from typing import BinaryIO
+
+
+# Places in a chunk record and in the end of a file (mcap.dev/spec).
+_CHUNK_CRC = 1 + 8 + 8 + 8 + 8
+_FOOTER_SIZE = 1 + 8 + 20 + 8
+_INDEX_START, _INDEX_CRC = 1 + 8, 1 + 8 + 8 + 8
 
 
 class _Whole(NamedTuple):
@@ -78,8 +90,10 @@ class McapStorage(McapWriter):
 
         """
         pending, written = self.chunk, len(self.chunks)
+        checksum = crc32(pending.bio.getbuffer())
         try:
             super().close_chunk()
+            _patch(self.bio, self._end + _CHUNK_CRC, checksum)
             self.bio.flush()
         except OSError:
             self.chunk = pending
@@ -101,6 +115,7 @@ class McapStorage(McapWriter):
         try:
             self.flush()
             super().close(version, metadata)
+            self._seal()
         except OSError:
             self._cut_back()
             raise
@@ -125,6 +140,16 @@ class McapStorage(McapWriter):
         self._count_again()
         self._cut_back()
 
+    def _seal(self) -> None:
+        """Write the checksum of the index: of all from its first byte to the checksum itself."""
+        with self.path.open('r+b') as file:
+            footer = file.seek(-_FOOTER_SIZE, os.SEEK_END)
+            file.seek(footer + _INDEX_START)
+            start = file.seek(int.from_bytes(file.read(8), 'little'))
+            _patch(file, footer + _INDEX_CRC, crc32(file.read(footer + _INDEX_CRC - start)))
+            file.flush()
+            os.fsync(file.fileno())
+
     def _count_again(self) -> None:
         self.channel_stats = dict.fromkeys(self.channel_stats, 0)
         for whole in self._written:
@@ -136,10 +161,18 @@ class McapStorage(McapWriter):
 
     def _cut_back(self) -> None:
         os.truncate(self.path, self._end)
-        whole = self.path.open('ab')
+        whole = os.fdopen(os.open(self.path, os.O_WRONLY), 'wb')
+        whole.seek(0, os.SEEK_END)
         if not self.bio.closed:
             # The refused bytes are still in the old buffer, which closing would write again.
             with Path(os.devnull).open('wb') as nowhere:
                 os.dup2(nowhere.fileno(), self.bio.fileno())
             self.bio.close()
         self.bio = whole
+
+
+def _patch(file: BinaryIO, place: int, checksum: int) -> None:
+    """Write a checksum where rosbags left room for it."""
+    file.seek(place)
+    file.write(checksum.to_bytes(4, 'little'))
+    file.seek(0, os.SEEK_END)

@@ -1,4 +1,7 @@
-"""The `metadata.yaml` of a bag, version 9, as rosbag2 of ROS 2 Jazzy writes it."""
+"""The `metadata.yaml` of a bag, version 9, as rosbag2 of ROS 2 Jazzy writes it.
+
+rosbags writes one for bags of a single file; ours have several, and close on a full disk, too.
+"""
 
 from __future__ import annotations
 

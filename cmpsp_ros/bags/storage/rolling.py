@@ -1,4 +1,7 @@
-"""The storage files of a bag being written: one, or one after the other."""
+"""The storage files of a bag being written: one, or one after the other.
+
+rosbags writes a single file.
+"""
 
 from __future__ import annotations
 

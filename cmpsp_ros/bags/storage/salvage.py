@@ -1,4 +1,7 @@
-"""What is left of storage files that were cut off, never closed, or damaged."""
+"""What is left of storage files that were cut off, never closed, or damaged.
+
+rosbags reads whole files only.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,6 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 from rosbags.rosbag2 import ReaderError
 from rosbags.rosbag2.metadata import parse_qos
 
-from cmpsp_ros.bags.storage.guarded_sqlite import check_tables
 from cmpsp_ros.bags.storage.limits import MAX_TOPICS, check_file, check_yaml, inflated_allowed
 from cmpsp_ros.bags.storage.mcap_records import (
     CHANNEL,
@@ -31,6 +33,7 @@ from cmpsp_ros.bags.storage.mcap_records import (
     message,
     records,
 )
+from cmpsp_ros.bags.storage.sqlite_checks import check_tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -116,7 +119,7 @@ def _from_record(file: BinaryIO, record: Record, end: int, found: _Channels) -> 
         if record.opcode != CHUNK:
             yield from found.take(record.opcode, body)
             return
-        inflated = chunk(body, partly=partly)
+        inflated = chunk(body, partly=partly).data
         found.grow(len(inflated), inflated_allowed(end))
     except (ReaderError, ValueError) as error:
         found.remark(f'{found.name}: left out a record at byte {record.body}: {error}')

@@ -1,4 +1,7 @@
-"""Sqlite3 storage whose messages survive the end of its process, and a loss of power."""
+"""Sqlite3 storage whose messages survive the end of its process, and a loss of power.
+
+rosbags' writer does the format, but keeps everything in one transaction until it is closed.
+"""
 
 from __future__ import annotations
 

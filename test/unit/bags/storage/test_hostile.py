@@ -188,8 +188,11 @@ def test_message_larger_than_any(path):
     at = data.index(HELLO) - 22 - 8
     data[at : at + 8] = struct.pack('<Q', 1 << 62)
     file.write_bytes(data)
-    assert read(path) == [], 'a record that does not end ends the chunk'
+    refused(path, 'damaged in topic /a: Chunk checksum mismatch')
     chunk = data.index(b'\x06')
+    data[chunk + 33 : chunk + 37] = bytes(4)
+    file.write_bytes(data)
+    refused(path, 'damaged in topic /a: Truncated record')
     data[chunk + 1 + 8 + 16 : chunk + 1 + 8 + 24] = struct.pack('<Q', MAX_CHUNK + 1)
     file.write_bytes(data)
     refused(path, f'chunk of {MAX_CHUNK + 1} bytes, at most')

@@ -1,4 +1,7 @@
-"""Sqlite3 files of anybody's making, read in bounded memory and time."""
+"""Sqlite3 files of anybody's making: nothing but tables of bounded size, before rosbags reads them.
+
+A database can hold programs - views, triggers, computed columns - and those would be run.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,11 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 from rosbags.rosbag2 import ReaderError
-from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 
 from cmpsp_ros.bags.storage.limits import (
     MAX_CHUNK,
     MAX_METADATA,
     MAX_TOPICS,
-    check_file,
     check_yaml,
 )
 
@@ -27,33 +28,26 @@ _WORK_UNIT = 10_000
 _FREE_UNITS, _BYTES_A_UNIT = 1_000, 1_000
 
 
-class GuardedSqlite(Sqlite3Reader):
-    """rosbags' reader, once it is clear that the tables are nothing but tables."""
+def check_sqlite(path: Path) -> None:
+    """Make sure that a file can be read in bounded memory and time.
 
-    path: Path
+    Raises:
+        ReaderError: Not a database, not closed, damaged, or with what no bag has in it.
 
-    def open(self) -> None:
-        """Read the topics.
-
-        Raises:
-            ReaderError: Not a database, not closed, damaged, or with what no bag has in it.
-
-        """
-        check_file(self.path)
-        log = self.path.with_name(f'{self.path.name}-wal')
-        if log.exists() and log.stat().st_size:
-            msg = f'{self.path.name} has not been closed; `cmpsp recover` makes a whole bag of it'
-            raise ReaderError(msg)
-        try:
-            address = f'{self.path.absolute().as_uri()}?immutable=1'
-            with closing(sqlite3.connect(address, uri=True)) as database:
-                check_tables(database, self.path)
-        except sqlite3.Error as error:
-            msg = f'{self.path.name} is not a sound database: {error}'
-            raise ReaderError(msg) from error
-        super().open()
-        if self.dbconn is not None:
-            self.dbconn.limit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_CHUNK)
+    """
+    log = path.with_name(f'{path.name}-wal')
+    if log.exists() and log.stat().st_size:
+        msg = f'{path.name} has not been closed; `cmpsp recover` makes a whole bag of it'
+        raise ReaderError(msg)
+    try:
+        address = f'{path.absolute().as_uri()}?immutable=1'
+        with closing(sqlite3.connect(address, uri=True)) as database:
+            check_tables(database, path)
+            # By the table itself, with its values no longer than `guard` lets them be.
+            database.execute('SELECT max(length(data)) FROM messages').fetchone()
+    except sqlite3.Error as error:
+        msg = f'{path.name} is not a sound database: {error}'
+        raise ReaderError(msg) from error
 
 
 def guard(database: sqlite3.Connection, path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from binascii import crc32
 
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -10,7 +11,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.storage.mcap_records import MAGIC
+from cmpsp_ros.bags.recover import recover
+from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.mcap_records import CHUNK, MAGIC, chunk, content, records
 from cmpsp_ros.bags.writer import BagWriter
 
 STRING = 'std_msgs/msg/String'
@@ -77,15 +80,14 @@ def test_messages_of_one_stamp_stay_in_the_order_of_writing(tmp_path):
 
 def test_not_all_at_once(tmp_path, monkeypatch):
     apart = [[('/a', 10 * number + k) for k in range(5)] for number in range(10)]
-    monkeypatch.setattr('cmpsp_ros.bags.storage.guarded_mcap.MAX_HELD', 10 * len(HELLO))
+    monkeypatch.setattr('cmpsp_ros.bags.storage.mcap_checks.MAX_HELD', 1_000)
     with Bag(write(tmp_path / 'apart', apart)) as bag:
         assert len(list(bag.raw('/a'))) == 50
     over = [[('/a', number), ('/a', 1000)] for number in range(1, 20)]
     with (
-        Bag(write(tmp_path / 'over', over)) as bag,
-        pytest.raises(BagError, match=r'damaged in topic /a: more than \d+ bytes .* overlap'),
+        pytest.raises(BagError, match=r'not a readable bag: more than \d+ bytes .* overlap'),
     ):
-        list(bag.raw('/a'))
+        Bag(write(tmp_path / 'over', over))
 
 
 def test_without_chunks(tmp_path):
@@ -95,7 +97,7 @@ def test_without_chunks(tmp_path):
         assert bag.topics['/a'].count == 4
         assert [stamp for stamp, _ in bag.messages('/a')] == [3, 5, 5, 9]
     path.write_bytes(without_chunks([3, 5, 4]))
-    with Bag(path) as bag, pytest.raises(BagError, match='neither indexed nor in order of time'):
+    with Bag(path) as bag, pytest.raises(BagError, match='not in timestamp order'):
         list(bag.messages('/a'))
 
 
@@ -107,15 +109,47 @@ def test_without_index(tmp_path):
         Bag(file)
 
 
-def test_index_that_lies(tmp_path):
+@pytest.mark.parametrize('number', [1 << 41, (1 << 40) + 1])
+def test_index_that_lies(tmp_path, number):
     path = write(tmp_path / 'bag', [[('/a', 1 << 40), ('/b', 1 << 41)]])
     file = next(path.glob('*.mcap'))
+    data, told = file.read_bytes(), struct.pack('<Q', 1 << 40)
+    later = data.rindex(told, 0, data.rindex(b'rosbag2'))
+    data = data[:later] + struct.pack('<Q', number) + data[later + 8 :]
+    file.write_bytes(data)
+    with pytest.raises(BagError, match='is not the one that was indexed'):
+        Bag(path)
+    chunk = data.index(told)
+    file.write_bytes(data[:chunk] + struct.pack('<Q', number) + data[chunk + 8 :])
+    with Bag(path) as bag, pytest.raises(BagError, match='found 0 messages, wanted the 1'):
+        list(bag.messages('/a'))
+
+
+@pytest.mark.parametrize('compressed', [False, True])
+def test_checksums(tmp_path, compressed):
+    """Chunks and index carry theirs, and a flipped bit is noticed."""
+    path = tmp_path / 'bag'
+    with BagWriter(path, Form(compressed=compressed)) as bag:
+        bag.topic('/a', STRING)
+        for stamp in (1, 2):
+            bag.write('/a', stamp, HELLO)
+            bag.flush()
+    file = next(path.glob('*.mcap'))
     data = file.read_bytes()
-    later = data.rindex(struct.pack('<Q', 1 << 40), 0, data.rindex(b'rosbag2'))
-    for number in (1 << 41, (1 << 40) + 1):
-        file.write_bytes(data[:later] + struct.pack('<Q', number) + data[later + 8 :])
-        with Bag(path) as bag, pytest.raises(BagError, match='in a chunk that begins later'):
+    with file.open('rb') as opened:
+        found = list(records(opened, len(MAGIC), len(data) - len(MAGIC)))
+        chunks = [chunk(content(opened, each)) for each in found if each.opcode == CHUNK]
+    assert len(chunks) == 2
+    assert all(each.head.checksum == crc32(each.data) != 0 for each in chunks)
+    index, _, checksum = struct.unpack('<QQI', data[found[-1].body : found[-1].end])
+    assert checksum == crc32(data[index : found[-1].end - 4])
+    if not compressed:
+        at = data.rindex(HELLO)
+        file.write_bytes(data[: at + 8] + b'j' + data[at + 9 :])
+        with Bag(path) as bag, pytest.raises(BagError, match='checksum mismatch'):
             list(bag.messages('/a'))
+        remarks = recover(path, tmp_path / 'new').remarks
+        assert any('is not what it was when it was written' in each for each in remarks)
 
 
 def test_bag_of_rosbags(tmp_path):

@@ -28,8 +28,7 @@ Array = NDArray[np.float64]
 _STILL, _MOVING = (640, 480), (480, 320)
 _STILLS, _RATE = 4, 10
 _FAINT = 0.3
-_WAY_POINTS = 200
-_WAY_RATE = 10
+_WAY_POINTS, _WAY_RATE = 400, 25
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
 _DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5

@@ -252,8 +252,17 @@ def _parameters() -> Iterator[Parameter]:
     node = _Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',
         'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
-    yield node('autostart', _BOOL, True, '',
-        'Whether the guidance node configures and activates itself.', **_FIXED, **guidance_only)
+    yield node('autostart', _BOOL, False, '',
+        'Whether the guidance node configures and activates itself; without a course it never '
+        'becomes active.', **_FIXED, **guidance_only)
+
+    yield node('recorder_timeout', _DOUBLE, 0.0, 's',
+        'How long to wait for a recorder before the run begins; 0 where none is to come.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
+    yield node('stop_with_process', _INTEGER, 0, '',
+        'Number of a process, as of `ros2 launch`: when it has ended, however, the robot is '
+        'stopped and the guidance node ends; 0 for none.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
 
     realtime = _Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',

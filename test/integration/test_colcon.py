@@ -172,9 +172,8 @@ def test_installed_nodes_complete_a_run(
     # What sourcing the workspace does: its packages come before any other copy.
     paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get('PYTHONPATH')])])
     spawn([programs / 'sim_node', *common, *lockstep], PYTHONPATH=paths)
-    guidance = spawn(
-        [programs / 'guidance_node', *common, '-p', 'use_sim_time:=true'], PYTHONPATH=paths
-    )
+    flags = ['-p', 'use_sim_time:=true', '-p', 'autostart:=true']
+    guidance = spawn([programs / 'guidance_node', *common, *flags], PYTHONPATH=paths)
     # The ROS wheels start Python once more, and for a moment the process has no command line.
     command = Path(f'/proc/{guidance.pid}/cmdline')
     ros.spin_until(lambda: str(programs / 'guidance_node') in command.read_text().split('\0'))

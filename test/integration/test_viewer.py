@@ -68,7 +68,8 @@ def start_robot(spawn):
         arguments = ['--ros-args', '-r', f'__ns:={namespace}', *patient]
         for name in ('sim_node', 'guidance_node'):
             module = MODULES[name]
-            spawn([sys.executable, '-m', module, *arguments, '--params-file', CASE3])
+            more = ['--params-file', CASE3, '-p', 'autostart:=true']
+            spawn([sys.executable, '-m', module, *arguments, *more])
 
     return start
 

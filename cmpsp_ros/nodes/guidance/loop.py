@@ -94,6 +94,8 @@ class GuidanceLoop:
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._pose: list[float] = []
+        self._begun = False
+        self._outputs.listeners.begin()
 
     def take(self, settings: GuidanceSettings) -> None:
         """Take other settings, from the next control step on."""
@@ -136,11 +138,19 @@ class GuidanceLoop:
         return [
             *self._obstacles.warnings(now),
             *self._clock_watch.warnings(now),
+            *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
         ]
 
+    @property
+    def waiting(self) -> str:
+        """What must still come before time 0, in a sentence; empty when all is there."""
+        if self.road.waits:
+            return 'Waiting for a road on the topic road.'
+        return '' if self._begun else self._outputs.listeners.lacking()
+
     def _on_odometry(self, data: bytes) -> None:
-        if not self.active or self.road.waits:
+        if not self.active or self.waiting:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
@@ -162,6 +172,7 @@ class GuidanceLoop:
         if decision is None:
             return
         self._outputs.command(decision)
+        self._begun = True
         period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
         self.times.add(step_ms, period)
         if self.decision is None or decision.goal != self.decision.goal:

@@ -18,6 +18,7 @@ from cmpsp_ros.nodes.common.topics import (
     WHEELS,
 )
 from cmpsp_ros.nodes.guidance.command_bytes import frame_bytes, stamped_bytes, twist_bytes
+from cmpsp_ros.nodes.guidance.listeners import Listeners
 from cmpsp_ros.nodes.guidance.markers import marker_array
 from cmpsp_ros.nodes.guidance.messages import (
     DecisionMessage,
@@ -45,6 +46,9 @@ class GuidanceOutputs:
     """Publishers of one configured guidance node.
 
     The command leaves before anything else is made or sent.
+
+    Attributes:
+        listeners: Who listens.
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
@@ -61,6 +65,9 @@ class GuidanceOutputs:
         self._path = PLAN.publish_on(node)
         self._plan_markers = PLAN_MARKERS.publish_on(node)
         self._markers = MARKERS.publish_on(node)
+        self.listeners = Listeners(
+            node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
+        )
         self._make_messages(values, settings)
 
     def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:

@@ -212,10 +212,16 @@ def verdicts():
 
 @pytest.fixture
 def start_node(spawn):
-    """Start a node with case 3: `start_node('guidance_node', {key: value}, *ros_arguments)`."""
+    """Start a node with case 3, and let it set off unless told otherwise.
+
+    `start_node('guidance_node', {key: value}, *ros_arguments)`.
+    """
 
     def start(name='guidance_node', parameters=None, *more):
-        given = {key: str(value).lower() for key, value in (parameters or {}).items()}
+        given = {
+            key: str(value).lower()
+            for key, value in {'autostart': True, **(parameters or {})}.items()
+        }
         flags = [part for key, value in given.items() for part in ('-p', f'{key}:={value}')]
         module = MODULES[name]
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]

@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[3]
 CASE = ROOT / 'config' / 'case3.yaml'
 PARAMETERS = {
     'sim': ('lockstep:=true', 'publish_clock:=true', 'lockstep_timeout:=60.0'),
-    'guidance': ('use_sim_time:=true',),
+    'guidance': ('use_sim_time:=true', 'autostart:=true'),
 }
 RUN = 10.0
 """Simulated time of a run [s]."""

@@ -16,6 +16,7 @@ from cmpsp_ros.nodes.common.topics import (
     PLAN_MARKERS,
     STAMPED_COMMAND,
     WHEELS,
+    Topic,
 )
 from cmpsp_ros.nodes.guidance.command_bytes import frame_bytes, stamped_bytes, twist_bytes
 from cmpsp_ros.nodes.guidance.listeners import Listeners
@@ -54,14 +55,17 @@ class GuidanceOutputs:
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
+        # Where time stands still nothing grows stale, and all is to be recorded.
+        simulated = node.get_parameter('use_sim_time').value
+
+        def of_a_run(topic: Topic) -> Topic:
+            return replace(topic, depth=OF_A_RUN) if simulated else topic
+
         self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
-        command = self._topic
-        if node.get_parameter('use_sim_time').value:
-            # Where time stands still no command grows stale, and all are to be recorded.
-            command = replace(command, depth=OF_A_RUN)
+        command = of_a_run(self._topic)
         self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
         self._wheels = WHEELS.publish_on(node)
-        self._decisions = DECISION.publish_on(node)
+        self._decisions = of_a_run(DECISION).publish_on(node)
         self._path = PLAN.publish_on(node)
         self._plan_markers = PLAN_MARKERS.publish_on(node)
         self._markers = MARKERS.publish_on(node)
@@ -76,7 +80,9 @@ class GuidanceOutputs:
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
         self._plan_message = PlanMarkers(settings)
-        self._decision_message = DecisionMessage(f'{name}: decision')
+        robot = self._node.get_namespace()
+        frame_id = values['frame_id']
+        self._decision_message = DecisionMessage(f'{name}: decision', robot, frame_id)
 
     @property
     def subscribers(self) -> dict[str, int]:

@@ -24,7 +24,7 @@ def test_what_needs_a_restart():
         'frame_id', 'control_period', 'final_time', 'waypoints.names', 'waypoints.<name>.time',
         'follow.speed', 'follow.horizon', 'robot.joint_names', 'road.type', 'road.source',
         'weights.control_rate', 'solver.qp',
-        'enable_stamped_cmd_vel', 'autostart', 'initial_pose', 'odom_rate', 'real_time_factor',
+        'enable_stamped_cmd_vel', 'autostart', 'recorder_timeout', 'stop_with_process', 'initial_pose', 'odom_rate', 'real_time_factor',
         'publish_clock', 'lockstep', 'noise.dropout_windows', 'noise.seed',
         'realtime.priority', 'realtime.cpu',
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',

@@ -3,6 +3,7 @@
 PYTHON ?= python3
 PRESET ?= case3
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -106,8 +107,8 @@ lint: check-ros $(PACKAGE)  ## ruff, mypy, and who may import whom
 
 setup: check-ros $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 
-bench: setup  ## time the control steps
-	$(BIN)/cmpsp bench
+bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/performance.md has a run
+	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
 docs: setup  ## write the tables of topics and parameters into README.md, and config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.nodes.common.topics README.md

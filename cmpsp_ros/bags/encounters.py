@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 
 Array = NDArray[np.float64]

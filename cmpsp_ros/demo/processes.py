@@ -105,7 +105,7 @@ class Child:
         """
         log = folder / namespace.strip('/') / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, '-m', MODULES[name], '--ros-args', *ros_arguments]
+        command = [sys.executable, '-m', MODULES.get(name, name), '--ros-args', *ros_arguments]
         if namespace:
             command += ['-r', f'__ns:={namespace}']
         with log.open('wb') as output, _interruptions_held():

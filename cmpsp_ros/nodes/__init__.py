@@ -16,6 +16,5 @@ MODULES = {
     'sim_node': 'cmpsp_ros.nodes.sim.node',
     'recorder': 'cmpsp_ros.nodes.recording.recorder',
     'viewer': 'cmpsp_ros.nodes.viewer',
-    'latency_probe': 'cmpsp_ros.nodes.latency_probe',
 }
 """Modules of the programs, by the names that `ros2 run` has for them."""

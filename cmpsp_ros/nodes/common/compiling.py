@@ -6,7 +6,7 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.preparation import prepare
+from cmpsp_ros.guidance.warmup import prepare
 from cmpsp_ros.mpsp.jit.watch import compilations, progress
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from cmpsp_ros.guidance.written import written
+from cmpsp_ros.guidance.messages.exact_repr import written
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -7,10 +7,10 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
-from cmpsp_ros.guidance.time_jump import TimeJump
+from cmpsp_ros.guidance.messages.clock_reset import TimeJump
+from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput

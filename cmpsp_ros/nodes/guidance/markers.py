@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
 from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from builtin_interfaces.msg import Time
 
-    from cmpsp_ros.guidance.goals import Goal
+    from cmpsp_ros.guidance.mission.goals import Goal
     from cmpsp_ros.guidance.settings import GuidanceSettings
 
 _HEIGHT = 0.2

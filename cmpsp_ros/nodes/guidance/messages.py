@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.facts import facts, severity, waypoints
+from cmpsp_ros.guidance.messages.key_values import facts, severity, waypoints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -6,9 +6,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.odometry import stamp_of
-from cmpsp_ros.guidance.other_plans import OtherPlan, plan_of
-from cmpsp_ros.guidance.tracks import TrackError, Tracks, check_age, tracks_of
+from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan, plan_of
+from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age, tracks_of
 from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
     from sensor_msgs.msg import PointCloud2
 
-    from cmpsp_ros.guidance.other_plans import Seen
+    from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+    from cmpsp_ros.guidance.messages.tracks import Track
     from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.guidance.tracks import Track
 
 _THROTTLE = 2.0
 

@@ -10,8 +10,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.other_plans import OtherPlan
-from cmpsp_ros.guidance.room import Room
+from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.safety.plan_clearance import Room
 from cmpsp_ros.nodes.guidance.messages import set_stamp
 from cmpsp_ros.view.palette import RUNGS
 from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.messages.tracks import Track
     from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.guidance.tracks import Track
 
 PLENTY: Final = 0.3
 """Clearance beyond `safety.margin` from which on nothing is near [m]."""

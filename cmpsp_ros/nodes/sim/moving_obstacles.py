@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sensor_msgs.msg import PointCloud2, PointField
 
-from cmpsp_ros.guidance.tracks import FLOATS, Track
+from cmpsp_ros.guidance.messages.tracks import FLOATS, Track
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +60,7 @@ class Traffic:
 
 
 def cloud_of(tracks: Sequence[Track], stamp_ns: int, frame_id: str) -> PointCloud2:
-    """The message that tells of obstacles; `cmpsp_ros.guidance.tracks.tracks_of` reads it."""
+    """The message that describes obstacles; `messages.tracks.tracks_of` reads it."""
     message = PointCloud2(height=1, width=len(tracks), is_dense=True, is_bigendian=False)
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, _NS)
     message.header.frame_id = frame_id

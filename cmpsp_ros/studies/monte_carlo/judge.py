@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.monte_carlo.driving import farthest

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.world.free_space import FreeSpace
 

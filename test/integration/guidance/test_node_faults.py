@@ -6,7 +6,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 
 pytestmark = pytest.mark.integration

@@ -8,9 +8,9 @@ import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.facts import severity
-from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.key_values import severity
+from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.world.free_space import FreeSpace

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.goals import place_of
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

@@ -21,9 +21,9 @@ from scenarios import (
 )
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.messages.key_values import severity
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.world.obstacles.shapes import Obstacle

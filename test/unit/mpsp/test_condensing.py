@@ -10,8 +10,9 @@ from problems import LinearQuadratic, VanDerPol, differences
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.mpsp import condensing
 from cmpsp_ros.mpsp.condensing import condense, sensitivities
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.subproblem import Subproblem
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace

@@ -5,13 +5,13 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol
+from reference_merit import Merit
 
+from cmpsp_ros.mpsp.analysis.convergence import record
 from cmpsp_ros.mpsp.closed_form import has_closed_form
 from cmpsp_ros.mpsp.condensing import condense
-from cmpsp_ros.mpsp.convergence import record
 from cmpsp_ros.mpsp.curvature import convexify
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
-from cmpsp_ros.mpsp.merit import Merit
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (
     RICCATI_ACTIVE_SET,
@@ -20,6 +20,7 @@ from cmpsp_ros.mpsp.qp import (
     QPStatus,
     kkt_residual,
 )
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]

@@ -9,8 +9,8 @@ import pytest
 from rclpy.time import Time
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.nodes.guidance.markers import marker_array
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file

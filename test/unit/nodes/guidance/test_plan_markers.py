@@ -10,8 +10,8 @@ from visualization_msgs.msg import Marker
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.room import Room
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.safety.plan_clearance import Room
 from cmpsp_ros.nodes.guidance.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file

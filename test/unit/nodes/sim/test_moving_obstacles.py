@@ -2,7 +2,7 @@
 
 import pytest
 
-from cmpsp_ros.guidance.tracks import Track, tracks_of
+from cmpsp_ros.guidance.messages.tracks import Track, tracks_of
 from cmpsp_ros.nodes.sim.moving_obstacles import Traffic, cloud_of
 from cmpsp_ros.parameters.catalogue import TABLE
 

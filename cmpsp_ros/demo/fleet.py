@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from cmpsp_ros.bags.other_robots import meetings
-from cmpsp_ros.bags.run import Run, read_run
+from cmpsp_ros.bags.runs.other_robots import meetings
+from cmpsp_ros.bags.runs.run import Run, read_run
 from cmpsp_ros.demo.fleet_picture import draw_fleet
 from cmpsp_ros.demo.run import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario

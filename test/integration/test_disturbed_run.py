@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.bags.runs.run import read_run
 
 pytestmark = pytest.mark.integration
 

@@ -17,7 +17,7 @@ def goals_of(record: Record, run: Run) -> list[Goal]:
     of these when another was told before its time.
     """
     told = [each for each in record.decisions if run.start <= each.stamp <= run.end]
-    told = [each for each in told if each.goal is not None and each.told]
+    told = [each for each in told if each.goal is not None and each.goals_received]
     until = float('inf') if not told else (told[0].stamp - run.start) / NANOSECONDS
     goals = []
     for index, goal in enumerate(record.history.at(run.start).goals):

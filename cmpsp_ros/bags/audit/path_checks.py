@@ -13,8 +13,8 @@ from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.goals import goals_of
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
-from cmpsp_ros.bags.encounters import Encounter
-from cmpsp_ros.bags.passing import Passing
+from cmpsp_ros.bags.runs.encounters import Encounter
+from cmpsp_ros.bags.runs.passing import Passing
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings

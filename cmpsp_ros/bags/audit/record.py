@@ -13,13 +13,13 @@ from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, 
 from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
-from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
-from cmpsp_ros.bags.encounters import Encounter, encounters
+from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.other_robots import meetings, read_others
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import Driven
-from cmpsp_ros.bags.tracks import read_tracks
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters
+from cmpsp_ros.bags.runs.other_robots import meetings, read_others
+from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.tracks import Track
 
@@ -85,7 +85,7 @@ class Record:
     history: History
     odometry: Odometry
     commands: Commands
-    decisions: tuple[Said, ...]
+    decisions: tuple[DecisionRecord, ...]
     tracks: tuple[Track, ...]
     others: Mapping[str, Driven]
     pairs: Pairs
@@ -172,7 +172,9 @@ def _record(bag: Bag, sources: Sources) -> Record:
     )
 
 
-def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[Said]) -> list[Leg]:
+def _legs(
+    odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[DecisionRecord]
+) -> list[Leg]:
     begins = [int(each.received[0]) for each in odometry]
     legs = []
     for each, begin, end in zip(odometry, [0, *begins[1:]], [*begins[1:], None], strict=True):
@@ -187,7 +189,7 @@ def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[
     return legs
 
 
-def _runs(commands: Commands, decisions: Sequence[Said], end: int) -> tuple[Run, ...]:
+def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> tuple[Run, ...]:
     """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [answers[0].stamp] if answers else [int(commands.stamps[0])]

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, scene
-from cmpsp_ros.bags.run import read_driven
-from cmpsp_ros.bags.tracks import seen_at
+from cmpsp_ros.bags.runs.goals import aims
+from cmpsp_ros.bags.runs.run import read_driven
+from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.robots.differential_drive import DifferentialDrive

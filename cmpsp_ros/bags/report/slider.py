@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
+from cmpsp_ros.bags.runs.goals import aims
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.mission.goals import Goal
 
@@ -33,7 +33,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 'value': numbers(np.minimum(*view.clearance[1:])),
             },
             'said': [
-                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
+                [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions
             ],
             'goals': [

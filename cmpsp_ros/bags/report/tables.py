@@ -44,8 +44,8 @@ def ladder(view: View) -> str:
     """The bands of the ladder with their sentences."""
     rows = [
         [
-            f'<span class="swatch" style="background:{RUNGS.get(each.rung, "#fff")}"></span>'
-            f'{escape(each.rung)}',
+            f'<span class="swatch" style="background:{RUNGS.get(each.level, "#fff")}"></span>'
+            f'{escape(each.level)}',
             f'{each.begin:.2f} to {each.end:.2f} s',
             str(each.steps),
             escape(each.reason),
@@ -101,7 +101,7 @@ def _figures(view: View) -> dict[str, str]:
     by_check = {each.check: each for each in view.findings}
     counts = Counter[str]()
     for band in view.bands:
-        counts[band.rung] += band.steps
+        counts[band.level] += band.steps
     deadline = 1e3 * view.settings.control_period
     least = [by_check[each].worst for each in ('road', 'obstacles', 'moving')]
     known = [each for each in least if each is not None]

@@ -11,8 +11,8 @@ from recorded_drives import DECISIONS, said, setting, without
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.parameters.settings import guidance_settings
 
 NAMES = Names.under('')

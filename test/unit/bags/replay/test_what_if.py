@@ -6,10 +6,10 @@ import pytest
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.bags.what_if import Change, what_if
-from cmpsp_ros.bags.what_if_picture import draw_what_if
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.bags.replay.what_if import Change, what_if
+from cmpsp_ros.bags.replay.what_if_picture import draw_what_if
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import load_parameter_file
 

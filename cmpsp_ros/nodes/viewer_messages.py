@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
 if TYPE_CHECKING:
-    from diagnostic_msgs.msg import DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import Odometry, Path
     from sensor_msgs.msg import JointState
     from visualization_msgs.msg import MarkerArray
@@ -37,11 +38,12 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
     return place if all(map(math.isfinite, place)) else None
 
 
-def decision_of(message: DiagnosticStatus) -> dict[str, Any]:
+def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     """What is shown of a decision; numbers that it lacks are None."""
-    values = {each.key: each.value for each in message.values}
+    status = message.status[0] if message.status else DiagnosticStatus()
+    values = {each.key: each.value for each in status.values}
     return {
-        'reason': _short(message.message),
+        'reason': _short(status.message),
         'rung': _short(values.get('rung', '')),
         'finished': values.get('finished') == 'true',
         'run': _short(values.get('run', '')),

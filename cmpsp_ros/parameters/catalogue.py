@@ -63,6 +63,12 @@ def _parameters() -> Iterator[Parameter]:
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
         '`follow.speed` it is the time at which to stop, 0 for never.',
         range=_NOT_NEGATIVE, **_FIXED)
+    yield task('start.tolerance', _DOUBLE, 0.5, 'm',
+        'How far off the road, or from `start.pose`, the robot may be when a run begins; farther '
+        'away it stands and says so.', range=_NOT_NEGATIVE, **guidance_only)
+    yield task('start.pose', _DOUBLES, [], 'm, m, rad',
+        'Where a run is to begin (x, y, heading), of which the place counts; none for anywhere on '
+        'the road.', **guidance_only)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.tolerance', _DOUBLE, 0.01, 'm',

@@ -1,10 +1,13 @@
-"""Whether a course was given at all: the defaults are one, and nobody's robot shall drive it."""
+"""Whether a course was given at all, and where it is to begin.
+
+The defaults are a course, and nobody's robot shall drive that by mistake.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from cmpsp_ros.parameters.errors import Problem
+from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
 
 
@@ -20,3 +23,10 @@ def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]
         yield Problem('road.type', 'nothing', wanted)
     if not values['follow.speed'] and 'goal.position' not in given:
         yield Problem('goal.position', 'nothing', 'the goal of the course, or follow.speed')
+
+
+def start_problems(values: Values) -> Iterator[Problem]:
+    """A start that is no pose."""
+    pose = values['start.pose']
+    if len(pose) not in (0, 3):
+        yield Problem('start.pose', describe(pose), 'x, y and heading, or none of them')

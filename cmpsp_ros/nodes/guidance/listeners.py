@@ -72,7 +72,7 @@ class Listeners:
         if len(alike) > onlookers and self._command.get_subscription_count() > onlookers:
             return ''
         others = [
-            f'{each.node_name} wants {each.topic_type}: enable_stamped_cmd_vel.'
+            f'Another listener wants {each.topic_type}: enable_stamped_cmd_vel.'
             for each in found
             if each.topic_type != kind
         ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
+from cmpsp_ros.nodes.common.status import hardware_id
 from cmpsp_ros.nodes.common.topics import (
     COMMAND,
     DECISION,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.table import Values
 
 
-_FRAME = frame_bytes('base_link')
+_BASE = 'base_link'
 
 
 class GuidanceOutputs:
@@ -72,6 +73,7 @@ class GuidanceOutputs:
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
         )
+        self._robot_frame = _BASE, frame_bytes(_BASE)
         self._make_messages(values, settings)
 
     def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
@@ -80,7 +82,7 @@ class GuidanceOutputs:
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
         self._plan_message = PlanMarkers(settings)
-        robot = self._node.get_namespace()
+        robot = hardware_id(self._node)
         frame_id = values['frame_id']
         self._decision_message = DecisionMessage(f'{name}: decision', robot, frame_id)
 
@@ -101,9 +103,14 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
         if self._topic is STAMPED_COMMAND:
-            self._command.publish(stamped_bytes(decision, _FRAME))
+            self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
         else:
             self._command.publish(twist_bytes(decision))
+
+    def name_robot(self, frame: str) -> None:
+        """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
+        if frame != self._robot_frame[0]:
+            self._robot_frame = frame, frame_bytes(frame or _BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
         """Send what a decision was made of; path and markers only if somebody listens.

@@ -9,8 +9,8 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION
 
@@ -26,7 +26,7 @@ def test_without_a_listener_of_its_type_the_time_does_not_run(fault, start_node,
     assert health['level'] == DiagnosticStatus.WARN
     assert health['said'] == (
         'Waiting for a listener to /cmd_vel (geometry_msgs/msg/Twist).'
-        ' tester wants geometry_msgs/msg/TwistStamped: enable_stamped_cmd_vel.'
+        ' Another listener wants geometry_msgs/msg/TwistStamped: enable_stamped_cmd_vel.'
     )
     fault.assert_said('—', health['level'][0], health['said'])
     assert not client.decisions

@@ -73,6 +73,14 @@ class Entry(Generic[T]):
             ) from None
 
 
+def status_of(message: Any) -> Any:
+    """The status in a message of `~/decision`: a `diagnostic_msgs/DiagnosticArray` of one.
+
+    In bags of before it was the `diagnostic_msgs/DiagnosticStatus` alone.
+    """
+    return message.status[0] if hasattr(message, 'status') else message
+
+
 def truth(text: str) -> bool:
     """Whether text is `true`.
 
@@ -144,9 +152,10 @@ class DecisionRecord:
             BagError: It is none.
         """
         try:
-            entries = {str(each.key): str(each.value) for each in message.values}
-            return cls(source, received, str(message.message), entries)
-        except (AttributeError, TypeError) as error:
+            status = status_of(message)
+            entries = {str(each.key): str(each.value) for each in status.values}
+            return cls(source, received, str(status.message), entries)
+        except (AttributeError, TypeError, IndexError) as error:
             raise BagError(
                 f'{source}: found a message that is none of its type, wanted a decision'
             ) from error

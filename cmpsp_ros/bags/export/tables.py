@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import ENTRIES, truth
+from cmpsp_ros.bags.decision_record import ENTRIES, status_of, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
@@ -80,6 +80,9 @@ _BEFORE_ENTRIES = (
     Column('reason', 'text'),
 )
 
+_OF_DECISIONS = ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus')
+"""As they are published, and as they were before."""
+
 _MAX_KEYS = 200
 
 _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 'text'}
@@ -106,7 +109,7 @@ def tables(bag: Bag) -> list[Table]:
             _commands,
         ),
         ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
-        ('decisions', ('diagnostic_msgs/msg/DiagnosticStatus',), '/decision', (), _decisions),
+        ('decisions', _OF_DECISIONS, '/decision', (), _decisions),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
         ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
         ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),
@@ -197,9 +200,10 @@ def _road(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 
 
 def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
-    values = {each.key: each.value for each in message.values}
+    status = status_of(message)
+    values = {each.key: each.value for each in status.values}
     entries = columns[len(_BEFORE_ENTRIES) :]
-    yield message.message, *(_cell(each, values.get(_key(each))) for each in entries)
+    yield status.message, *(_cell(each, values.get(_key(each))) for each in entries)
 
 
 def _cell(column: Column, text: str | None) -> Cell:
@@ -213,7 +217,7 @@ def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
     """Columns of decisions: not all of them say the same, so that all have to be asked."""
     keys: dict[str, None] = {}
     for _, _, message in bag.together(topics):
-        keys.update(dict.fromkeys(each.key for each in message.values))
+        keys.update(dict.fromkeys(each.key for each in status_of(message).values))
         if len(keys) > _MAX_KEYS:
             msg = f'{bag.path}: over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions'
             raise BagError(msg)

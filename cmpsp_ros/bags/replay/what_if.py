@@ -14,8 +14,8 @@ from typing import Any
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import UnknownTypeError
 from cmpsp_ros.bags.messages import (
+    DECISION,
     PATH,
-    STATUS,
     TWIST,
     command_message,
     decision_message,
@@ -174,7 +174,7 @@ def _write(new: BagWriter, names: Names, result: WhatIf) -> None:
     said, commanded, planned = (
         f'{PREFIX}{name}' for name in (names.decision, names.cmd_vel, names.path)
     )
-    for topic, kind in ((said, STATUS), (commanded, TWIST), (planned, PATH)):
+    for topic, kind in ((said, DECISION), (commanded, TWIST), (planned, PATH)):
         new.topic(topic, kind)
     for received, decision in result.decisions:
         new.write(said, received, decision_message(decision, f'{PREFIX}{names.node}: decision'))

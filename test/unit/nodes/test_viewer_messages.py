@@ -6,7 +6,7 @@ import json
 import math
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.time import Time
@@ -29,7 +29,7 @@ from cmpsp_ros.view.shared_state import ClientState, SharedState
 
 def status(reason='', **values):
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return DiagnosticStatus(message=reason, values=pairs)
+    return DiagnosticArray(status=[DiagnosticStatus(message=reason, values=pairs)])
 
 
 def test_a_pose_is_read_from_odometry():

@@ -124,7 +124,8 @@ def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(dr
     def reword(old, new):
         def change(topic, _index, message):
             if topic == DECISIONS:
-                message.message = message.message.replace(old, new)
+                (status,) = message.status
+                status.message = status.message.replace(old, new)
             return message
 
         return change

@@ -20,7 +20,7 @@ WEIGHT = Change(None, {'weights.road_center': 30.0})
 def said(bag, topic):
     with Bag(bag) as opened:
         messages = [message for _, message in opened.messages(topic)]
-    return [{each.key: each.value for each in message.values} for message in messages]
+    return [{each.key: each.value for each in message.status[0].values} for message in messages]
 
 
 def test_nothing_changed_is_what_was_recorded(faulty, tmp_path):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
@@ -15,19 +14,6 @@ from cmpsp_ros.parameters.table import Values, is_of_ros
 
 EVENTS = '/parameter_events'
 """Topic of the changes."""
-
-_FIELDS = (
-    'bool_value',
-    'integer_value',
-    'double_value',
-    'string_value',
-    'byte_array_value',
-    'bool_array_value',
-    'integer_array_value',
-    'double_array_value',
-    'string_array_value',
-)
-"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
 
 
 class NodeParameters:
@@ -115,13 +101,5 @@ def changes_in(event: Any, node: str) -> dict[str, Any] | None:
     """
     if event.node != node or not event.changed_parameters:
         return None
-    changed = {each.name: _plain(each.value) for each in event.changed_parameters}
+    changed = plain_values(event.changed_parameters)
     return {key: value for key, value in changed.items() if not is_of_ros(key)}
-
-
-def _plain(value: Any) -> Any:
-    """Value of a `rcl_interfaces/msg/ParameterValue`; None when it has none."""
-    if not 1 <= value.type <= len(_FIELDS):
-        return None
-    found = getattr(value, _FIELDS[value.type - 1])
-    return found.tolist() if isinstance(found, np.ndarray) else found

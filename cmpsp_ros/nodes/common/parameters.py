@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.parameters.road_files import with_road_file
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rclpy.node import Node
 
     from cmpsp_ros.parameters.parameter import Node as NodeName
@@ -52,6 +54,17 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
         if which in row.nodes:
             _declare(node, key, row, values[key])
     return values
+
+
+def event_of(node: Node, changed: Iterable[Parameter] = ()) -> ParameterEvent:
+    """All parameters of a node as it has them now, and which of them have changed."""
+    known = cast('dict[str, Parameter]', node.get_parameters_by_prefix(''))
+    return ParameterEvent(
+        stamp=node.get_clock().now().to_msg(),
+        node=node.get_fully_qualified_name(),
+        new_parameters=[each.to_parameter_msg() for each in known.values()],
+        changed_parameters=[each.to_parameter_msg() for each in changed],
+    )
 
 
 def overrides(node: Node) -> dict[str, Any]:

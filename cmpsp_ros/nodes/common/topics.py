@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
@@ -207,6 +208,16 @@ GUIDED_BY_OTHERS = Topic(
     'cmd_vel/_guided_by',
     KeyValue,
     'a node that hears another one guide the same robot does not become active',
+)
+PARAMETERS = Topic(
+    'guidance',
+    'out',
+    '~/parameters',
+    ParameterEvent,
+    'all parameters, at configuring and after every change, which it names; latched, so that any'
+    ' bag has what a replay needs',
+    depth=1,
+    latched=True,
 )
 RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
 

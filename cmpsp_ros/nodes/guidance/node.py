@@ -18,11 +18,11 @@ from cmpsp_ros.nodes.common.lifecycle import (
     UNCONFIGURED,
     guard_change_state,
 )
-from cmpsp_ros.nodes.common.parameters import declare, overrides
+from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
 from cmpsp_ros.nodes.common.process_watch import ProcessWatch
 from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.common.runtime import run
-from cmpsp_ros.nodes.common.topics import RESET
+from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
@@ -110,6 +110,8 @@ class GuidanceNode(LifecycleNode):
         self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
+        self._parameters_out = PARAMETERS.publish_on(self)
+        self._parameters_out.publish(event_of(self))
         self._reset = self.create_service(RESET.type, RESET.name, self._on_reset)
         # The first message of a process has rclpy look through all modules for who wrote it, which
         # takes longer than a control step may.
@@ -148,6 +150,7 @@ class GuidanceNode(LifecycleNode):
         """Close the topics."""
         self._loop.close()
         self.destroy_service(self._reset)
+        self.destroy_publisher(self._parameters_out)
         self._rivals.close()
         self._garbage.end()
         self._state = UNCONFIGURED
@@ -217,6 +220,7 @@ class GuidanceNode(LifecycleNode):
         self._given.update(each.name for each in parameters)
         if self._is_configured:
             self._loop.take(settings)
+            self._parameters_out.publish(event_of(self, parameters))
 
     def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
         if self._values is None:

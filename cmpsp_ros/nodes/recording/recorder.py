@@ -25,7 +25,7 @@ from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.flush_answer import ByTopic, Written, to_json
-from cmpsp_ros.nodes.recording.options import read_options
+from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
 from cmpsp_ros.nodes.recording.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.recording.raw_subscriptions import Inbox
 from cmpsp_ros.nodes.recording.simulated_time import TOPIC, SimulatedTime
@@ -147,8 +147,9 @@ class Recorder(Node):
         return response
 
     def _discover(self) -> None:
+        beside = topics_of_nodes(self) if self._options.own else frozenset[str]()
         for name, types in self.get_topic_names_and_types():
-            if name in self._left_out or not self._options.want(name):
+            if name in self._left_out or not self._options.want(name, beside):
                 continue
             count = self.count_publishers(name)
             recorded = self._topics.get(name)

@@ -74,6 +74,18 @@ def start_robot(spawn):
     return start
 
 
+def test_where_its_port_is_taken_it_takes_the_next_and_says_so(spawn, wait_until):
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        flags = ['--ros-args', '-p', f'port:={port}']
+        running = spawn([sys.executable, '-m', MODULES['viewer'], *flags])
+        found = wait_until(
+            lambda: re.search(r'open http://127.0.0.1:(\d+)/', running.stderr), LIMIT
+        )
+        assert port < int(found[1]) < port + 10
+        assert f'port {port} is taken: port {found[1]} instead' in running.stderr
+
+
 def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until):
     running, page = start_view()
     assert page.news()['silence'] is None
@@ -126,12 +138,11 @@ def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until
     wait_until(lambda: page.news()['run'] > before and page.news()['series']['steps'], LIMIT)
 
 
-def test_a_port_that_is_taken_is_exit_code_2(spawn):
-    with socket.create_server(('127.0.0.1', 0)) as taken:
-        port = taken.getsockname()[1]
-        running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', '--port', str(port)])
-        assert running.wait(LIMIT) == 2
-    assert f'127.0.0.1, port {port}: found Address already in use' in running.stderr
+def test_an_address_of_another_machine_is_exit_code_2(spawn):
+    elsewhere = ['--host', '203.0.113.1', '--port', '8765']
+    running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', *elsewhere])
+    assert running.wait(LIMIT) == 2
+    assert '203.0.113.1, port 8765: found Cannot assign requested address' in running.stderr
     assert 'Traceback' not in running.stderr
 
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, cast
 
-from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterEvent,
+)
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.parameters.parameter import ParameterType
@@ -18,6 +23,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.parameter import Node as NodeName
     from cmpsp_ros.parameters.parameter import Parameter as Row
     from cmpsp_ros.parameters.table import ParameterTable, Values
+
+_UNBOUNDED = 1e9
+"""Beyond what any parameter may hold."""
 
 _TYPES = {
     ParameterType.BOOL: Parameter.Type.BOOL,
@@ -78,14 +86,22 @@ def _declare(node: Node, key: str, row: Row, value: Any) -> None:
     if node.has_parameter(key):
         # Declared by rclpy from the command line or a file, without words, with a fixed type.
         node.undeclare_parameter(key)
-    fixed = '' if row.reconfigurable else '; cannot be changed while the node runs'
     descriptor = ParameterDescriptor(
         description=row.description,
-        additional_constraints=f'{row.wanted}{fixed}',
+        additional_constraints=row.wanted,
         # A fixed type would be enforced by rclpy, in words that help no one, and refuse 2 for 2.0.
         dynamic_typing=True,
     )
-    node.declare_parameter(key, value, descriptor, ignore_override=True)
+    free = ParameterDescriptor(dynamic_typing=True)
+    node.declare_parameter(key, value, free, ignore_override=True)
     if value == []:
         # An empty list shows no type, and rclpy takes it for one of bytes.
         node.set_parameters([Parameter(key, _TYPES[row.type], value)])
+    low, high = max(row.range.low, -_UNBOUNDED), min(row.range.high, _UNBOUNDED)
+    if row.type is ParameterType.INTEGER:
+        bounds = IntegerRange(from_value=int(low), to_value=int(high))
+        descriptor.integer_range = [bounds]
+    elif row.type is ParameterType.DOUBLE:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    descriptor.read_only = not row.reconfigurable
+    node.set_descriptor(key, descriptor)

@@ -270,15 +270,15 @@ SIM_RESET = Topic(
 RECORDER_HEALTH = replace(
     HEALTH,
     node='recorder',
-    notes='as above: messages, topics, those left out, nodes whose parameters are known',
+    notes='as above: messages, topics, those left out, nodes whose parameters are known; of each'
+    ' topic how many messages, and when the newest was published [ns]',
 )
 RECORDER_FLUSH = Topic(
     'recorder',
     'srv',
     '~/flush',
     Trigger,
-    'what has come is written; the answer has, as JSON by topic, the `count` of messages, and when'
-    ' the newest was `published` [ns]',
+    'what has come is written, and said on `/diagnostics`',
     depth=0,
 )
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.encounters import encounters
-from cmpsp_ros.bags.runs.passing import Passing, mean_speed
+from cmpsp_ros.bags.runs.goals import Passing, mean_speed
 from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.horizon import to_nanoseconds

@@ -16,8 +16,7 @@ from cmpsp_ros.bags.audit.sources import Places, Sources, find
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.encounters import Encounter, encounters
-from cmpsp_ros.bags.runs.other_robots import meetings, read_others
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
@@ -107,14 +106,14 @@ class Record:
         )
 
     @cached_property
-    def meetings(self) -> tuple[Encounter, ...]:
+    def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the other robots where they were meanwhile."""
         settings = self.history.epochs[0].settings
-        known = settings.moving_obstacles
-        both = settings.robot_radius + known.others_radius
+        both = settings.robot_radius + settings.moving_obstacles.others_radius
+        timeout = settings.moving_obstacles.timeout
         paths = (leg.guided for leg in self.legs)
         return tuple(
-            each for path in paths for each in meetings(path, self.others, both, known.timeout)
+            each for path in paths for each in robot_encounters(path, self.others, both, timeout)
         )
 
     @property

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import atan2
 from typing import Any, Literal
 
 from cmpsp_ros.bags.decision_record import ENTRIES, status_of, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
 
 Kind = Literal['int', 'float', 'bool', 'text']
@@ -151,7 +151,7 @@ def _reading(
 def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     twist = message.twist.twist
     yield (
-        _stamp(message),
+        stamp_of(message),
         message.header.frame_id,
         *_pose(message.pose.pose),
         twist.linear.x,
@@ -162,7 +162,7 @@ def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 def _commands(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     stamped = hasattr(message, 'header')
     twist = message.twist if stamped else message
-    yield _stamp(message) if stamped else None, twist.linear.x, twist.angular.z
+    yield stamp_of(message) if stamped else None, twist.linear.x, twist.angular.z
 
 
 def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
@@ -170,16 +170,16 @@ def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
         msg = f'found {len(message.velocity)} wheel speeds, wanted right and left'
         raise ValueError(msg)
     right, left = map(float, message.velocity)
-    yield _stamp(message), right, left
+    yield stamp_of(message), right, left
 
 
 def _plan(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     for point, each in enumerate(message.poses):
-        yield _stamp(message), point, _stamp(each), *_pose(each.pose)
+        yield stamp_of(message), point, stamp_of(each), *_pose(each.pose)
 
 
 def _goals(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
-    yield _stamp(message), message.header.frame_id, *_pose(message.pose)
+    yield stamp_of(message), message.header.frame_id, *_pose(message.pose)
 
 
 def _moving(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
@@ -196,7 +196,7 @@ def _moving(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 def _road(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     for point, each in enumerate(message.poses):
         place = each.pose.position
-        yield _stamp(message), message.header.frame_id, point, place.x, place.y
+        yield stamp_of(message), message.header.frame_id, point, place.x, place.y
 
 
 def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
@@ -237,11 +237,4 @@ def _key(column: Column) -> str:
 
 
 def _pose(pose: Any) -> tuple[float, float, float]:
-    q = pose.orientation
-    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
-    return pose.position.x, pose.position.y, heading
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return pose.position.x, pose.position.y, heading_of(pose.orientation)

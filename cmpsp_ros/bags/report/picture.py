@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Polygon
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
-from cmpsp_ros.bags.report.slider import goals_of, told_of
+from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.view.palette import (
@@ -62,7 +62,7 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
         axes.add_patch(Polygon(edge, fc=OBSTACLE, lw=0, zorder=2))
         axes.add_patch(Polygon(around, fill=False, ec=OBSTACLE, ls='--', zorder=2))
         axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
-    for told in (each for view in views for each in told_of(view)):
+    for told in (each for view in views for each in tracks_of_each(view)):
         x, y = [each.x for each in told], [each.y for each in told]
         axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)
     for number, view in enumerate(views):

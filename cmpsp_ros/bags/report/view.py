@@ -199,10 +199,10 @@ def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
-    """Short names by which bags are told apart."""
+    """Short names by which bags are told apart; a link has the name of what it leads to."""
     short = [
         each.parent.name if each.name == 'bag' and each.parent.name else each.name
-        for each in (path.absolute() for path in paths)
+        for each in (path.resolve() for path in paths)
     ]
     if len(set(short)) == len(short):
         return short

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import atan2
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +13,13 @@ from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.tracks import read_tracks
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.robots.arcs import arc_ends
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-
-_NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -54,13 +52,13 @@ class Driven:
     @property
     def durations(self) -> Array:
         """Length of each arc, shape ``(K,)`` [s]."""
-        durations: Array = np.diff(self.stamps) / _NANOSECONDS
+        durations: Array = np.diff(self.stamps) / NANOSECONDS
         return durations
 
     def at(self, stamp: int) -> Array:
         """Pose ``(3,)`` at an instant between the first stamp and the last, on its arc."""
         index = np.searchsorted(self.stamps, stamp, side='right') - 1
-        since = np.array([(stamp - self.stamps[index]) / _NANOSECONDS])
+        since = np.array([(stamp - self.stamps[index]) / NANOSECONDS])
         pose: Array = arc_ends(self.poses[index, None], self.twists[index, None], since)[0]
         return pose
 
@@ -144,7 +142,9 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.
-        rows[_stamp(message)] = _pose(message), _twist(message)
+        pose, twist = message.pose.pose, message.twist.twist
+        place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
+        rows[stamp_of(message)] = place, [twist.linear.x, twist.angular.z]
     if len(rows) < 2:
         raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
@@ -160,25 +160,10 @@ def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
         points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
         # One pose is where the robot stands.
         if len(points) > 1:
-            yield Planned(_stamp(message), np.array(points))
+            yield Planned(stamp_of(message), np.array(points))
 
 
 def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
-    rows = [(_stamp(message), message.velocity) for _, message in bag.messages(topic)]
+    rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
     return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
-
-
-def _pose(message: Any) -> list[float]:
-    position, q = message.pose.pose.position, message.pose.pose.orientation
-    heading = atan2(2.0 * (q.w * q.z + q.x * q.y), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
-    return [position.x, position.y, heading]
-
-
-def _twist(message: Any) -> list[float]:
-    return [message.twist.twist.linear.x, message.twist.twist.angular.z]
-
-
-def _stamp(message: Any) -> int:
-    stamp = message.header.stamp
-    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.bags.storage.folder import METADATA, write_whole
-from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET, Form, Storage
+from cmpsp_ros.bags.storage.form import NO_MESSAGE_YET, Form
 from cmpsp_ros.bags.storage.mcap_storage import McapStorage
 from cmpsp_ros.bags.storage.metadata import (
     VERSION,
@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rosbags.interfaces import Connection
+
+Storage = McapStorage | SqliteStorage
+"""A file being written. Both raise `OSError` when the disk refuses, and can be called again."""
 
 _TOPIC_METADATA_SIZE = 1536
 """What a topic takes in the metadata, with a few publishers [bytes]."""

@@ -35,4 +35,4 @@ def _distance_from_road(settings: GuidanceSettings, pose: Array) -> float:
     distances = [0.0, *(-FreeSpace.of(road, (), 0.0).at(pose[None])[0]).tolist()]
     if isinstance(road, Corridor):
         distances.append(road.beyond((float(pose[0]), float(pose[1]))))
-    return max(distances)
+    return float(max(distances))

@@ -1,20 +1,50 @@
-"""An audit as JUnit XML, for continuous integration."""
+"""An audit as a table for the terminal, and as JUnit XML for continuous integration."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+
+from rich.table import Table
+from rich.text import Text
 
 from cmpsp_ros.bags.audit.finding import Finding, Outcome
 from cmpsp_ros.bags.audit.record import Record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 
+_STYLES = {Outcome.PASSED: 'green', Outcome.FAILED: 'bold red', Outcome.SKIPPED: 'dim'}
+
 # Characters that XML 1.0 cannot hold, not even escaped.
 _NO_XML = re.compile('[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
+
+
+def table(findings: Sequence[Finding], title: str) -> Table:
+    """One row a check; what comes from a bag is shown as it is, without markup."""
+    rows = Table('', 'check', 'worst', 'limit', 'at', title=Text(title))
+    for each in findings:
+        rows.add_row(
+            _outcome(each),
+            each.title,
+            each.worst_text,
+            each.limit_text,
+            '' if each.at is None else f'{each.at:.2f} s',
+        )
+    return rows
+
+
+def remarks(findings: Sequence[Finding]) -> Iterator[Text]:
+    """A sentence on each check that has not been passed."""
+    for each in findings:
+        if each.outcome is not Outcome.PASSED:
+            yield _outcome(each).append(f' {each.title}: {each.sentence}')
+
+
+def _outcome(finding: Finding) -> Text:
+    return Text.assemble((finding.outcome.value, _STYLES[finding.outcome]))
 
 
 def write_junit(path: Path, findings: Sequence[Finding], record: Record) -> None:

@@ -1,7 +1,7 @@
 """What is shown at this moment, written by one thread and read by many.
 
-A browser asks again and again for what is new to it. Whoever is slow sees less, but nothing late,
-and nothing is kept for him.
+A browser asks again and again for what is new to it. A slow one skips states and is never behind,
+and nothing is queued for it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ LONGEST: Final = 20_000
 
 
 @dataclass(frozen=True)
-class Known:
+class ClientState:
     """What a browser has already.
 
     Attributes:
@@ -32,11 +32,11 @@ class Known:
     rows: dict[str, int] = field(default_factory=dict)
 
 
-class Board:
+class SharedState:
     """The latest of everything, and series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
-        """An empty board.
+        """Begin with nothing.
 
         Args:
             series: Names of what is kept row by row.
@@ -55,7 +55,7 @@ class Board:
             self._latest[name] = _plain(value)
 
     def show_course(self, course: Any) -> None:
-        """Replace what does not move: it is large, and told to each browser once."""
+        """Replace what does not move: it is large, and sent to each browser once."""
         with self._lock:
             self._course, self._course_number = _plain(course), self._course_number + 1
 
@@ -77,12 +77,12 @@ class Board:
         with self._lock:
             self._heard = time.monotonic()
 
-    def news(self, known: Known) -> dict[str, Any]:
+    def updates(self, known: ClientState) -> dict[str, Any]:
         """Everything that a browser does not have, as plain values for JSON."""
         with self._lock:
             same = known.run == self._run
             first = {name: known.rows.get(name, 0) if same else 0 for name in self._series}
-            news: dict[str, Any] = {
+            updates: dict[str, Any] = {
                 **self._latest,
                 'course_number': self._course_number,
                 'run': self._run,
@@ -91,8 +91,8 @@ class Board:
                 'silence': None if self._heard is None else time.monotonic() - self._heard,
             }
             if known.course != self._course_number:
-                news['course'] = self._course
-            return news
+                updates['course'] = self._course
+            return updates
 
     def _clear(self) -> None:
         self._run += 1

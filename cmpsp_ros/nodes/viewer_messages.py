@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
 from cmpsp_ros.bags.decision_record import ENTRIES, Entry
 
 if TYPE_CHECKING:
-    from diagnostic_msgs.msg import DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import Odometry, Path
     from sensor_msgs.msg import JointState
     from visualization_msgs.msg import MarkerArray
@@ -41,14 +42,16 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
     return place if all(map(math.isfinite, place)) else None
 
 
-def decision_of(message: DiagnosticStatus) -> dict[str, Any]:
+def decision_of(message: DiagnosticArray | DiagnosticStatus) -> dict[str, Any]:
     """A decision by the names of `DecisionRecord`; what it lacks, or has no sense, is None.
 
     The level of one after the final time is `arrived`.
     """
-    texts = {each.key: _short(each.value) for each in message.values}
+    # Of anybody's making: an array of none is a decision that lacks everything.
+    status = next(iter(getattr(message, 'status', [message])), DiagnosticStatus())
+    texts = {each.key: _short(each.value) for each in status.values}
     shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
-    shown['reason'] = _short(message.message)
+    shown['reason'] = _short(status.message)
     shown['level'] = 'arrived' if shown['finished'] else shown['level']
     return shown
 

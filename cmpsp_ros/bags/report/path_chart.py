@@ -54,7 +54,7 @@ def path(views: Sequence[View]) -> Figure:
 
 
 def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, plans, robots, what moves and the goal driven to, each for all bags; then the rest.
+    """Paths, plans, robots, moving obstacles and goal driven to, each for all bags; then the rest.
 
     The script counts on this order.
     """
@@ -107,10 +107,10 @@ def _traces(views: Sequence[View]) -> list[Figure]:
 
 
 def _discs(prefixes: Sequence[str]) -> list[Figure]:
-    """What moves at the slider's time."""
+    """Moving obstacles at the slider's time."""
     return [
         {
-            'name': f'{prefix}what moves',
+            'name': f'{prefix}moving obstacles',
             'mode': 'lines',
             'x': [],
             'y': [],
@@ -166,22 +166,22 @@ def _goals(views: Sequence[View]) -> list[Figure]:
 
 
 def _ways(views: Sequence[View]) -> list[Figure]:
-    """Where what moves was told to be, one line each."""
+    """Where moving obstacles were, one line each."""
     return [
         {
-            'name': told[0].name,
+            'name': tracks[0].name,
             'mode': 'lines',
-            'x': numbers(np.array([each.x for each in told])),
-            'y': numbers(np.array([each.y for each in told])),
+            'x': numbers(np.array([each.x for each in tracks])),
+            'y': numbers(np.array([each.y for each in tracks])),
             'text': [
                 f'{view.record.seconds(each.stamp):.2f} s, radius {each.radius:.3g} m'
-                for each in told
+                for each in tracks
             ],
             'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
             'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'},
         }
         for view in views
-        for told in tracks_of_each(view)
+        for tracks in tracks_of_each(view)
     ]
 
 

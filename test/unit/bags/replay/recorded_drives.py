@@ -7,10 +7,11 @@ from contextlib import suppress
 
 import numpy as np
 
+from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.messages import (
+    DECISION,
     PATH,
-    STATUS,
     TWIST,
     command_message,
     decision_message,
@@ -98,7 +99,7 @@ class Drive:
             ('/parameter_events', EVENT),
             (f'{prefix}/odom', ODOMETRY),
             (f'{prefix}/cmd_vel', TWIST),
-            (f'{prefix}/guidance/decision', STATUS),
+            (f'{prefix}/guidance/decision', DECISION),
             (f'{prefix}/guidance/predicted_path', PATH),
         ):
             self.bag.topic(name, kind)
@@ -213,7 +214,7 @@ def altered(
 
 
 def said(message, key):
-    return next(each for each in message.values if each.key == key)
+    return next(each for each in status_of(message).values if each.key == key)
 
 
 def setting(number, **facts):
@@ -233,7 +234,8 @@ def without(*keys):
 
     def change(topic, _index, message):
         if topic == DECISIONS:
-            message.values = [each for each in message.values if each.key not in keys]
+            status = status_of(message)
+            status.values = [each for each in status.values if each.key not in keys]
         return message
 
     return change

@@ -30,7 +30,7 @@ class _Check:
 CHECKS: Final = (
     _Check('road', 'Path: inside the road', path_checks.road, _ROAD),
     _Check('obstacles', 'Path: clear of obstacles', path_checks.obstacles, ('obstacles.names',)),
-    _Check('moving', 'Path: clear of moving obstacles', path_checks.moving),
+    _Check('moving', 'Path: moving obstacles clear', path_checks.moving),
     _Check('others', 'Path: clear of other robots', path_checks.others),
     _Check('margin', 'Path: margin kept', path_checks.margin, (*_ROAD, 'safety.margin')),
     _Check(

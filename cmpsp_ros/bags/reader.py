@@ -1,4 +1,4 @@
-"""Reading bags: ours, and those of `ros2 bag`; whatever is in them, and within bounds."""
+"""Reading bags, ours and those of `ros2 bag`, within bounds."""
 
 from __future__ import annotations
 
@@ -254,7 +254,7 @@ class Bag:
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:
-        # What parsers raise on files made to break them is not to be foretold.
+        # What parsers raise on hostile files cannot be listed.
         try:
             yield
         except BagError:

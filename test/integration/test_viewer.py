@@ -22,7 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS
-from cmpsp_ros.view.palette import RUNGS
+from cmpsp_ros.view.palette import LEVEL_COLORS
 
 pytestmark = pytest.mark.integration
 
@@ -161,7 +161,7 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
         except urllib.error.URLError:
             return None
 
-    assert wait_until(decided, LIMIT) in RUNGS
+    assert wait_until(decided, LIMIT) in LEVEL_COLORS
     # On a busy machine it may miss the goal.
     assert running.wait(LIMIT) in {0, 1}, running.stderr
     assert (folder / 'summary.json').exists()
@@ -228,7 +228,7 @@ def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_unti
     body = re.search(r'<body ([^>]*)>', dom)[1]
     shown = dict(re.findall(r'data-(\w+)="(\w+)"', body))
     # On a busy machine it may be any level.
-    assert shown['level'] in RUNGS
+    assert shown['level'] in LEVEL_COLORS
     assert int(shown['course']) == 10
     assert int(shown['steps']) > 10
     assert int(shown['path']) > 10

@@ -21,7 +21,7 @@ class NodeParameters:
 
     Attributes:
         values: As they are after all that was taken.
-        given: Keys that were said; the others are defaults.
+        given: Keys that were recorded; the others are defaults.
     """
 
     values: Values
@@ -58,30 +58,30 @@ class NodeParameters:
         self._take(given)
         return since
 
-    def change(self, received: int, said: Mapping[str, Any], *, used: bool) -> None:
+    def change(self, received: int, changes: Mapping[str, Any], *, used: bool) -> None:
         """Take a change.
 
         Args:
             received: When it was received [ns].
-            said: New values by key.
+            changes: New values by key.
             used: Whether the values of before have been used.
 
         Raises:
             BagError: It cannot be used, or nobody knows what it changed.
         """
-        unknown = sorted(said.keys() - self.given)
+        unknown = sorted(changes.keys() - self.given)
         if used and unknown:
             raise BagError(
                 f'{self._path}: found a change of {unknown[0]} of {self._node} at {received} ns,'
                 ' before the recorder could learn what it was; wanted its value from the beginning'
             )
         try:
-            self.values = TABLE.reconfigure(self.values, said)
+            self.values = TABLE.reconfigure(self.values, changes)
         except ParameterError as error:
             raise BagError(
                 f'{self._path}: change of parameters at {received} ns: {error.problems[0]}'
             ) from error
-        self.given = self.given.union(said)
+        self.given = self.given.union(changes)
 
     def _take(self, given: Mapping[str, Any]) -> None:
         try:

@@ -72,7 +72,7 @@ class Observer:
         name = RECORDER_FLUSH.name.replace('~', '/recorder')
         self._flush = self._node.create_client(RECORDER_FLUSH.type, name)
         self._transitions = {}
-        self._written: dict[str, str] | None = None
+        self._written: dict[str, str] = {}
         for each in self.robots:
             node = f'{each}/guidance'
             listen(DiagnosticArray, f'{node}/decision', partial(self._on_decision, each), 100)
@@ -116,10 +116,10 @@ class Observer:
         """
         end = time.monotonic() + timeout
         if self.wait_until(self._flush.service_is_ready, timeout):
-            self._written = None
+            self._written = {}
             self._flush.call_async(RECORDER_FLUSH.type.Request())
-            if self.wait_until(lambda: self._written is not None, end - time.monotonic()):
-                return from_values(self._written or {})
+            if self.wait_until(lambda: bool(self._written), end - time.monotonic()):
+                return from_values(self._written)
         raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
 
     def configure(self, timeout: float, namespace: str = '') -> bool:

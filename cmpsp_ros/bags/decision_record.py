@@ -73,14 +73,6 @@ class Entry(Generic[T]):
             ) from None
 
 
-def status_of(message: Any) -> Any:
-    """The status in a message of `~/decision`: a `diagnostic_msgs/DiagnosticArray` of one.
-
-    In bags of before it was the `diagnostic_msgs/DiagnosticStatus` alone.
-    """
-    return message.status[0] if hasattr(message, 'status') else message
-
-
 def truth(text: str) -> bool:
     """Whether text is `true`.
 
@@ -92,11 +84,20 @@ def truth(text: str) -> bool:
     return text == 'true'
 
 
+def status_of(message: Any) -> Any:
+    """The status in a message of `~/decision`: an array of one; of earlier versions, itself.
+
+    Raises:
+        LookupError: The array is empty.
+    """
+    return message.status[0] if hasattr(message, 'status') else message
+
+
 @dataclass(frozen=True)
 class DecisionRecord:
     """One decision, with everything that was published on it.
 
-    What each entry says is told in `cmpsp_ros.guidance.decision.Decision`.
+    What each entry means is in `cmpsp_ros.guidance.decision.Decision`.
 
     Attributes:
         source: Bag and topic, for errors.
@@ -155,7 +156,7 @@ class DecisionRecord:
             status = status_of(message)
             entries = {str(each.key): str(each.value) for each in status.values}
             return cls(source, received, str(status.message), entries)
-        except (AttributeError, TypeError, IndexError) as error:
+        except (AttributeError, TypeError, LookupError) as error:
             raise BagError(
                 f'{source}: found a message that is none of its type, wanted a decision'
             ) from error
@@ -183,7 +184,7 @@ class DecisionRecord:
 
     @property
     def tracks(self) -> list[tuple[int | str, int]]:
-        """Numbers and stamps of what moves, as it was known; other robots by their namespaces."""
+        """Numbers (of other robots: namespaces) and stamps of moving obstacles, as known."""
         try:
             return read_keys(self.tracks_known)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""Reading bags: ours, and those of `ros2 bag`; whatever is in them, and within bounds."""
+"""Reading bags, ours and those of `ros2 bag`, within bounds."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.storage.checks import check_bag
 from cmpsp_ros.bags.storage.folder import METADATA, is_locked
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 _SUFFIXES = ('.mcap', '.db3')
 
 _MAX_REASON = 500
+
+_TELLS_PARAMETERS = 'rcl_interfaces/msg/ParameterEvent'
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,8 @@ class Bag:
         start: Stamp of the first message [ns], 0 when there is none.
         end: Stamp of the last message [ns], 0 when there is none.
         parameters: Parameters kept with the bag, `{node: {name: value}}`, as they were before the
-            first change in `/parameter_events`; empty when the bag was not written by this package.
+            first change in `/parameter_events`; from `~/parameters` where another program wrote the
+            bag, else empty.
             A parameter is missing when it was changed before the recorder could learn its value.
         restarts: By node, when it was started anew with other parameters [ns], and these; in order
             of time.
@@ -233,10 +237,24 @@ class Bag:
             node: sorted(((since, values) for since, values in each), key=lambda one: one[0])
             for node, each in parsed(custom, RESTARTS_KEY).items()
         }
+        if not self.parameters:
+            self._read_parameters()
+
+    def _read_parameters(self) -> None:
+        """Take parameters from where nodes tell them, for who records without asking."""
+        for topic, about in self.topics.items():
+            if about.msgtype != _TELLS_PARAMETERS or not topic.endswith('/parameters'):
+                continue
+            for received, message in self.messages(topic):
+                if message.node not in self.parameters:
+                    self.parameters[message.node] = plain_values(message.new_parameters)
+                elif not message.changed_parameters:
+                    lives = self.restarts.setdefault(message.node, [])
+                    lives.append((received, plain_values(message.new_parameters)))
 
     @contextmanager
     def _readable(self, what: str) -> Iterator[None]:
-        # What parsers raise on files made to break them is not to be foretold.
+        # What parsers raise on hostile files cannot be listed.
         try:
             yield
         except BagError:

@@ -23,6 +23,7 @@ def audit(
     cmd_vel: Annotated[
         str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
     ] = None,
+    namespace: Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')] = None,
     params_file: Annotated[
         str | None,
         typer.Option(metavar='FILE', help='Judge by these parameters, not by those in the bag.'),
@@ -37,7 +38,9 @@ def audit(
     from cmpsp_ros.bags import audit as auditing  # noqa: PLC0415 (starts faster without)
 
     with exit_on(BagError, ParameterError, code=2):
-        evidence = auditing.read_record(bag, auditing.Sources(odom, cmd_vel, params_file))
+        evidence = auditing.read_record(
+            bag, auditing.Sources(odom, cmd_vel, params_file, namespace)
+        )
         findings = auditing.audit_record(evidence)
         if junit is not None:
             auditing.write_junit(junit, findings, evidence)
@@ -82,6 +85,7 @@ def report(
     cmd_vel: Annotated[
         str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
     ] = None,
+    namespace: Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')] = None,
     params_file: Annotated[
         str | None,
         typer.Option(metavar='FILE', help='Show these parameters, not those in the bags.'),
@@ -98,7 +102,7 @@ def report(
     from cmpsp_ros.bags.audit import Sources  # noqa: PLC0415 (starts faster without)
 
     with exit_on(BagError, ParameterError, code=2):
-        sources = Sources(odom, cmd_vel, params_file)
+        sources = Sources(odom, cmd_vel, params_file, namespace)
         written = reporting.write_report(bags, output, sources, force=force)
     for path in written:
         say(f'{path}: written')

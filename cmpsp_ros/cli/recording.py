@@ -109,6 +109,14 @@ def play(
     remap: Annotated[
         list[str] | None, typer.Option(metavar='OLD:=NEW', help='Another name; repeatable.')
     ] = None,
+    namespace: Annotated[str, typer.Option(help='Of the live nodes, as in /r1.')] = '',
+    odom: Annotated[
+        str, typer.Option(metavar='TOPIC', help='Recorded odometry: played as <namespace>/odom.')
+    ] = '',
+    cmd_vel: Annotated[
+        str,
+        typer.Option(metavar='TOPIC', help='Recorded commands: played as <namespace>/cmd_vel.'),
+    ] = '',
 ) -> None:
     """Publish recorded topics to live nodes, with /clock.
 
@@ -119,7 +127,11 @@ def play(
 
     playback = player.Playback(rate, start_offset, duration, loop, paused, tuple(topics or ()))
     with exit_on(BagError, code=2):
-        code = player.play(bag, playback, remap or ())
+        place = namespace.rstrip('/')
+        named = [
+            f'{old}:={place}/{new}' for old, new in ((odom, 'odom'), (cmd_vel, 'cmd_vel')) if old
+        ]
+        code = player.play(bag, playback, [*(remap or ()), *named])
     raise typer.Exit(code)
 
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.nodes.recording.flush_answer import Written
+from cmpsp_ros.nodes.recording.written import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
 
 if TYPE_CHECKING:

@@ -15,14 +15,14 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
-from cmpsp_ros.nodes.recording.flush_answer import from_json
+from cmpsp_ros.nodes.recording.written import from_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from types import TracebackType
     from typing import Self
 
-    from cmpsp_ros.nodes.recording.flush_answer import ByTopic
+    from cmpsp_ros.nodes.recording.written import ByTopic
 
 _WAKE_PERIOD = 0.02
 
@@ -72,6 +72,7 @@ class Observer:
         name = RECORDER_FLUSH.name.replace('~', '/recorder')
         self._flush = self._node.create_client(RECORDER_FLUSH.type, name)
         self._transitions = {}
+        self._written: dict[str, str] = {}
         for each in self.robots:
             node = f'{each}/guidance'
             listen(DiagnosticArray, f'{node}/decision', partial(self._on_decision, each), 100)
@@ -115,9 +116,10 @@ class Observer:
         """
         end = time.monotonic() + timeout
         if self.wait_until(self._flush.service_is_ready, timeout):
-            future = self._flush.call_async(RECORDER_FLUSH.type.Request())
-            if self.wait_until(future.done, end - time.monotonic()):
-                return from_json(future.result().message)
+            self._written = {}
+            self._flush.call_async(RECORDER_FLUSH.type.Request())
+            if self.wait_until(lambda: bool(self._written), end - time.monotonic()):
+                return from_values(self._written)
         raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
 
     def configure(self, timeout: float, namespace: str = '') -> bool:
@@ -158,6 +160,8 @@ class Observer:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            if status.name == '/recorder: recorder':
+                self._written = {each.key: each.value for each in status.values}
             seen = self.robots.get(status.name.removesuffix('/guidance: guidance'))
             if seen is not None:
                 seen.health = {each.key: each.value for each in status.values}

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 HOST, PORT = '127.0.0.1', 8765
 
+_PORTS = 10
+"""Ports that are tried."""
+
 _TRAIL_STEP = 0.01
 """Way after which a point is added to the path driven [m]."""
 
@@ -65,11 +68,7 @@ class Viewer(Node):
         host = self.declare_parameter('host', HOST, fixed).value
         port = self.declare_parameter('port', PORT, fixed).value
         self._state = SharedState(SERIES)
-        try:
-            self._server = ViewServer(self._state, host, port)
-        except ViewError as error:
-            msg = f'parameters host, port: {error}'
-            raise StartupError(msg) from error
+        self._server = self._serve(host, port)
         self._place: tuple[float, float, float] | None = None
         self._number: tuple[str, float | None] = '', None
         self._robot: Future | None = None
@@ -83,6 +82,21 @@ class Viewer(Node):
         # Not by the logger, which tells the token to all who listen to /rosout.
         sys.stderr.write(f'open {self._server.address} in a browser\n')
         sys.stderr.flush()
+
+    def _serve(self, host: str, port: int) -> ViewServer:
+        """Take the port, or the next one that is free."""
+        first: ViewError | None = None
+        for candidate in range(port, port + (_PORTS if port else 1)):
+            try:
+                server = ViewServer(self._state, host, candidate)
+            except ViewError as error:
+                first = first or error
+            else:
+                if candidate != port:
+                    self.get_logger().warning(f'port {port} is taken: port {candidate} instead')
+                return server
+        msg = f'parameters host, port: {first}'
+        raise StartupError(msg)
 
     def stop(self) -> None:
         """Close the page's port."""

@@ -179,8 +179,9 @@ class ParameterTable:
         if not isinstance(key, str):
             return Problem(describe(key), 'no text', "a parameter's name")
         candidates = list(self._single)
-        for prefix, block in self._blocks.items():
-            name = key.removeprefix(prefix).partition('.')[0]
+        for block in self._blocks.values():
+            # The prefix itself may be misspelt: the name is behind the first dot.
+            name = key.partition('.')[2].partition('.')[0] or key.partition('.')[0]
             candidates += [parameter.key(name) for parameter in block]
         # A block's name that is no name makes a key that is near itself.
         others = [candidate for candidate in candidates if candidate != key]

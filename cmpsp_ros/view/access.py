@@ -67,8 +67,8 @@ class Access:
         """Header `Set-Cookie` for who has entered: no script may read it, no other site use it."""
         return f'{_COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict'
 
-    def _is_token(self, said: str) -> bool:
-        return secrets.compare_digest(said.encode(), self.token.encode())
+    def _is_token(self, given: str) -> bool:
+        return secrets.compare_digest(given.encode(), self.token.encode())
 
 
 def _is_loopback(host: str) -> bool:

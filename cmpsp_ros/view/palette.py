@@ -8,14 +8,14 @@ from typing import Final
 BAGS: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#000000')
 DASHES: Final = ('solid', 'dash', 'dot', 'dashdot')
 
-RUNGS: Final = {
+LEVEL_COLORS: Final = {
     'nominal': '#009e73',
     'elastic': '#f0e442',
     'shifted': '#e69f00',
     'stop': '#4d4d4d',
     'arrived': '#c4c9d1',
 }
-"""By rung; a stop after the final time is none that should worry anybody."""
+"""By fallback level; a stop after the final time is none that should worry anybody."""
 
 ROAD: Final = '#e9ebef'
 EDGE: Final = '#7b8494'

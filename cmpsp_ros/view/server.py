@@ -1,8 +1,8 @@
 """The page and what it asks for, over HTTP.
 
-The server answers on loopback unless told otherwise, and then asks for a token. It changes nothing,
-and is asked by its own page alone: no other site may read it, not even by a name that leads to this
-machine.
+The server answers on loopback unless configured otherwise, and then asks for a token. It changes
+nothing, and is asked by its own page alone: no other site may read it, not even by a name that
+leads to this machine.
 """
 
 from __future__ import annotations
@@ -143,11 +143,11 @@ def _client_state(query: str) -> ClientState:
     Raises:
         ValueError: It says something else than whole numbers from -1 on.
     """
-    said = {key: int(values[-1]) for key, values in parse_qs(query).items()}
-    if any(value < -1 for value in said.values()):
+    numbers = {key: int(values[-1]) for key, values in parse_qs(query).items()}
+    if any(value < -1 for value in numbers.values()):
         raise ValueError(query)
-    course, run = said.pop('course', -1), said.pop('run', -1)
-    return ClientState(course, run, {name: max(rows, 0) for name, rows in said.items()})
+    course, run = numbers.pop('course', -1), numbers.pop('run', -1)
+    return ClientState(course, run, {name: max(rows, 0) for name, rows in numbers.items()})
 
 
 def _asset(name: str) -> bytes:

@@ -47,7 +47,7 @@ class SharedState:
         self._course_number = 0
         self._run = 0
         self._series: dict[str, list[list[Any]]] = {name: [] for name in series}
-        self._heard: float | None = None
+        self._received: float | None = None
 
     def show(self, name: str, value: Any) -> None:
         """Replace what is shown under a name."""
@@ -73,9 +73,9 @@ class SharedState:
             self._clear()
 
     def alive(self) -> None:
-        """Note that something was heard now."""
+        """Note that something was received now."""
         with self._lock:
-            self._heard = time.monotonic()
+            self._received = time.monotonic()
 
     def updates(self, known: ClientState) -> dict[str, Any]:
         """Everything that a browser does not have, as plain values for JSON."""
@@ -88,7 +88,7 @@ class SharedState:
                 'run': self._run,
                 'first': first,
                 'series': {name: rows[first[name] :] for name, rows in self._series.items()},
-                'silence': None if self._heard is None else time.monotonic() - self._heard,
+                'silence': None if self._received is None else time.monotonic() - self._received,
             }
             if known.course != self._course_number:
                 updates['course'] = self._course

@@ -15,13 +15,13 @@ import yaml
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
-from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.nodes.recording.flush_answer import from_json
+from cmpsp_ros.nodes.common.topics import HEALTH
+from cmpsp_ros.nodes.recording.written import from_values
 
 pytestmark = pytest.mark.integration
 
@@ -85,14 +85,16 @@ def test_a_robot_in_a_namespace_drives_in_simulated_time_and_is_recorded(
     # Of the second file, and on the clock of the simulator.
     assert twists[-1].linear.x > 0.5
     assert places[-1].header.stamp.sec < 1000
-    flush = ros.node.create_client(Trigger, '/r1/recorder/flush')
-    ros.spin_until(flush.service_is_ready, LIMIT)
+    said = {}
+
+    def hear(message):
+        for each in message.status:
+            said[each.name] = {value.key: value.value for value in each.values}
+
+    ros.node.create_subscription(HEALTH.type, HEALTH.name, hear, HEALTH.qos)
 
     def are_recorded():
-        """The nodes drive as soon as they can; the recorder takes up to seconds to find them."""
-        answer = flush.call_async(Trigger.Request())
-        ros.spin_until(answer.done, LIMIT)
-        written = from_json(answer.result().message)
+        written = from_values(said.get('/r1/recorder: recorder', {}))
         return set(written) >= RECORDED and written['/r1/guidance/decision'].count > 10
 
     ros.spin_until(are_recorded, LIMIT)

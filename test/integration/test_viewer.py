@@ -22,7 +22,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS
-from cmpsp_ros.view.palette import RUNGS
+from cmpsp_ros.view.palette import LEVEL_COLORS
 
 pytestmark = pytest.mark.integration
 
@@ -72,6 +72,18 @@ def start_robot(spawn):
             spawn([sys.executable, '-m', module, *arguments, *more])
 
     return start
+
+
+def test_where_its_port_is_taken_it_takes_the_next_and_says_so(spawn, wait_until):
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        flags = ['--ros-args', '-p', f'port:={port}']
+        running = spawn([sys.executable, '-m', MODULES['viewer'], *flags])
+        found = wait_until(
+            lambda: re.search(r'open http://127.0.0.1:(\d+)/', running.stderr), LIMIT
+        )
+        assert port < int(found[1]) < port + 10
+        assert f'port {port} is taken: port {found[1]} instead' in running.stderr
 
 
 def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until):
@@ -127,12 +139,11 @@ def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until
     wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'], LIMIT)
 
 
-def test_a_port_that_is_taken_is_exit_code_2(spawn):
-    with socket.create_server(('127.0.0.1', 0)) as taken:
-        port = taken.getsockname()[1]
-        running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', '--port', str(port)])
-        assert running.wait(LIMIT) == 2
-    assert f'127.0.0.1, port {port}: found Address already in use' in running.stderr
+def test_an_address_of_another_machine_is_exit_code_2(spawn):
+    elsewhere = ['--host', '203.0.113.1', '--port', '8765']
+    running = spawn([sys.executable, '-m', 'cmpsp_ros.cli', 'view', *elsewhere])
+    assert running.wait(LIMIT) == 2
+    assert '203.0.113.1, port 8765: found Cannot assign requested address' in running.stderr
     assert 'Traceback' not in running.stderr
 
 
@@ -150,7 +161,7 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
         except urllib.error.URLError:
             return None
 
-    assert wait_until(decided, LIMIT) in RUNGS
+    assert wait_until(decided, LIMIT) in LEVEL_COLORS
     # On a busy machine it may miss the goal.
     assert running.wait(LIMIT) in {0, 1}, running.stderr
     assert (folder / 'summary.json').exists()
@@ -217,7 +228,7 @@ def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_unti
     body = re.search(r'<body ([^>]*)>', dom)[1]
     shown = dict(re.findall(r'data-(\w+)="(\w+)"', body))
     # On a busy machine it may be any level.
-    assert shown['level'] in RUNGS
+    assert shown['level'] in LEVEL_COLORS
     assert int(shown['course']) == 10
     assert int(shown['steps']) > 10
     assert int(shown['path']) > 10

@@ -1,4 +1,4 @@
-"""The audit of a bag: what really happened, whatever the nodes said about it."""
+"""The audit of a bag: what really happened, by odometry and parameters alone."""
 
 from cmpsp_ros.bags.audit.checks import audit, audit_record
 from cmpsp_ros.bags.audit.finding import Finding, Outcome

@@ -30,7 +30,7 @@ class _Check:
 CHECKS: Final = (
     _Check('road', 'Path: inside the road', path_checks.road, _ROAD),
     _Check('obstacles', 'Path: clear of obstacles', path_checks.obstacles, ('obstacles.names',)),
-    _Check('moving', 'Path: clear of what moves', path_checks.moving),
+    _Check('moving', 'Path: moving obstacles clear', path_checks.moving),
     _Check('others', 'Path: clear of other robots', path_checks.others),
     _Check('margin', 'Path: margin kept', path_checks.margin, (*_ROAD, 'safety.margin')),
     _Check(
@@ -59,9 +59,11 @@ CHECKS: Final = (
     _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
     _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
     _Check('stop_at_end', 'Stop: at the end', command_checks.stop_at_end, ('control_period',)),
-    _Check('reasons', 'Ladder: reasons given', fallback_checks.reasons),
-    _Check('shifted', 'Ladder: old plans dropped', fallback_checks.shifted, ('failure_tolerance',)),
-    _Check('nominal', 'Ladder: nominal is clear', fallback_checks.nominal, _ROAD),
+    _Check('reasons', 'Fallback: reasons given', fallback_checks.reasons),
+    _Check(
+        'shifted', 'Fallback: old plans dropped', fallback_checks.shifted, ('failure_tolerance',)
+    ),
+    _Check('nominal', 'Fallback: nominal is clear', fallback_checks.nominal, _ROAD),
 )
 
 

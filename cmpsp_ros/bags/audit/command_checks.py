@@ -34,7 +34,7 @@ _SETTLED = 2.0 / 3.0
 """Part of the time for which a command holds after which the robot has to obey it."""
 
 _BRIEF = 0.5
-"""Control periods for which a command has to hold before obedience can be told."""
+"""Control periods for which a command has to hold before obedience can be judged."""
 
 _OBEYED = 0.1
 """Part of the largest wheel speed by which a wheel may differ from its command."""
@@ -81,16 +81,16 @@ def as_decided(record: Record) -> Verdict:
     """Whether what was sent is what was decided."""
     if not record.decisions:
         return skipped(f'The bag has no decision in {record.places.decision}.')
-    said = record.history.epochs[0].settings.robot.twist(wheel_speeds(record.decisions))
+    decided = record.history.epochs[0].settings.robot.twist(wheel_speeds(record.decisions))
     pairs = record.pairs
-    wrong = ~agreeing(record.commands, said, pairs)
+    wrong = ~agreeing(record.commands, decided, pairs)
     count = int(wrong.sum())
     if not count:
         return passed_if(
             True, f'All {pairs.count} commands are what was decided.', worst=0.0, limit=0.0
         )
     where = int(wrong.argmax())
-    sent, wanted = record.commands.twists[pairs.commands + where], said[pairs.decisions + where]
+    sent, wanted = record.commands.twists[pairs.commands + where], decided[pairs.decisions + where]
     return passed_if(
         False,
         f'{count} of {pairs.count} commands are not what was decided; the first is'
@@ -197,11 +197,11 @@ def silence(record: Record) -> Verdict:
     limit = record.history.epochs[0].settings.odom_timeout + _SLACK
     worst, at, longest = 0.0, record.start, 0.0
     for leg in record.legs:
-        heard, commands = leg.odometry.received, leg.commands
-        gaps = np.diff(heard) / NANOSECONDS
+        received, commands = leg.odometry.received, leg.commands
+        gaps = np.diff(received) / NANOSECONDS
         longest = max(longest, float(gaps.max()))
         for index in np.flatnonzero(gaps > limit):
-            times = (commands.received - heard[index]) / NANOSECONDS
+            times = (commands.received - received[index]) / NANOSECONDS
             before = int(np.searchsorted(times, 0.0, side='right')) - 1
             moving = before >= 0 and bool(commands.moving[before])
             during = (times > 0.0) & (times <= gaps[index])
@@ -227,7 +227,7 @@ def silence(record: Record) -> Verdict:
 def stop_at_end(record: Record) -> Verdict:
     """Whether the last command of all is a stop."""
     leg = record.legs[-1]
-    last, heard = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
+    last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
     run = leg.runs[-1]
     settings = record.history.at(run.start)
     speed, turn = leg.commands.twists[-1]
@@ -235,7 +235,7 @@ def stop_at_end(record: Record) -> Verdict:
     if not leg.commands.moving[-1]:
         return passed_if(True, 'The last command is a stop.', **figures)
     final = run.start + to_nanoseconds(settings.final_time)
-    if heard < final and heard - last <= _LATE * settings.control_period * NANOSECONDS:
+    if received < final and received - last <= _LATE * settings.control_period * NANOSECONDS:
         return skipped('The recording ends while the robot is on its way.')
     sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
     return passed_if(False, sentence, **figures)

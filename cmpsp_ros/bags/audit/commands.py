@@ -100,7 +100,7 @@ def read_commands(bag: Bag, topic: str) -> Commands:
     )
 
 
-def pair(commands: Commands, said: Array) -> Pairs:
+def pair(commands: Commands, decided: Array) -> Pairs:
     """Find for each command the decision that it was sent for.
 
     Both were sent one for one. If there are more of one kind, then the recording missed some of
@@ -108,20 +108,20 @@ def pair(commands: Commands, said: Array) -> Pairs:
 
     Args:
         commands: What was sent.
-        said: What the decisions say was sent, shape ``(D, 2)`` [m/s, rad/s].
+        decided: What the decisions are, shape ``(D, 2)`` [m/s, rad/s].
     """
-    surplus = len(commands.twists) - len(said)
+    surplus = len(commands.twists) - len(decided)
     ends = [
-        Pairs(max(skipped, 0), max(-skipped, 0), min(len(said), len(commands.twists)))
+        Pairs(max(skipped, 0), max(-skipped, 0), min(len(decided), len(commands.twists)))
         for skipped in (0, surplus)
     ]
-    return max(ends, key=lambda each: agreeing(commands, said, each).sum())
+    return max(ends, key=lambda each: agreeing(commands, decided, each).sum())
 
 
-def agreeing(commands: Commands, said: Array, pairs: Pairs) -> Flags:
+def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
     """Whether each command is what its decision says, shape ``(count,)``."""
     sent = commands.twists[pairs.commands :][: pairs.count]
-    wanted = said[pairs.decisions :][: pairs.count]
+    wanted = decided[pairs.decisions :][: pairs.count]
     agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
     return agree
 

@@ -1,4 +1,4 @@
-"""Checks of the ladder: rungs that should not be where they are."""
+"""Checks of the fallback levels: whether each was where it should be."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _ROUNDING = 1e-6
 
 
 def reasons(record: Record) -> Verdict:
-    """Whether every rung is a known one with a reason, and every stop a stop."""
+    """Whether every level is a known one with a reason, and every stop a stop."""
     if not record.decisions:
         return _no_decision(record)
-    known = {rung.name.lower() for rung in Rung}
+    known = {level.name.lower() for level in Rung}
     wrong = []
     for each in record.decisions:
         if each.level not in known:
-            wrong.append((each, f'is on rung {each.level!r}, which does not exist'))
+            wrong.append((each, f'has level {each.level!r}, which does not exist'))
         elif not each.reason.strip():
-            wrong.append((each, f'is on rung {each.level} without a reason'))
+            wrong.append((each, f'has level {each.level} without a reason'))
         elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0):
-            wrong.append((each, 'is on rung stop with wheels that turn'))
+            wrong.append((each, 'has level stop with wheels that turn'))
         elif each.finished and each.level != 'stop':
-            wrong.append((each, f'is on rung {each.level} after the final time'))
+            wrong.append((each, f'has level {each.level} after the final time'))
     if not wrong:
         return passed_if(
             True, f'All {len(record.decisions)} decisions say why.', worst=0.0, limit=0.0
@@ -68,32 +68,32 @@ def shifted(record: Record) -> Verdict:
 
 
 def nominal(record: Record) -> Verdict:
-    """Whether the path driven is clear wherever the rung says so."""
+    """Whether the path driven is clear wherever the level is nominal."""
     if not record.decisions:
         return _no_decision(record)
     answers = [each for each in record.decisions if not each.halted]
     if not answers:
-        return skipped('No control step is on rung nominal.')
+        return skipped('No control step has level nominal.')
     stamps = np.array([each.stamp for each in answers], dtype=np.int64)
     if np.any(np.diff(stamps) < 0):
-        return skipped('Time jumps back, and rungs cannot be told apart by it.')
+        return skipped('Time jumps back, and levels cannot be assigned by it.')
     good = np.array([each.level == 'nominal' for each in answers])
     worst, at = np.inf, record.start
     for sweep in record.sweeps:
-        rung = np.searchsorted(stamps, sweep.stamps, side='right') - 1
+        level = np.searchsorted(stamps, sweep.stamps, side='right') - 1
         period = sweep.settings.control_period * NANOSECONDS
-        under = (rung >= 0) & good[np.maximum(rung, 0)]
-        under &= sweep.stamps - stamps[np.maximum(rung, 0)] < period
+        under = (level >= 0) & good[np.maximum(level, 0)]
+        under &= sweep.stamps - stamps[np.maximum(level, 0)] < period
         least = sweep.clearance.min(axis=1)[under]
         if len(least) and least.min() < worst:
             worst, at = float(least.min()), int(sweep.stamps[under][least.argmin()])
     if worst == np.inf:
-        return skipped('No control step is on rung nominal.')
+        return skipped('No control step has level nominal.')
     passed = worst >= -_ROUNDING
     sentence = (
-        'Wherever the rung is nominal, the path driven is clear.'
+        'Wherever the level is nominal, the path driven is clear.'
         if passed
-        else f'While the rung is nominal, the path driven is {-worst:.3g} m too close.'
+        else f'While the level is nominal, the path driven is {-worst:.3g} m too close.'
     )
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
 

@@ -38,7 +38,7 @@ class History:
     """All parameters over time.
 
     Attributes:
-        given: Keys that were said; the others are defaults, by which nothing can be judged.
+        given: Keys that were recorded; the others are defaults, by which nothing can be judged.
         epochs: In order of time, at least one; the first began before the recording.
     """
 
@@ -65,9 +65,9 @@ def read_history(bag: Bag, places: Places, sources: Sources) -> History:
     parameters = NodeParameters(bag, places.node)
     epochs = [_epoch(0, parameters)]
     first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
-    for received, stamp, said in _changes(bag, places.node):
+    for received, stamp, changes in _changes(bag, places.node):
         epochs += _restarts(parameters, received)
-        parameters.change(received, said, used=received >= first_command)
+        parameters.change(received, changes, used=received >= first_command)
         epochs.append(_epoch(stamp, parameters))
     epochs += _restarts(parameters, bag.end)
     return History(parameters.given, tuple(epochs))
@@ -85,5 +85,5 @@ def _epoch(since: int, parameters: NodeParameters) -> Epoch:
 def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
     """When each change was received, and made [ns], and what it says."""
     for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
-        if said := changes_in(event, node):
-            yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, said
+        if changes := changes_in(event, node):
+            yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, changes

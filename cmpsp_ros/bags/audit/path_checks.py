@@ -53,14 +53,14 @@ def obstacles(record: Record) -> Verdict:
 
 
 def moving(record: Record) -> Verdict:
-    """Clearance from what moved, where it was told to be, while the robot moved as well.
+    """Clearance from moving obstacles at their predicted positions, while the robot moved as well.
 
     What drives into a robot that stands is no collision of the robot's.
     """
     met = record.encounters
     if not met:
-        return skipped(f'Nothing that moves is told of in {record.places.moving or "any topic"}.')
-    return _apart(record, met, ', where that was told to be')
+        return skipped(f'No moving obstacle is in {record.places.moving or "any topic"}.')
+    return _apart(record, met, ', at its predicted position')
 
 
 def others(record: Record) -> Verdict:
@@ -267,18 +267,18 @@ def _spare(
 def _goals_of(record: Record, run: Run) -> list[Goal]:
     """The goals of a run, in order, as they were when they should have been passed.
 
-    Those of the parameters are dropped from when the first goal was told on `goal_pose`, and each
-    of these when another was told before its time.
+    Those of the parameters are dropped when the first goal came on `goal_pose`, and each of those
+    when another came before its time.
     """
-    told = [each for each in record.decisions if run.start <= each.stamp <= run.end]
-    told = [each for each in told if each.goal is not None and each.goals_received]
-    until = float('inf') if not told else (told[0].stamp - run.start) / NANOSECONDS
+    received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
+    received = [each for each in received if each.goal is not None and each.goals_received]
+    until = float('inf') if not received else (received[0].stamp - run.start) / NANOSECONDS
     goals = []
     for index, goal in enumerate(record.history.at(run.start).goals):
         then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
         if goal.time <= until:
             goals.append(replace(then[index], time=goal.time))
-    for each, after in zip_longest(told, told[1:]):
+    for each, after in zip_longest(received, received[1:]):
         assert each.goal is not None  # noqa: S101 (looked at above)
         if after is None or after.goal != each.goal:
             end = float('inf') if after is None else (after.stamp - run.start) / NANOSECONDS

@@ -1,4 +1,4 @@
-"""All that is audited of a recording: odometry, commands, parameters, and what was said."""
+"""All that is audited of a recording: odometry, commands, parameters and decisions."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Record:
         odometry: All of it.
         commands: All of them.
         decisions: All of them; none in the bag of another program.
-        tracks: Obstacles that moved, as they were told of, by number and time.
+        tracks: Moving obstacles, as they were received, by number and time.
         others: Paths of the other robots that were to be kept clear of, by namespace.
         pairs: Which command belongs to which decision.
         legs: Parts in which time does not jump back and commands were sent.
@@ -97,7 +97,7 @@ class Record:
 
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:
-        """The same path, with what moved meanwhile as it was told to."""
+        """The same path, with the moving obstacles at their predicted positions."""
         settings = self.history.epochs[0].settings
         radius, timeout = settings.robot_radius, settings.moving_obstacles.timeout
         paths = (leg.guided for leg in self.legs)
@@ -154,8 +154,8 @@ def _record(bag: Bag, sources: Sources) -> Record:
     odometry = read_odometry(bag, places.odom, frame_id)
     commands = read_commands(bag, places.cmd_vel)
     decisions = read_decisions(bag, places.decision)
-    said = settings.robot.twist(wheel_speeds(decisions))
-    pairs = pair(commands, said)
+    decided = settings.robot.twist(wheel_speeds(decisions))
+    pairs = pair(commands, decided)
     commands = timed(commands, odometry, pairs, decisions)
     legs = tuple(_legs(odometry.legs(settings.odom_timeout), commands, decisions))
     if not legs:
@@ -181,10 +181,10 @@ def _legs(
         if end is not None:
             inside &= commands.received < end
         some = commands.chosen(inside)
-        said = [one for one in decisions if one.received >= begin]
-        said = [one for one in said if end is None or one.received < end]
+        inside_leg = [one for one in decisions if one.received >= begin]
+        inside_leg = [one for one in inside_leg if end is None or one.received < end]
         if len(some.stamps) and each.stamps[-1] > each.stamps[0]:
-            legs.append(Leg(each, some, _runs(some, said, int(each.stamps[-1]))))
+            legs.append(Leg(each, some, _runs(some, inside_leg, int(each.stamps[-1]))))
     return legs
 
 

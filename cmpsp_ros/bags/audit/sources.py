@@ -19,11 +19,13 @@ class Sources:
         odom: Topic of the odometry.
         cmd_vel: Topic of the commands.
         params_file: Parameter file or preset to judge by, instead of the parameters in the bag.
+        namespace: Of the guidance node, as in `/r1`.
     """
 
     odom: str | None = None
     cmd_vel: str | None = None
     params_file: str | Path | None = None
+    namespace: str | None = None
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,14 @@ def find(bag: Bag, sources: Sources) -> Places:
 
 def _node(bag: Bag, sources: Sources) -> str:
     nodes = sorted(name for name in bag.parameters if name.rpartition('/')[2] == _NODE)
+    if sources.namespace is not None:
+        wanted = f'{sources.namespace.rstrip("/")}/{_NODE}'
+        if wanted not in nodes and sources.params_file is None:
+            there = ', '.join(nodes) or 'none'
+            raise BagError(
+                f'{bag.path}: found no parameters of {wanted}; there are those of {there}'
+            )
+        return wanted
     if sources.odom is not None:
         # The odometry's namespace says which robot is meant.
         beside = f'{sources.odom.rpartition("/")[0]}/{_NODE}'

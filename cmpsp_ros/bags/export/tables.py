@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import ENTRIES, status_of, truth
+from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, status_of, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
@@ -80,9 +80,6 @@ _BEFORE_ENTRIES = (
     Column('reason', 'text'),
 )
 
-_OF_DECISIONS = ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus')
-"""As they are published, and as they were before."""
-
 _MAX_KEYS = 200
 
 _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 'text'}
@@ -91,7 +88,7 @@ _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 't
 def tables(bag: Bag) -> list[Table]:
     """The tables of a bag: those for which it has topics.
 
-    Odometry and commands are told by their types; wheel speeds, decisions and plans by their
+    Odometry and commands are found by their types; wheel speeds, decisions and plans by their
     names, too, so that joints and paths of other nodes are not taken for ours.
 
     Raises:
@@ -109,7 +106,13 @@ def tables(bag: Bag) -> list[Table]:
             _commands,
         ),
         ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
-        ('decisions', _OF_DECISIONS, '/decision', (), _decisions),
+        (
+            'decisions',
+            ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus'),
+            '/decision',
+            (),
+            _decisions,
+        ),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
         ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
         ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),
@@ -216,8 +219,8 @@ def _cell(column: Column, text: str | None) -> Cell:
 def _decision_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
     """Columns of decisions: not all of them say the same, so that all have to be asked."""
     keys: dict[str, None] = {}
-    for _, _, message in bag.together(topics):
-        keys.update(dict.fromkeys(each.key for each in status_of(message).values))
+    for topic, received, message in bag.together(topics):
+        keys.update(dict.fromkeys(DecisionRecord.of(topic, received, message).entries))
         if len(keys) > _MAX_KEYS:
             msg = f'{bag.path}: over {_MAX_KEYS} keys in {" and ".join(topics)}, wanted decisions'
             raise BagError(msg)

@@ -121,8 +121,8 @@ class Inputs:
             BagError: The bag is damaged, or lacks something that the law received.
         """
         before: DecisionRecord | None = None
-        # Whether all odometry since the last decision was heard, or some may have been refused.
-        heard = False
+        # Whether all odometry since the last decision was received, or some may have been refused.
+        received_all = False
         for decision in self._recording.decisions():
             if before is None and decision.step > 0:
                 self.skipped += 1
@@ -130,7 +130,7 @@ class Inputs:
             begins = before is None or _began_anew(before, decision)
             odometry = None if decision.halted else self._find(decision)
             if odometry is not None:
-                yield from self._between(odometry, heard=heard and not begins)
+                yield from self._between(odometry, received_all=received_all and not begins)
             if before is None or begins:
                 yield from self._began(decision, again=before is not None)
             else:
@@ -143,7 +143,7 @@ class Inputs:
                 yield self._missing(decision)
             else:
                 yield from self._received(odometry, decision, goals)
-            before, heard = decision, not decision.halted
+            before, received_all = decision, not decision.halted
         if before is None:
             raise BagError(
                 f'{self._bag.path}: found {self.skipped} decisions of {self._node}, wanted one'
@@ -154,11 +154,11 @@ class Inputs:
         waiting, stamp = self._recording.odometry, decision.stamp
         return next((each for each in waiting if each.stamp == stamp), None)
 
-    def _between(self, wanted: OdometrySample, *, heard: bool) -> Iterator[Input]:
+    def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
         """Odometry that came before the one wanted, and was not decided on."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
-            if heard:
+            if received_all:
                 yield from self._received(each, None)
 
     def _received(
@@ -223,9 +223,9 @@ class Inputs:
         return bool(waiting) and (until is None or waiting[0][0] <= until)
 
     def _change(self, *, used: bool, since: int = 0) -> None:
-        received, said = self._recording.changes.popleft()
+        received, changes = self._recording.changes.popleft()
         if received >= since:
-            self._parameters.change(received, said, used=used)
+            self._parameters.change(received, changes, used=used)
 
     def _refuse_to_guess(self, decision: DecisionRecord) -> None:
         if self._has_change(until=decision.received):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
@@ -16,26 +15,13 @@ from cmpsp_ros.parameters.table import Values, is_of_ros
 EVENTS = '/parameter_events'
 """Topic of the changes."""
 
-_FIELDS = (
-    'bool_value',
-    'integer_value',
-    'double_value',
-    'string_value',
-    'byte_array_value',
-    'bool_array_value',
-    'integer_array_value',
-    'double_array_value',
-    'string_array_value',
-)
-"""Fields of `rcl_interfaces/msg/ParameterValue` by its type, from 1."""
-
 
 class NodeParameters:
     """The complete set of parameters of one node, from its beginning on.
 
     Attributes:
         values: As they are after all that was taken.
-        given: Keys that were said; the others are defaults.
+        given: Keys that were recorded; the others are defaults.
     """
 
     values: Values
@@ -72,30 +58,30 @@ class NodeParameters:
         self._take(given)
         return since
 
-    def change(self, received: int, said: Mapping[str, Any], *, used: bool) -> None:
+    def change(self, received: int, changes: Mapping[str, Any], *, used: bool) -> None:
         """Take a change.
 
         Args:
             received: When it was received [ns].
-            said: New values by key.
+            changes: New values by key.
             used: Whether the values of before have been used.
 
         Raises:
             BagError: It cannot be used, or nobody knows what it changed.
         """
-        unknown = sorted(said.keys() - self.given)
+        unknown = sorted(changes.keys() - self.given)
         if used and unknown:
             raise BagError(
                 f'{self._path}: found a change of {unknown[0]} of {self._node} at {received} ns,'
                 ' before the recorder could learn what it was; wanted its value from the beginning'
             )
         try:
-            self.values = TABLE.reconfigure(self.values, said)
+            self.values = TABLE.reconfigure(self.values, changes)
         except ParameterError as error:
             raise BagError(
                 f'{self._path}: change of parameters at {received} ns: {error.problems[0]}'
             ) from error
-        self.given = self.given.union(said)
+        self.given = self.given.union(changes)
 
     def _take(self, given: Mapping[str, Any]) -> None:
         try:
@@ -115,13 +101,5 @@ def changes_in(event: Any, node: str) -> dict[str, Any] | None:
     """
     if event.node != node or not event.changed_parameters:
         return None
-    changed = {each.name: _plain(each.value) for each in event.changed_parameters}
+    changed = plain_values(event.changed_parameters)
     return {key: value for key, value in changed.items() if not is_of_ros(key)}
-
-
-def _plain(value: Any) -> Any:
-    """Value of a `rcl_interfaces/msg/ParameterValue`; None when it has none."""
-    if not 1 <= value.type <= len(_FIELDS):
-        return None
-    found = getattr(value, _FIELDS[value.type - 1])
-    return found.tolist() if isinstance(found, np.ndarray) else found

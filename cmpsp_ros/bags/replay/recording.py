@@ -208,8 +208,8 @@ class Recording:
                     (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
                     for each in poses
                 )
-        elif (said := changes_in(message, self._names.node)) is not None:
-            self.changes.append((received, said))
+        elif (changed := changes_in(message, self._names.node)) is not None:
+            self.changes.append((received, changed))
 
     def _note(self, tracks: Iterable[Seen]) -> None:
         """Keep what was received; what cannot be used the node refused too."""

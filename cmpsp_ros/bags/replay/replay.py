@@ -61,7 +61,7 @@ class ReplayOutcome:
     first: Difference | None = None
 
     def __str__(self) -> str:
-        """What is to be said of it, in a few lines."""
+        """Summary in a few lines."""
         lines = [f'identical: {self.decisions} decisions']
         if self.first is not None:
             lines = [
@@ -132,9 +132,9 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
         return outcome
 
 
-def _refuse_another_law(path: Path, names: Names, said: Collection[str]) -> None:
+def _refuse_another_law(path: Path, names: Names, given: Collection[str]) -> None:
     """The law of before these parameters gave way elsewhere, and no settings make it so again."""
-    missing = [key for key in _OF_THIS_LAW if key not in said]
+    missing = [key for key in _OF_THIS_LAW if key not in given]
     if missing:
         raise BagError(
             f'{path}: found no {missing[0]} among the parameters of {names.node}, wanted a'
@@ -154,8 +154,10 @@ def _compare(
         case OdometryReceived(odometry, None):
             # It is not fed, so that what follows can still be compared.
             if follower.law.is_due(odometry.stamp):
-                unheard = Difference(number, odometry.stamp, 'decision', 'nothing', 'one is due')
-                yield None, [unheard]
+                missing_decision = Difference(
+                    number, odometry.stamp, 'decision', 'nothing', 'one is due'
+                )
+                yield None, [missing_decision]
         case OdometryMissing(recorded):
             text = 'nothing, for the odometry that it answers is not in the bag'
             yield recorded, [Difference(number, recorded.stamp, 'decision', 'one', text)]

@@ -1,6 +1,6 @@
 """What if: a changed guidance law on recorded odometry, beside the one that drove.
 
-Open loop: the robot followed the recorded commands, whatever the changed law would have said.
+Open loop: the robot followed the recorded commands, not those of the changed law.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Change:
     Attributes:
         base: A set of parameters in place of the recorded one; None to keep that, with its live
             changes.
-        assignments: Values by key, in place of whatever the set says.
+        assignments: Values by key, in place of those of the set.
     """
 
     base: Mapping[str, Any] | None
@@ -65,7 +65,7 @@ class WhatIf:
 
     Attributes:
         settings: Of the changed law, at the beginning.
-        odometry: All that was heard.
+        odometry: All that was received.
         recorded: Decisions of the recorded law.
         decisions: Decisions of the changed law, each with the time when its odometry was received
             [ns].
@@ -79,16 +79,16 @@ class WhatIf:
     left_out: list[str] = field(default_factory=list)
 
     def __str__(self) -> str:
-        """What is to be said of it, in a few lines."""
+        """Summary in a few lines."""
         return '\n'.join(
             f'{who}: {sum(counts.values())} decisions, '
-            + ', '.join(f'{count} {rung}' for rung, count in sorted(counts.items()))
-            for who, counts in zip(('recorded', 'changed'), self.rungs, strict=True)
+            + ', '.join(f'{count} {level}' for level, count in sorted(counts.items()))
+            for who, counts in zip(('recorded', 'changed'), self.levels, strict=True)
         )
 
     @property
-    def rungs(self) -> tuple[dict[str, int], dict[str, int]]:
-        """Decisions on each rung: recorded, and of the changed law."""
+    def levels(self) -> tuple[dict[str, int], dict[str, int]]:
+        """Decisions of each fallback level: recorded, and of the changed law."""
         return (
             dict(Counter(each.level for each in self.recorded)),
             dict(Counter(each.rung.name.lower() for _, each in self.decisions)),
@@ -171,13 +171,13 @@ def _copy(bag: Bag, new: BagWriter, result: WhatIf) -> None:
 
 
 def _write(new: BagWriter, names: Names, result: WhatIf) -> None:
-    said, commanded, planned = (
+    decided, commanded, planned = (
         f'{PREFIX}{name}' for name in (names.decision, names.cmd_vel, names.path)
     )
-    for topic, kind in ((said, DECISION), (commanded, TWIST), (planned, PATH)):
+    for topic, kind in ((decided, DECISION), (commanded, TWIST), (planned, PATH)):
         new.topic(topic, kind)
     for received, decision in result.decisions:
-        new.write(said, received, decision_message(decision, f'{PREFIX}{names.node}: decision'))
+        new.write(decided, received, decision_message(decision, f'{PREFIX}{names.node}: decision'))
         new.write(commanded, received, command_message(decision))
         if decision.plan is not None:
             path = path_message(decision.plan, result.settings.frame_id, decision.stamp)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.palette import GRID, LIMIT, RUNGS, TEXT, bag_color
+from cmpsp_ros.view.palette import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color
 
 Array = NDArray[np.float64]
 Figure = dict[str, Any]
@@ -21,18 +21,18 @@ _DIGITS = 6
 """Digits after the point: a micrometre, a microsecond."""
 
 
-def rungs(views: Sequence[View]) -> Figure:
-    """Bands of the ladder over time, one row a bag."""
+def levels(views: Sequence[View]) -> Figure:
+    """Bands of the fallback levels over time, one row a bag."""
     traces: list[Figure] = []
-    for rung, color in RUNGS.items():
-        bands = [(view, each) for view in views for each in view.bands if each.level == rung]
+    for level, color in LEVEL_COLORS.items():
+        bands = [(view, each) for view in views for each in view.bands if each.level == level]
         if not bands:
             continue
         traces.append(
             {
                 'type': 'bar',
                 'orientation': 'h',
-                'name': rung,
+                'name': level,
                 'y': [escaped(view.label) for view, _ in bands],
                 'base': [_number(each.begin) for _, each in bands],
                 'x': [_number(each.end - each.begin) for _, each in bands],
@@ -42,12 +42,12 @@ def rungs(views: Sequence[View]) -> Figure:
                     for _, each in bands
                 ],
                 'textposition': 'none',
-                'hovertemplate': f'<b>{rung}</b> %{{text}}<extra></extra>',
+                'hovertemplate': f'<b>{level}</b> %{{text}}<extra></extra>',
                 'marker': {'color': color, 'line': {'color': '#ffffff', 'width': 1}},
                 'width': 0.6,
             }
         )
-    figure = _over_time(views, traces, {'autorange': 'reversed', 'automargin': True}, 'ladder')
+    figure = _over_time(views, traces, {'autorange': 'reversed', 'automargin': True}, 'levels')
     figure['layout'] |= {'barmode': 'overlay', 'height': 130 + 34 * len(views)}
     figure['layout']['hovermode'] = 'closest'
     return figure

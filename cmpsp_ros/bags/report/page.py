@@ -36,7 +36,7 @@ def page(views: Sequence[View]) -> str:
         style=_asset('page.css'),
         verdicts=tables.verdicts(views),
         summary=tables.summary(views),
-        ladder=tables.sections(views, 'ladder'),
+        levels=tables.sections(views, 'levels'),
         audit=tables.sections(views, 'findings'),
         parameters=tables.parameters(views),
         end=f'{max(view.end for view in views):.3f}',
@@ -49,7 +49,7 @@ def page(views: Sequence[View]) -> str:
 def _data(views: Sequence[View]) -> dict[str, Any]:
     figures = {
         'path': path(views),
-        'rungs': charts.rungs(views),
+        'levels': charts.levels(views),
         'wheels': charts.wheel_speeds(views),
         'clearance': charts.clearance(views),
         'position': charts.position(views),

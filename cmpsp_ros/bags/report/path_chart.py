@@ -11,11 +11,14 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
+from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape, outline
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
+
+_NONE: Array = np.zeros(0)
 
 _ROOM = 0.6
 """Part of the road's width that is shown around everything that happened."""
@@ -54,135 +57,84 @@ def path(views: Sequence[View]) -> Figure:
 
 
 def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, plans, robots, what moves and the goal driven to, each for all bags; then the rest.
+    """Paths, plans, robots, moving obstacles and goal driven to, each for all bags; then the rest.
 
-    The script counts on this order.
+    The script counts on this order, and fills what is empty here.
     """
     several = len(views) > 1
-    prefixes = [f'{escaped(view.label)}: ' if several else '' for view in views]
-    driven = [
-        {
-            'name': f'{prefix}driven',
-            'mode': 'lines',
-            'x': numbers(view.poses[:, 0]),
-            'y': numbers(view.poses[:, 1]),
-            'text': [f'{each:.2f} s' for each in view.times],
-            'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
-            'line': {'color': bag_color(number), 'width': 2.6},
-        }
-        for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
-    ]
-    plans = [
-        {
-            'name': f'{prefix}plan',
-            'mode': 'lines+markers',
-            'x': [],
-            'y': [],
-            'hoverinfo': 'skip',
-            'line': {'color': bag_color(number), 'width': 1.2, 'dash': 'dot'},
-            'marker': {'size': 5, 'symbol': 'circle-open'},
-        }
-        for number, prefix in enumerate(prefixes)
-    ]
-    robots = [
-        {
-            'name': f'{prefix}robot',
-            'mode': 'markers',
-            'x': numbers(view.poses[:1, 0]),
-            'y': numbers(view.poses[:1, 1]),
-            'hoverinfo': 'skip',
-            'showlegend': False,
-            'marker': {
-                'symbol': 'arrow-wide',
-                'size': 18,
-                'angle': 90.0 - math.degrees(view.poses[0, 2]),
-                'color': bag_color(number),
-                'line': {'color': '#ffffff', 'width': 1.5},
-            },
-        }
-        for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
-    ]
-    traces: list[Figure] = [*driven, *plans, *robots, *_discs(prefixes), *_goal_rings(prefixes)]
-    return [{'type': 'scatter', **each} for each in (*traces, *_goals(views), *_ways(views))]
-
-
-def _discs(prefixes: Sequence[str]) -> list[Figure]:
-    """What moves at the slider's time."""
+    named = [(f'{escaped(view.label)}: ' if several else '', view) for view in views]
+    colors = [bag_color(number) for number in range(len(views))]
+    obstacle = {'fill': 'toself', 'fillcolor': OBSTACLE, 'opacity': 0.85, 'line': {'width': 0}}
+    ring = {'symbol': 'circle-open', 'size': 26, 'line': {'width': 2}}
     return [
-        {
-            'name': f'{prefix}what moves',
-            'mode': 'lines',
-            'x': [],
-            'y': [],
-            'hoverinfo': 'skip',
-            'showlegend': False,
-            'fill': 'toself',
-            'fillcolor': OBSTACLE,
-            'opacity': 0.85,
-            'line': {'width': 0},
-        }
-        for prefix in prefixes
+        *(
+            _trace(f'{prefix}driven', 'lines', view.poses[:, 0], view.poses[:, 1])
+            | _hover([f'{each:.2f} s' for each in view.times])
+            | {'line': {'color': color, 'width': 2.6}}
+            for (prefix, view), color in zip(named, colors, strict=True)
+        ),
+        *(
+            _trace(f'{prefix}plan', 'lines+markers')
+            | {'line': {'color': color, 'width': 1.2, 'dash': 'dot'}}
+            | {'marker': {'size': 5, 'symbol': 'circle-open'}}
+            for (prefix, _), color in zip(named, colors, strict=True)
+        ),
+        *(
+            _trace(f'{prefix}robot', 'markers', view.poses[:1, 0], view.poses[:1, 1])
+            | {'marker': _arrow(view.poses[0, 2], color), 'showlegend': False}
+            for (prefix, view), color in zip(named, colors, strict=True)
+        ),
+        *(
+            _trace(f'{prefix}moving obstacles', 'lines') | obstacle | {'showlegend': False}
+            for prefix, _ in named
+        ),
+        *(
+            _trace(f'{prefix}driven to', 'markers') | {'marker': {'color': color, **ring}}
+            for (prefix, _), color in zip(named, colors, strict=True)
+        ),
+        *_goals(views),
+        *(_way(view, tracks) for view in views for tracks in tracks_of_each(view)),
     ]
 
 
-def _goal_rings(prefixes: Sequence[str]) -> list[Figure]:
-    """Rings around the goal that is driven to at the slider's time."""
-    return [
-        {
-            'name': f'{prefix}driven to',
-            'mode': 'markers',
-            'x': [],
-            'y': [],
-            'hoverinfo': 'skip',
-            'marker': {
-                'symbol': 'circle-open',
-                'size': 26,
-                'color': bag_color(number),
-                'line': {'width': 2},
-            },
-        }
-        for number, prefix in enumerate(prefixes)
-    ]
+def _trace(name: str, mode: str, x: Array = _NONE, y: Array = _NONE) -> Figure:
+    return {'type': 'scatter', 'name': name, 'mode': mode, 'hoverinfo': 'skip'} | {
+        'x': numbers(x),
+        'y': numbers(y),
+    }
+
+
+def _hover(texts: list[str]) -> Figure:
+    """What is shown of a point, with a text for each."""
+    shown = {'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>', 'hoverinfo': 'all'}
+    return {'text': texts, **shown}
+
+
+def _arrow(heading: float, color: str) -> Figure:
+    white = {'color': '#ffffff', 'width': 1.5}
+    angle = 90.0 - math.degrees(heading)
+    return {'symbol': 'arrow-wide', 'size': 18, 'angle': angle, 'color': color, 'line': white}
 
 
 def _goals(views: Sequence[View]) -> list[Figure]:
     goals = goals_of(views)
     if not goals:
         return []
-    x, y = np.array([goal.position for goal in goals]).T
-    return [
-        {
-            'name': 'goal' if len(goals) == 1 else 'goals',
-            'mode': 'markers+text',
-            'x': numbers(x),
-            'y': numbers(y),
-            'text': [escaped(goal.name) for goal in goals],
-            'textposition': 'top right',
-            'cliponaxis': False,
-            'hovertemplate': 'goal %{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
-            'marker': {'symbol': 'star', 'size': 15, 'color': GOAL},
-        }
-    ]
+    name = 'goal' if len(goals) == 1 else 'goals'
+    trace = _trace(name, 'markers+text', *np.array([goal.position for goal in goals]).T)
+    trace |= _hover([escaped(goal.name) for goal in goals])
+    trace['hovertemplate'] = f'goal {trace["hovertemplate"]}'
+    marker = {'symbol': 'star', 'size': 15, 'color': GOAL}
+    return [trace | {'textposition': 'top right', 'cliponaxis': False, 'marker': marker}]
 
 
-def _ways(views: Sequence[View]) -> list[Figure]:
-    """Where what moves was told to be, one line each."""
-    return [
-        {
-            'name': told[0].name,
-            'mode': 'lines',
-            'x': numbers(np.array([each.x for each in told])),
-            'y': numbers(np.array([each.y for each in told])),
-            'text': [
-                f'{view.record.seconds(each.stamp):.2f} s, radius {each.radius:.3g} m'
-                for each in told
-            ],
-            'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>',
-            'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'},
-        }
-        for view in views
-        for told in tracks_of_each(view)
-    ]
+def _way(view: View, tracks: Sequence[Track]) -> Figure:
+    """Where a moving obstacle was."""
+    x, y = np.array([(each.x, each.y) for each in tracks]).T
+    times = [(view.record.seconds(each.stamp), each.radius) for each in tracks]
+    trace = _trace(tracks[0].name, 'lines', x, y)
+    trace |= _hover([f'{seconds:.2f} s, radius {radius:.3g} m' for seconds, radius in times])
+    return trace | {'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'}}
 
 
 def _road(road: Road) -> list[Figure]:

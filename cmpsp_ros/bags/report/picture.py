@@ -20,17 +20,17 @@ from cmpsp_ros.view.palette import (
     EDGE,
     GOAL,
     GRID,
+    LEVEL_COLORS,
     LIMIT,
     OBSTACLE,
     ROAD,
-    RUNGS,
     bag_color,
 )
 from cmpsp_ros.world.obstacles.shapes import outline
 
 
 def draw(views: Sequence[View], output: Path) -> None:
-    """Draw path, ladder, wheel speeds, clearance and step times.
+    """Draw path, fallback levels, wheel speeds, clearance and step times.
 
     Raises:
         BagError: The picture cannot be written.
@@ -39,7 +39,7 @@ def draw(views: Sequence[View], output: Path) -> None:
     grid = figure.add_gridspec(4, 2, width_ratios=[5, 6], height_ratios=[1, 3, 3, 3])
     _draw_path(figure.add_subplot(grid[:, 0]), views)
     shown: Axes | None = None
-    for row, draw_one in enumerate((_draw_rungs, _draw_wheels, _draw_clearance, _draw_steps)):
+    for row, draw_one in enumerate((_draw_levels, _draw_wheels, _draw_clearance, _draw_steps)):
         axes = figure.add_subplot(grid[row, 1], sharex=shown)
         draw_one(axes, views)
         axes.grid(color=GRID)
@@ -62,8 +62,8 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
         axes.add_patch(Polygon(edge, fc=OBSTACLE, lw=0, zorder=2))
         axes.add_patch(Polygon(around, fill=False, ec=OBSTACLE, ls='--', zorder=2))
         axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
-    for told in (each for view in views for each in tracks_of_each(view)):
-        x, y = [each.x for each in told], [each.y for each in told]
+    for tracks in (each for view in views for each in tracks_of_each(view)):
+        x, y = [each.x for each in tracks], [each.y for each in tracks]
         axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)
     for number, view in enumerate(views):
         color = bag_color(number)
@@ -78,13 +78,15 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
     axes.legend(loc='best')
 
 
-def _draw_rungs(axes: Axes, views: Sequence[View]) -> None:
+def _draw_levels(axes: Axes, views: Sequence[View]) -> None:
     for number, view in enumerate(views):
         for band in view.bands:
-            color = RUNGS.get(band.level, 'white')
+            color = LEVEL_COLORS.get(band.level, 'white')
             axes.barh(number, band.end - band.begin, 0.6, left=band.begin, color=color)
     there = {band.level for view in views for band in view.bands}
-    keys = [Patch(color=color, label=rung) for rung, color in RUNGS.items() if rung in there]
+    keys = [
+        Patch(color=color, label=level) for level, color in LEVEL_COLORS.items() if level in there
+    ]
     if keys:
         axes.legend(handles=keys, ncols=len(keys), loc='lower left', bbox_to_anchor=(0.0, 1.0))
     axes.set_yticks(range(len(views)), [_plain(view.label) for view in views])

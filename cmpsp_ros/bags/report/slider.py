@@ -1,4 +1,4 @@
-"""What the slider moves in the chart of the path: plans, robots, goals, and what moves itself."""
+"""What the slider moves in the chart of the path: plans, robots, goals and moving obstacles."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.mission.goals import Goal
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:
-    """For each bag its plans, poses, obstacles, goals, and what it said."""
+    """For each bag its plans, poses, obstacles, goals and decisions."""
     return [
         {
             'plans': [
@@ -32,7 +32,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 't': numbers(view.clearance[0]),
                 'value': numbers(np.minimum(*view.clearance[1:])),
             },
-            'said': [
+            'decisions': [
                 [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions
             ],
@@ -40,7 +40,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 [round(seconds, 6), *goal.position, label_of(goal)]
                 for seconds, goal in goals_over_time(view)
             ],
-            'moving': [_told(view, each) for each in tracks_of_each(view)],
+            'moving': [_of_obstacle(view, each) for each in tracks_of_each(view)],
             'timeout': view.settings.moving_obstacles.timeout,
         }
         for view in views
@@ -48,9 +48,9 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
 
 
 def tracks_of_each(view: View) -> list[list[Track]]:
-    """What was told of each obstacle that moved, in order of time."""
+    """What was received of each moving obstacle, in order of time."""
     grouped = groupby(view.record.tracks, key=lambda each: each.id)
-    return [list(told) for _, told in grouped]
+    return [list(tracks) for _, tracks in grouped]
 
 
 def goals_over_time(view: View) -> list[tuple[float, Goal]]:
@@ -73,8 +73,8 @@ def label_of(goal: Goal) -> str:
     return f'{goal.name} at {goal.time:g} s' if goal.name else 'the goal'
 
 
-def _told(view: View, told: list[Track]) -> dict[str, Any]:
-    chosen = [told[k] for k in thinned(np.arange(len(told)), MOST_PLANS)]
+def _of_obstacle(view: View, tracks: list[Track]) -> dict[str, Any]:
+    chosen = [tracks[k] for k in thinned(np.arange(len(tracks)), MOST_PLANS)]
     columns = {
         name: numbers(np.array([getattr(each, name) for each in chosen]))
         for name in ('x', 'y', 'vx', 'vy', 'radius')

@@ -12,7 +12,7 @@ from cmpsp_ros.bags.audit import Outcome
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import describe
-from cmpsp_ros.view.palette import RUNGS, bag_color
+from cmpsp_ros.view.palette import LEVEL_COLORS, bag_color
 
 _MOST_BANDS = 200
 
@@ -40,12 +40,11 @@ def findings(view: View) -> str:
     return _table(['', 'check', 'worst', 'limit', 'at', 'what was found'], rows, stacked=True)
 
 
-def ladder(view: View) -> str:
-    """The bands of the ladder with their sentences."""
+def levels(view: View) -> str:
+    """The bands of the fallback levels with their sentences."""
     rows = [
         [
-            f'<span class="swatch" style="background:{RUNGS.get(each.level, "#fff")}"></span>'
-            f'{escape(each.level)}',
+            f'{_swatch(LEVEL_COLORS.get(each.level, "#fff"))}{escape(each.level)}',
             f'{each.begin:.2f} to {each.end:.2f} s',
             str(each.steps),
             escape(each.reason),
@@ -74,7 +73,7 @@ def parameters(views: Sequence[View]) -> str:
 
 def sections(views: Sequence[View], table: str) -> str:
     """One table a bag, under its name where there are several."""
-    build = {'findings': findings, 'ladder': ladder}[table]
+    build = {'findings': findings, 'levels': levels}[table]
     if len(views) == 1:
         return build(views[0])
     return ''.join(f'<h3>{_swatched(views, view)}</h3>{build(view)}' for view in views)
@@ -115,15 +114,19 @@ def _figures(view: View) -> dict[str, str]:
         if len(taken)
         else 'unknown',
         'deadlines missed': f'{late} of {len(taken)}' if len(taken) else 'unknown',
-        'rungs': ', '.join(f'{count} {rung}' for rung, count in counts.items()) or 'unknown',
+        'fallback levels': ', '.join(f'{count} {level}' for level, count in counts.items())
+        or 'unknown',
         'recorded': f'{view.end:.1f} s, {len(view.record.odometry.stamps)} odometry messages',
         'recorded by': f'cmpsp_ros {view.version}' if view.version else 'another program',
     }
 
 
 def _swatched(views: Sequence[View], view: View) -> str:
-    color = bag_color(views.index(view))
-    return f'<span class="swatch" style="background:{color}"></span>{escape(view.label)} '
+    return f'{_swatch(bag_color(views.index(view)))}{escape(view.label)} '
+
+
+def _swatch(color: str) -> str:
+    return f'<span class="swatch" style="background:{color}"></span>'
 
 
 def _table(

@@ -47,7 +47,7 @@ class Band:
         begin: From when on [s].
         end: Until when [s].
         steps: How many.
-        reason: What the first of them said.
+        reason: Reason of the first of them.
     """
 
     level: str
@@ -157,7 +157,7 @@ class View:
 
     @cached_property
     def bands(self) -> tuple[Band, ...]:
-        """The ladder over time."""
+        """The fallback levels over time."""
         decisions = self.record.decisions
         kinds = [_kind(each) for each in decisions]
         begins = [k for k, kind in enumerate(kinds) if not k or kind != kinds[k - 1]]
@@ -227,5 +227,5 @@ def _shown(decision: DecisionRecord) -> str:
 
 
 def _kind(decision: DecisionRecord) -> tuple[str, str]:
-    """Rung and sentence, without the figures in it."""
+    """Level and sentence, without the figures in it."""
     return _shown(decision), re.sub(r'[-+]?\d[\d.e+-]*', '#', decision.reason)

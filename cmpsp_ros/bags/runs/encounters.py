@@ -23,7 +23,7 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, driven while something moved as it was told to, or another robot as it did.
+    """Part of a path, driven while an obstacle moved as predicted, or another robot as it did.
 
     Attributes:
         name: What messages call it.
@@ -48,7 +48,7 @@ def encounters(
         path: The path driven.
         tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
         robot_radius: Of the robot's footprint [m].
-        timeout: Age at which an obstacle that is not told of again is forgotten [s].
+        timeout: Age at which an obstacle that is not seen again is forgotten [s].
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -72,19 +72,19 @@ def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driv
 
     Args:
         bag: An open bag.
-        namespaces: Of the robots; those that the bag tells nothing of are left out.
+        namespaces: Of the robots; those that are not in the bag are left out.
         own: Namespace that is left out.
 
     Raises:
         BagError: The bag is damaged.
     """
     return {
-        each: driven_in(bag, each) for each in namespaces if each != own and _is_told(bag, each)
+        each: driven_in(bag, each) for each in namespaces if each != own and _is_recorded(bag, each)
     }
 
 
-def _is_told(bag: Bag, namespace: str) -> bool:
-    """Whether a bag tells where a robot drove."""
+def _is_recorded(bag: Bag, namespace: str) -> bool:
+    """Whether a bag has the path of a robot."""
     topics = (f'{namespace}/{topic}' for topic in ('sim/truth', 'odom'))
     return any(topic in bag.topics and bag.topics[topic].count > 1 for topic in topics)
 

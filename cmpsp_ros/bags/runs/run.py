@@ -81,7 +81,7 @@ class Run:
         decisions: In order.
         plans: In order; empty where nobody listened to them.
         driven: The path driven: the simulator's own where there is one, else odometry's.
-        tracks: Obstacles that moved, as they were told of, by number and time.
+        tracks: Moving obstacles, as they were received, by number and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
         wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
             ``(W, 2)`` [rad/s].

@@ -1,4 +1,4 @@
-"""Obstacles that move, as a bag tells of them."""
+"""Moving obstacles in a bag."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.messages.tracks import Track, TrackError, tracks_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """All that a topic tells of, by number and time; none where the bag lacks the topic.
+    """All of a topic, by number and time; none where the bag lacks the topic.
 
     Args:
         bag: An open bag.
@@ -38,12 +38,12 @@ def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]
 
 
 def seen_at(tracks: Iterable[Track], stamp: int, timeout: float) -> list[Track]:
-    """Where what moves was at an instant, as far as it was told by then.
+    """Where moving obstacles were at an instant, as far as was known by then.
 
     Args:
         tracks: As from `read_tracks`.
         stamp: The instant [ns].
-        timeout: Age at which one that is not told of again is forgotten [s].
+        timeout: Age at which one that is not seen again is forgotten [s].
 
     Returns:
         One track for each obstacle, brought to that instant, in the order of their numbers.

@@ -7,7 +7,7 @@ each chunk against it.
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from rosbags.rosbag2 import ReaderError
 
@@ -39,7 +39,7 @@ from cmpsp_ros.bags.storage.mcap_records import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping
     from pathlib import Path
     from typing import BinaryIO
 
@@ -48,20 +48,6 @@ _END_SIZE = 37
 _PROFILES = 'offered_qos_profiles'
 
 WITHOUT_INDEX = 'without an index, as a recording that was cut off; `cmpsp recover` makes one'
-
-
-class _Indexed(NamedTuple):
-    """A chunk as the index has it: its place, and what is in its head."""
-
-    offset: int
-    head: ChunkHead
-
-
-class _Summary(NamedTuple):
-    """What was found in an index."""
-
-    chunks: list[_Indexed]
-    is_complete: bool
 
 
 def check_mcap(path: Path) -> None:
@@ -74,10 +60,10 @@ def check_mcap(path: Path) -> None:
     with path.open('rb') as file:
         size = path.stat().st_size
         begin, start = _data_section(file, path.name, size)
-        summary = _check_summary(file, path.name, start, size - _END_SIZE)
-        if summary.chunks:
-            _check_chunks(file, summary.chunks, size)
-        elif summary.is_complete:
+        chunks, is_complete = _check_summary(file, path.name, start, size - _END_SIZE)
+        if chunks:
+            _check_chunks(file, chunks, size)
+        elif is_complete:
             _check_records(file, path.name, begin, start)
         else:
             raise ReaderError(WITHOUT_INDEX)
@@ -103,10 +89,13 @@ def _data_section(file: BinaryIO, name: str, size: int) -> tuple[int, int]:
     return header.end, start
 
 
-def _check_summary(file: BinaryIO, name: str, start: int, end: int) -> _Summary:
+def _check_summary(
+    file: BinaryIO, name: str, start: int, end: int
+) -> tuple[dict[int, ChunkHead], bool]:
+    """Heads of the chunks by offset, as the index has them; whether it does without chunks."""
     topics = profiles = schemas = 0
     count: int | None = None
-    chunks: list[_Indexed] = []
+    chunks: dict[int, ChunkHead] = {}
     for record in records(file, start, end):
         body = content(file, record, MAX_SUMMARY)
         start = record.end
@@ -119,7 +108,11 @@ def _check_summary(file: BinaryIO, name: str, start: int, end: int) -> _Summary:
                 msg = f'message definition of {record.size} bytes'
                 raise ReaderError(msg)
         elif record.opcode == CHUNK_INDEX:
-            chunks.append(_indexed(Fields(body)))
+            offset, head = _indexed(Fields(body))
+            if offset in chunks:
+                msg = 'index that names a chunk twice'
+                raise ReaderError(msg)
+            chunks[offset] = head
         elif record.opcode == STATISTICS:
             count = Fields(body).uint(8)
         if topics > MAX_TOPICS or profiles > MAX_METADATA or len(chunks) > MAX_CHUNKS:
@@ -131,28 +124,25 @@ def _check_summary(file: BinaryIO, name: str, start: int, end: int) -> _Summary:
     if start != end:
         msg = f'{name} has a damaged index, at byte {start}'
         raise ReaderError(msg)
-    return _Summary(chunks, count == 0 or (count is not None and schemas > 0))
+    return chunks, count == 0 or (count is not None and schemas > 0)
 
 
-def _indexed(fields: Fields) -> _Indexed:
+def _indexed(fields: Fields) -> tuple[int, ChunkHead]:
     start, end, offset, _ = (fields.uint(8) for _ in range(4))
     fields.sized()
     fields.uint(8)
     compression, compressed, size = fields.text(), fields.uint(8), fields.uint(8)
-    return _Indexed(offset, ChunkHead(start, end, size, 0, compression, compressed))
+    return offset, ChunkHead(start, end, size, 0, compression, compressed)
 
 
-def _check_chunks(file: BinaryIO, chunks: Sequence[_Indexed], size: int) -> None:
+def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) -> None:
     """Make sure that each chunk is as the index says, and what they come to in all."""
-    if len({each.offset for each in chunks}) < len(chunks):
-        msg = 'index that names a chunk twice'
-        raise ReaderError(msg)
-    inflated, allowed = sum(each.head.size for each in chunks), inflated_allowed(size)
+    inflated, allowed = sum(each.size for each in chunks.values()), inflated_allowed(size)
     if inflated > allowed:
         msg = f'chunks of {inflated} bytes uncompressed, at most {allowed} are read'
         raise ReaderError(msg)
-    _check_overlap([each.head for each in chunks])
-    for offset, head in chunks:
+    _check_overlap(chunks.values())
+    for offset, head in chunks.items():
         record = next(records(file, offset, size), Record(0, 0, 0))
         if record.opcode != CHUNK:
             msg = f'no chunk at offset {offset}'
@@ -164,7 +154,7 @@ def _check_chunks(file: BinaryIO, chunks: Sequence[_Indexed], size: int) -> None
             raise ReaderError(msg)
 
 
-def _check_overlap(heads: Sequence[ChunkHead]) -> None:
+def _check_overlap(heads: Iterable[ChunkHead]) -> None:
     """Chunks that overlap in time are held together, to bring their messages into order."""
     held, ends = 0, list[tuple[int, int]]()
     for head in sorted(heads):

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    ParameterEvent,
+)
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.parameters.road_files import with_road_file
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rclpy.node import Node
 
     from cmpsp_ros.parameters.parameter import Node as NodeName
     from cmpsp_ros.parameters.parameter import Parameter as Row
     from cmpsp_ros.parameters.table import ParameterTable, Values
+
+_UNBOUNDED = 1e9
+"""Beyond what any parameter may hold."""
 
 _TYPES = {
     ParameterType.BOOL: Parameter.Type.BOOL,
@@ -54,6 +64,17 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
     return values
 
 
+def event_of(node: Node, changed: Iterable[Parameter] = ()) -> ParameterEvent:
+    """All parameters of a node as it has them now, and which of them have changed."""
+    known = cast('dict[str, Parameter]', node.get_parameters_by_prefix(''))
+    return ParameterEvent(
+        stamp=node.get_clock().now().to_msg(),
+        node=node.get_fully_qualified_name(),
+        new_parameters=[each.to_parameter_msg() for each in known.values()],
+        changed_parameters=[each.to_parameter_msg() for each in changed],
+    )
+
+
 def overrides(node: Node) -> dict[str, Any]:
     """What the node was started with, by key."""
     # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
@@ -65,14 +86,22 @@ def _declare(node: Node, key: str, row: Row, value: Any) -> None:
     if node.has_parameter(key):
         # Declared by rclpy from the command line or a file, without words, with a fixed type.
         node.undeclare_parameter(key)
-    fixed = '' if row.reconfigurable else '; cannot be changed while the node runs'
     descriptor = ParameterDescriptor(
         description=row.description,
-        additional_constraints=f'{row.wanted}{fixed}',
+        additional_constraints=row.wanted,
         # A fixed type would be enforced by rclpy, in words that help no one, and refuse 2 for 2.0.
         dynamic_typing=True,
     )
-    node.declare_parameter(key, value, descriptor, ignore_override=True)
+    free = ParameterDescriptor(dynamic_typing=True)
+    node.declare_parameter(key, value, free, ignore_override=True)
     if value == []:
         # An empty list shows no type, and rclpy takes it for one of bytes.
         node.set_parameters([Parameter(key, _TYPES[row.type], value)])
+    low, high = max(row.range.low, -_UNBOUNDED), min(row.range.high, _UNBOUNDED)
+    if row.type is ParameterType.INTEGER:
+        bounds = IntegerRange(from_value=int(low), to_value=int(high))
+        descriptor.integer_range = [bounds]
+    elif row.type is ParameterType.DOUBLE:
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    descriptor.read_only = not row.reconfigurable
+    node.set_descriptor(key, descriptor)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, PointCloud2
@@ -208,6 +209,16 @@ GUIDED_BY_OTHERS = Topic(
     KeyValue,
     'a node that hears another one guide the same robot does not become active',
 )
+PARAMETERS = Topic(
+    'guidance',
+    'out',
+    '~/parameters',
+    ParameterEvent,
+    'all parameters, at configuring and after every change, which it names; latched, so that any'
+    ' bag has what a replay needs',
+    depth=1,
+    latched=True,
+)
 RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
 
 SIM_COMMAND = Topic('sim', 'in', 'cmd_vel', Twist, 'obeyed within the wheel limits')
@@ -259,15 +270,15 @@ SIM_RESET = Topic(
 RECORDER_HEALTH = replace(
     HEALTH,
     node='recorder',
-    notes='as above: messages, topics, those left out, nodes whose parameters are known',
+    notes='as above: messages, topics, those left out, nodes whose parameters are known; of each'
+    ' topic how many messages, and when the newest was published [ns]',
 )
 RECORDER_FLUSH = Topic(
     'recorder',
     'srv',
     '~/flush',
     Trigger,
-    'what has come is written; the answer has, as JSON by topic, the `count` of messages, and when'
-    ' the newest was `published` [ns]',
+    'what has come is written, and said on `/diagnostics`',
     depth=0,
 )
 

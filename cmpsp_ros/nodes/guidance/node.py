@@ -18,17 +18,18 @@ from cmpsp_ros.nodes.common.lifecycle import (
     UNCONFIGURED,
     guard_change_state,
 )
-from cmpsp_ros.nodes.common.parameters import declare, overrides
+from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
 from cmpsp_ros.nodes.common.process_watch import ProcessWatch
 from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.common.runtime import run
-from cmpsp_ros.nodes.common.topics import RESET
+from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.course import course_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.plausibility import unit_warnings
 from cmpsp_ros.parameters.roads import lacks_road
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
@@ -71,6 +72,7 @@ class GuidanceNode(LifecycleNode):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self._health = Health(self, self._report)
+        self.create_service(RESET.type, RESET.name, self._on_reset)
         if self._values is not None:
             self._process_watch = ProcessWatch(self, self._values['stop_with_process'])
         autostart = self._values is not None and self._values['autostart']
@@ -110,13 +112,14 @@ class GuidanceNode(LifecycleNode):
         self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
-        self._reset = self.create_service(RESET.type, RESET.name, self._on_reset)
+        self._parameters_out = PARAMETERS.publish_on(self)
+        self._parameters_out.publish(event_of(self))
         # The first message of a process has rclpy look through all modules for who wrote it, which
         # takes longer than a control step may.
         self.get_logger().info('configured')
         self._garbage.settle()
         self._state = INACTIVE
-        for each in self._missing():
+        for each in (*self._missing(), *unit_warnings(self._values)):
             self.get_logger().warning(each)
         return super().on_configure(state)
 
@@ -147,7 +150,7 @@ class GuidanceNode(LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Close the topics."""
         self._loop.close()
-        self.destroy_service(self._reset)
+        self.destroy_publisher(self._parameters_out)
         self._rivals.close()
         self._garbage.end()
         self._state = UNCONFIGURED
@@ -200,9 +203,11 @@ class GuidanceNode(LifecycleNode):
             self.trigger_deactivate()
 
     def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._loop.reset()
-        response.success = True
-        response.message = 'Time 0 is the next odometry.'
+        response.success = self._is_configured
+        response.message = f'The node is {self._state}.'
+        if self._is_configured:
+            self._loop.reset()
+            response.message = 'Time 0 is the next odometry.'
         return response
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -217,6 +222,7 @@ class GuidanceNode(LifecycleNode):
         self._given.update(each.name for each in parameters)
         if self._is_configured:
             self._loop.take(settings)
+            self._parameters_out.publish(event_of(self, parameters))
 
     def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
         if self._values is None:
@@ -231,7 +237,8 @@ class GuidanceNode(LifecycleNode):
         if not self._is_configured:
             return report_on(self._state, self._refusal, None)
         if self._state == INACTIVE:
-            return report_on(self._state, self._refusal, self._loop, self._missing())
+            said = [*self._missing(), *unit_warnings(self._values or {})]
+            return report_on(self._state, self._refusal, self._loop, said)
         warnings, errors = self._rivals.warnings(), self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
 

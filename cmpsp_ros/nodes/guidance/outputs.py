@@ -56,11 +56,10 @@ class GuidanceOutputs:
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
-        # Where time stands still nothing grows stale, and all is to be recorded.
-        simulated = node.get_parameter('use_sim_time').value
 
+        # Where time stands still until it is answered nothing grows stale, and all is recorded.
         def of_a_run(topic: Topic) -> Topic:
-            return replace(topic, depth=OF_A_RUN) if simulated else topic
+            return replace(topic, depth=OF_A_RUN) if values['lockstep'] else topic
 
         self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
         command = of_a_run(self._topic)

@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
 from cmpsp_ros.guidance.safety.plan_clearance import Room
 from cmpsp_ros.nodes.guidance.messages import set_stamp
-from cmpsp_ros.view.palette import RUNGS
+from cmpsp_ros.view.palette import LEVEL_COLORS
 from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
 
 if TYPE_CHECKING:
@@ -163,4 +163,4 @@ NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
 SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
 
 _MOVING: Final = _color('#b03a8c')
-_COLORS: Final = {name: _color(text) for name, text in RUNGS.items()}
+_COLORS: Final = {name: _color(text) for name, text in LEVEL_COLORS.items()}

@@ -15,6 +15,8 @@ from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
 
 if TYPE_CHECKING:
+    from collections.abc import Container
+
     from rclpy.node import Node
 
 ALWAYS = ('/clock', '/parameter_events')
@@ -49,12 +51,18 @@ class Options:
     own: bool
     excluded: frozenset[str]
 
-    def want(self, name: str) -> bool:
-        """Whether a topic is to be recorded; hidden ones only when they are chosen."""
+    def want(self, name: str, of_nodes: Container[str] = ()) -> bool:
+        """Whether a topic is to be recorded; hidden ones only when they are chosen.
+
+        Args:
+            name: Of the topic.
+            of_nodes: Topics of the robot's nodes as they are remapped, which are its own, too.
+        """
         if name in self.excluded:
             return False
         if self.chosen:
-            return name in self.chosen or (self.own and name.endswith(plan_topic('')))
+            own = self.own and (name in of_nodes or name.endswith(plan_topic('')))
+            return own or name in self.chosen
         return not any(part.startswith('_') for part in name.split('/'))
 
 
@@ -106,6 +114,22 @@ def own_topics(namespace: str) -> frozenset[str]:
         each.name if each.name.startswith('/') else f'{root}/{each.name.replace("~", each.node)}'
         for each in TOPICS
         if each.direction != 'srv' and not each.repeats and '/_' not in each.name
+    )
+
+
+def topics_of_nodes(node: Node) -> frozenset[str]:
+    """What guidance and sim beside a node publish and hear, by the names that it has now."""
+    namespace, found = node.get_namespace(), set[str]()
+    present = set(node.get_node_names_and_namespaces())
+    for name in {'guidance', 'sim'} & {name for name, at in present if at == namespace}:
+        for listed in (
+            node.get_publisher_names_and_types_by_node,
+            node.get_subscriber_names_and_types_by_node,
+        ):
+            found.update(topic for topic, _ in listed(name, namespace))
+    repeated = tuple(each.name.replace('~', '') for each in TOPICS if each.repeats)
+    return frozenset(
+        each for each in found if '/_' not in each and not each.endswith((*repeated, '/rosout'))
     )
 
 

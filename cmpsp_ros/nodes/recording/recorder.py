@@ -24,11 +24,11 @@ from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
-from cmpsp_ros.nodes.recording.flush_answer import ByTopic, Written, to_json
-from cmpsp_ros.nodes.recording.options import read_options
+from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
 from cmpsp_ros.nodes.recording.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.recording.raw_subscriptions import Inbox
 from cmpsp_ros.nodes.recording.simulated_time import TOPIC, SimulatedTime
+from cmpsp_ros.nodes.recording.written import ByTopic, Written, to_values
 from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Recorder(Node):
         self.get_logger().info(f'recording to {self._bag.path}')
         self._discover()
         self.create_service(RECORDER_FLUSH.type, RECORDER_FLUSH.name, self._on_flush)
-        Health(self, self._look)
+        self._health = Health(self, self._look)
 
     def stop(self) -> None:
         """Take what is still on its way, then close the bag.
@@ -136,6 +136,7 @@ class Recorder(Node):
                 'messages': self._bag.message_count,
                 'topics': len(self._topics),
                 'parameters_of': ', '.join(known),
+                **to_values(self._written),
             }
 
         return Report(level, message, (message, known), values)
@@ -143,12 +144,15 @@ class Recorder(Node):
     def _on_flush(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._take()
         self._flush()
-        response.success, response.message = True, to_json(self._written)
+        self._health.publish()
+        count = self._bag.message_count
+        response.success, response.message = True, f'{count} messages are in the bag.'
         return response
 
     def _discover(self) -> None:
+        beside = topics_of_nodes(self) if self._options.own else frozenset[str]()
         for name, types in self.get_topic_names_and_types():
-            if name in self._left_out or not self._options.want(name):
+            if name in self._left_out or not self._options.want(name, beside):
                 continue
             count = self.count_publishers(name)
             recorded = self._topics.get(name)

@@ -39,9 +39,9 @@ from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.simulator.plant import Plant, TwistError
 
 try:
-    from tf2_ros import TransformBroadcaster
+    from tf2_msgs.msg import TFMessage
 except ImportError:  # tf2 is not among the wheels
-    TransformBroadcaster = None
+    TFMessage = None
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time as TimeMessage
@@ -82,7 +82,12 @@ class SimNode(Node):
         self._truth = TRUTH.publish_on(self)
         self._wheels = SIM_WHEELS.publish_on(self)
         self._clock_out = CLOCK.publish_on(self) if has_clock else None
-        self._transforms = TransformBroadcaster(self) if TransformBroadcaster else None
+        # What a broadcaster of tf2_ros offers; without the message RViz shows the course alone.
+        self._transforms = (
+            None if TFMessage is None else self.create_publisher(TFMessage, '/tf', 100)
+        )
+        if TFMessage is None:
+            self.get_logger().info('tf2_msgs is not installed: no transforms on /tf')
 
         # The first motion compiles the kinematics, which must not count as time that passes.
         _ = Plant(settings).motion
@@ -147,7 +152,7 @@ class SimNode(Node):
         if message is not None:
             self.odometry.publish(message)
             if self._transforms is not None:
-                self._transforms.sendTransform(_transform(message))
+                self._transforms.publish(TFMessage(transforms=[_transform(message)]))
         self._publish_truth(self.plant.motion)
 
     def _tell_road(self) -> None:

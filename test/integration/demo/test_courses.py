@@ -74,7 +74,7 @@ def test_obstacles_that_move_in_lockstep(start_demo, judge, tmp_path):
     assert [each.points.tolist() for each in one.plans] == [e.points.tolist() for e in two.plans]
     replayed, audited = judge(tmp_path / 'one' / 'bag')
     assert 'identical: ' in replayed
-    assert 'clear of what moves' in audited
+    assert 'moving obstacles clear' in audited
 
 
 def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):

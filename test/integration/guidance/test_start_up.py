@@ -128,7 +128,10 @@ def test_without_a_course_it_configures_says_what_is_missing_and_does_not_set_of
 
 def test_by_itself_it_only_waits(start_node, client):
     start_node('guidance_node', {'autostart': False})
+    refused = client.reset()
+    assert (refused.success, refused.message) == (False, 'The node is unconfigured.')
     assert client.change_state('configure')
+    assert client.reset().success
     client.until_health(state='inactive', level=DiagnosticStatus.OK)
     assert not client.commands
 

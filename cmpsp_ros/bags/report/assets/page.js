@@ -23,7 +23,7 @@ function latest(times, t) {
   return low - 1;
 }
 
-/** Outlines of what moves, as it is foreseen from when it was last seen. */
+/** Outlines of moving obstacles, predicted from when each was last seen. */
 function outlines(bag, t) {
   const found = { x: [], y: [] };
   for (const each of bag.moving) {
@@ -42,7 +42,7 @@ function outlines(bag, t) {
 }
 
 /** The goal that is driven to: since when, where, and in words. */
-function aim(bag, t) {
+function goalAt(bag, t) {
   return bag.goals[Math.max(latest(bag.goalTimes, t), 0)];
 }
 
@@ -50,14 +50,14 @@ function movePath(t) {
   const plans = { x: [], y: [] };
   const robots = { x: [], y: [], 'marker.angle': [] };
   const discs = { x: [], y: [] };
-  const aims = { x: [], y: [] };
+  const goals = { x: [], y: [] };
   for (const bag of data.bags) {
     const { x, y } = outlines(bag, t);
     discs.x.push(x);
     discs.y.push(y);
-    const goal = aim(bag, t);
-    aims.x.push(goal ? [goal[1]] : []);
-    aims.y.push(goal ? [goal[2]] : []);
+    const goal = goalAt(bag, t);
+    goals.x.push(goal ? [goal[1]] : []);
+    goals.y.push(goal ? [goal[2]] : []);
     const plan = bag.plans[latest(bag.planTimes, t)];
     plans.x.push(plan ? plan.x : []);
     plans.y.push(plan ? plan.y : []);
@@ -71,7 +71,7 @@ function movePath(t) {
   Plotly.restyle('path', plans, traces(count));
   Plotly.restyle('path', robots, traces(2 * count));
   Plotly.restyle('path', discs, traces(3 * count));
-  Plotly.restyle('path', aims, traces(4 * count));
+  Plotly.restyle('path', goals, traces(4 * count));
 }
 
 function moveCursors(t) {
@@ -91,12 +91,12 @@ function say(t) {
   const said = document.getElementById('said');
   said.replaceChildren();
   for (const bag of data.bags) {
-    const decision = bag.said[latest(bag.saidTimes, t)];
+    const decision = bag.decisions[latest(bag.decisionTimes, t)];
     const k = latest(bag.clearance.t, t);
     const clearance = k < 0 ? null : bag.clearance.value[k];
     const parts = [bag.label];
     if (decision) parts.push(decision[1]);
-    if (aim(bag, t)) parts.push(`to ${aim(bag, t)[3]}`);
+    if (goalAt(bag, t)) parts.push(`to ${goalAt(bag, t)[3]}`);
     if (clearance !== null) parts.push(`clearance ${clearance.toFixed(3)} m`);
     said.append(paragraph(parts.join(' · '), 'bag'));
     said.append(paragraph(decision ? decision[2] : 'No decision is recorded for this time.'));
@@ -154,7 +154,7 @@ async function begin() {
   document.head.append(library);
   for (const bag of data.bags) {
     bag.planTimes = bag.plans.map((each) => each.t);
-    bag.saidTimes = bag.said.map((each) => each[0]);
+    bag.decisionTimes = bag.decisions.map((each) => each[0]);
     bag.goalTimes = bag.goals.map((each) => each[0]);
   }
   const options = {

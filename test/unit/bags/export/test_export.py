@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import shutil
 import struct
 import sys
 
@@ -22,6 +23,7 @@ ODOMETRY = 'nav_msgs/msg/Odometry'
 TWIST = 'geometry_msgs/msg/Twist'
 STAMPED = 'geometry_msgs/msg/TwistStamped'
 JOINTS = 'sensor_msgs/msg/JointState'
+ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
 STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
 PATH = 'nav_msgs/msg/Path'
 CLOUD = 'sensor_msgs/msg/PointCloud2'
@@ -228,6 +230,17 @@ def test_many_rows(write, tmp_path, monkeypatch):
     assert [float(each['x [m]']) for each in rows(tmp_path / 'csv' / 'odometry.csv')] == [
         float(each) for each in range(10)
     ]
+
+
+def test_decisions_in_arrays(write, tmp_path):
+    array = make(ARRAY, header(5), [decision(stamp='5', miss='0.25')])
+    export(write(('/guidance/decision', ARRAY, array)), tmp_path / 'tables')
+    (row,) = rows(tmp_path / 'tables' / 'decisions.csv')
+    assert (row['stamp [ns]'], row['miss [m]'], row['reason'][:3]) == ('5', '0.25', 'All')
+    empty = ('/guidance/decision', ARRAY, make(ARRAY, header(5), []))
+    shutil.rmtree(tmp_path / 'bag')
+    with pytest.raises(BagError, match='wanted a decision'):
+        export(write(empty), tmp_path / 'new')
 
 
 @pytest.mark.parametrize(

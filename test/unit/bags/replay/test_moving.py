@@ -118,7 +118,7 @@ def finding(bag):
 def test_the_audit_keeps_it_clear(met):
     found = finding(met[0])
     assert found.outcome.name == 'PASSED', found
-    assert 'moving obstacle 5, where that was told to be' in found.sentence
+    assert 'moving obstacle 5, at its predicted position' in found.sentence
     assert 0.0 < found.worst < 0.5
 
 

@@ -15,7 +15,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.report.view import labels
 
-CHARTS = {'path', 'rungs', 'wheels', 'clearance', 'position', 'steps', 'histogram'}
+CHARTS = {'path', 'levels', 'wheels', 'clearance', 'position', 'steps', 'histogram'}
 
 
 class Page(HTMLParser):
@@ -116,7 +116,7 @@ def test_texts_of_a_bag_stay_texts(report, hostile):
     assert '<img' not in raw
     attack = hostile.frame_id
     assert attack in page.text
-    assert attack in page.data['bags'][0]['said'][0][2]
+    assert attack in page.data['bags'][0]['decisions'][0][2]
     # plotly knows some HTML of its own, which no text may reach as such.
     for figure in page.data['figures'].values():
         shown = json.dumps(figure['data'])
@@ -145,7 +145,7 @@ def test_charts_hold_what_was_driven(report, drive):
     (deadline,) = data['figures']['steps']['layout']['annotations']
     assert deadline['text'] == 'deadline 200 ms'
     assert sum(data['figures']['histogram']['data'][0]['y']) == len(drive.decisions)
-    bands = {each['name']: each for each in data['figures']['rungs']['data']}
+    bands = {each['name']: each for each in data['figures']['levels']['data']}
     assert bands.keys() == {'nominal', 'arrived'}
     assert sum(bands['nominal']['x']) == pytest.approx(10.0)
     road, obstacles = data['figures']['clearance']['data']
@@ -173,8 +173,8 @@ def test_a_bag_of_another_robot_has_a_report_too(drive, tmp_path):
     bag = drive.without_node().write(tmp_path / 'foreign')
     page, _ = write_report([bag], tmp_path / 'report.html', Sources(params_file='case3'))
     data = Page(page.read_text(encoding='utf-8')).data
-    assert data['bags'][0]['plans'] == data['bags'][0]['said'] == []
-    assert data['figures']['rungs']['data'] == []
+    assert data['bags'][0]['plans'] == data['bags'][0]['decisions'] == []
+    assert data['figures']['levels']['data'] == []
 
 
 def test_nothing_is_overwritten_unless_asked(drive, tmp_path):

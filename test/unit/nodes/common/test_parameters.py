@@ -43,6 +43,10 @@ def test_a_node_declares_what_it_uses_with_words_and_units(make_node, which, aut
             assert descriptor.description == row.description
             assert row.wanted in descriptor.additional_constraints
             assert descriptor.dynamic_typing
+            assert descriptor.read_only == (not row.reconfigurable)
+            for bounds in (*descriptor.floating_point_range, *descriptor.integer_range):
+                assert bounds.from_value == max(row.range.low, -1e9)
+                assert bounds.to_value == min(row.range.high, 1e9)
         else:
             assert not node.has_parameter(key)
 

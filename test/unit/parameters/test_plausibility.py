@@ -1,0 +1,41 @@
+"""Numbers of another unit are allowed, and warned of."""
+
+import pytest
+
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.plausibility import unit_warnings
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
+from cmpsp_ros.parameters.robots import load_robot, robot_names
+
+
+@pytest.mark.parametrize('name', preset_names())
+def test_presets_and_robots_are_in_metres_and_radians(name):
+    given = load_parameter_file(name)
+    assert not list(unit_warnings(TABLE.resolve(given)))
+    for robot in robot_names():
+        assert not list(unit_warnings(TABLE.resolve({**given, **load_robot(robot)})))
+
+
+@pytest.mark.parametrize(
+    ('key', 'value', 'unit'),
+    [
+        ('robot.wheel_radius', 35.0, 'millimetres'),
+        ('robot.half_track', 55.0, 'millimetres'),
+        ('robot.radius', 220.0, 'millimetres'),
+        ('safety.margin', 50.0, 'millimetres'),
+        ('goal.heading', [90.0], 'degrees'),
+        ('start.pose', [0.0, -9.25, 180.0], 'degrees'),
+        ('initial_pose', [0.0, -9.25, -90.0], 'degrees'),
+    ],
+)
+def test_what_looks_like_another_unit_is_named(key, value, unit):
+    (said,) = unit_warnings(TABLE.resolve({key: value}))
+    assert said.startswith(f'{key} = ')
+    assert f'looks like {unit}' in said
+
+
+def test_headings_of_waypoints_too():
+    waypoint = {'waypoints.names': ['a'], 'waypoints.a.time': 2.0}
+    given = {**waypoint, 'waypoints.a.position': [1.0, 2.0], 'waypoints.a.heading': [45.0]}
+    (said,) = unit_warnings(TABLE.resolve(given))
+    assert said.startswith('waypoints.a.heading = 45 ')

@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     shift_warm_start,
 )
 from cmpsp_ros.mpsp.qp.riccati.dual import meet_all
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin, recover_step
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin
 from cmpsp_ros.mpsp.qp.riccati.farkas import leave_proof, still_contradicts
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
     fix_from,
@@ -72,7 +72,6 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
             return NO_CURVATURE
         keep_origin(p, at.v)
         begin(p, at, warm)
-        recover_step(p, at.v)
         # After so many sweeps bounds are only let go, which happens a finite number of times.
         sweeps += 1
         guesses = sweeps <= _SWEEPS and in_vain < _PATIENCE

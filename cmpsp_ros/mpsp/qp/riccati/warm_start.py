@@ -48,7 +48,7 @@ _PASSES: Final = 3
 
 @allocation_free
 def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
-    """Begin at the terminal rows and those of the warm start.
+    """Begin at the terminal rows and those of the warm start, and recover the step there.
 
     Args:
         p: The program, factorised.
@@ -65,29 +65,33 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             at.v[k * r + a] = p.stages[k].optimum[a]
     _rest_at_penalty(p, at, warm)
     for row in range(terminal):
-        _meet(p, at, row)
+        _add_violated(p, at, row)
         if at.states[row] == IS_OFF:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
-    before = head.active
     for i in range(FIRST, FIRST + warm[0]):
-        _meet(p, at, warm[i])
+        _add_violated(p, at, warm[i])
+    before, is_current = -1, False
     for _ in range(_PASSES):
         # What was met before others joined may be violated after.
         if head.active == before:
             break
-        before = head.active
+        before, is_current = head.active, True
         recover_step(p, at.v)
         for i in range(FIRST, FIRST + warm[0]):
             if _is_violated(p, at, warm[i]):
-                _meet(p, at, warm[i])
+                _add_violated(p, at, warm[i])
+                is_current = False
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
         if not (_drop(p, at) or _saturate(p, at)):
             break
+        is_current = False
     for j in range(head.active):
         at.multipliers[j] = at.dependence[j]
+    if not is_current:
+        recover_step(p, at.v)
 
 
 @inner
@@ -110,7 +114,7 @@ def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
 
 
 @inner
-def _meet(p: Program, at: ActiveSet, row: int) -> None:
+def _add_violated(p: Program, at: ActiveSet, row: int) -> None:
     """Move the point onto a row that is violated; `multipliers` gets its entry of ``y``."""
     head = p.head[0]
     count = head.active

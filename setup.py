@@ -111,9 +111,9 @@ setup(
     entry_points={
         'console_scripts': [
             'cmpsp = cmpsp_ros.cli:main',
-            'guidance_node = cmpsp_ros.nodes.guidance_node:main',
-            'sim_node = cmpsp_ros.nodes.sim_node:main',
-            'recorder = cmpsp_ros.nodes.recorder:main',
+            'guidance_node = cmpsp_ros.nodes.guidance.node:main',
+            'sim_node = cmpsp_ros.nodes.sim.node:main',
+            'recorder = cmpsp_ros.nodes.recording.recorder:main',
             'viewer = cmpsp_ros.nodes.viewer:main',
         ],
     },

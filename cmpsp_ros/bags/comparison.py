@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cmpsp_ros.bags.recording import Recorded
 from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.facts import MOVING, facts, waypoints
+from cmpsp_ros.guidance.messages.key_values import MOVING, facts, waypoints
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 

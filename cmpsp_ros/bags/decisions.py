@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Recorded
-from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.mission.goals import Goal
 
 Array = NDArray[np.float64]
 

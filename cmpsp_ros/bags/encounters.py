@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.tracks import Track
-from cmpsp_ros.robot.moving_discs import MovingDiscs
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -6,8 +6,8 @@ from typing import Any
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.decision import Decision, Plan
-from cmpsp_ros.guidance.facts import facts, severity, waypoints
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.key_values import facts, severity, waypoints
 
 STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
 TWIST = 'geometry_msgs/msg/Twist'

@@ -10,7 +10,7 @@ import numpy as np
 from cmpsp_ros.bags.encounters import Encounter, encounters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven, driven_in
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
 
 
 def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.goals import Goal, way_along
+from cmpsp_ros.guidance.mission.goals import Goal, way_along
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
-from cmpsp_ros.robot.road import Road
+from cmpsp_ros.world.roads.road import Road
 
 
 def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:

@@ -15,8 +15,8 @@ from cmpsp_ros.bags.decisions import Said, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.tracks import read_tracks
-from cmpsp_ros.guidance.tracks import Track
-from cmpsp_ros.robot.arcs import arc_ends
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.robots.arcs import arc_ends
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.tracks import TrackError, tracks_of
+from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
 
 Kind = Literal['int', 'float', 'bool', 'text']
 Cell = int | float | bool | str | None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.what_if import WhatIf
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.obstacles import outline
+from cmpsp_ros.world.obstacles.shapes import outline
 
 Array = NDArray[np.float64]
 

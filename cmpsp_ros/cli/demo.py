@@ -188,7 +188,7 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
 def _fleet_table(robots: Sequence[Robot]) -> Table:
     from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
 
-    from cmpsp_ros.robot.road_functions import FAR  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.world.roads.road_functions import FAR  # noqa: PLC0415 (loads kernels)
 
     headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'rungs')
     table = Table(*headings, title=f'{robots[0].summary.preset}: {len(robots)} robots')

@@ -48,7 +48,7 @@ def record(
     if problem := _unrecordable(folder, storage, compression, topics, everything=everything):
         complain(problem)
         raise typer.Exit(2)
-    from cmpsp_ros.nodes import recorder  # noqa: PLC0415 (loads ROS)
+    from cmpsp_ros.nodes.recording import recorder  # noqa: PLC0415 (loads ROS)
 
     parameters = {
         'output': str(folder),
@@ -115,7 +115,7 @@ def play(
     The space key pauses. For live nodes with use_sim_time. To try a guidance node on recorded
     odometry: --topics /odom
     """
-    from cmpsp_ros.nodes import player  # noqa: PLC0415 (needs ROS)
+    from cmpsp_ros.nodes.playback import player  # noqa: PLC0415 (needs ROS)
 
     playback = player.Playback(rate, start_offset, duration, loop, paused, tuple(topics or ()))
     with exit_on(BagError, code=2):

@@ -18,7 +18,7 @@ from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.demo.pictures import EDGE, OBSTACLE, ROAD, dense
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.robot.obstacles import outline
+from cmpsp_ros.world.obstacles.shapes import outline
 
 Array = NDArray[np.float64]
 

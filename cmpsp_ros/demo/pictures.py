@@ -18,11 +18,11 @@ from cmpsp_ros.bags.road_picture import draw_road
 from cmpsp_ros.bags.run import Driven, Run
 from cmpsp_ros.bags.tracks import seen_at
 from cmpsp_ros.demo.summary import window
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.keep_clear import at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends
-from cmpsp_ros.robot.obstacles import outline
+from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.world.obstacles.shapes import outline
 
 Array = NDArray[np.float64]
 

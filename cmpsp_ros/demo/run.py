@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.nodes.written import Written
+from cmpsp_ros.nodes.recording.flush_answer import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
 
 if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
-    from cmpsp_ros.nodes.observer import Observer, Seen
+    from cmpsp_ros.nodes.lifecycle_client import Observer, Seen
 
 _START_TIMEOUT = 30.0
 _STALL_TIMEOUT = 15.0
@@ -127,7 +127,7 @@ def started(
         domain = use_free_domain()
         for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
             children.append(Child.start(name, arguments, folder, namespace))
-        from cmpsp_ros.nodes.observer import Observer  # noqa: PLC0415 (the nodes need longer)
+        from cmpsp_ros.nodes.lifecycle_client import Observer  # noqa: PLC0415 (the nodes need longer)
 
         with Observer(domain, [each.namespace for each in robots]) as observer:
             if record:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.guidance.prospects import doubts, shortest_time
+from cmpsp_ros.guidance.mission.feasibility_precheck import doubts, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem

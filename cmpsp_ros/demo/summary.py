@@ -17,7 +17,7 @@ from cmpsp_ros.bags.run import Run
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.world.free_space import FreeSpace
 
 # Part of the speed along a road by which its mean may be off.
 _SPEED_TOLERANCE = 0.02
@@ -127,7 +127,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         BagError: The run was not recorded up to its final time.
     """
     first, last = window(run, settings)
-    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     driven = run.driven.between(first, last)
     clearance = space.along(driven.poses[:-1], driven.twists[:-1], driven.durations)
     timeout = settings.moving_obstacles.timeout

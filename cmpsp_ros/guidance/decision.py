@@ -10,9 +10,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.other_plans import Seen
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.mission.goals import Goal
 
 Array = NDArray[np.float64]
 

@@ -9,24 +9,24 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.account import Account
-from cmpsp_ros.guidance.audit import Audit, Verdict
-from cmpsp_ros.guidance.candidate import Start, inside
-from cmpsp_ros.guidance.choice import Choice
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
-from cmpsp_ros.guidance.goal_pose import GoalError, check_goal
-from cmpsp_ros.guidance.goals import Goal, place_of
+from cmpsp_ros.guidance.decision_builder import Account
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.improvement import Improvement
-from cmpsp_ros.guidance.itinerary import Itinerary
-from cmpsp_ros.guidance.lookout import Lookout
-from cmpsp_ros.guidance.other_plans import Seen
-from cmpsp_ros.guidance.progress import Progress
+from cmpsp_ros.guidance.messages.goal_pose import GoalError, check_goal
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.mission.goal_manager import Itinerary
+from cmpsp_ros.guidance.mission.goals import Goal, place_of
+from cmpsp_ros.guidance.mission.return_to_goal import way_back
+from cmpsp_ros.guidance.planning.candidate import Start, inside
+from cmpsp_ros.guidance.planning.plan_selector import Choice
+from cmpsp_ros.guidance.planning.progress import Progress
+from cmpsp_ros.guidance.planning.solve_result import Improvement
+from cmpsp_ros.guidance.prediction.obstacle_tracker import Lookout
+from cmpsp_ros.guidance.prediction.pending_commands import CommandsUnderWay
+from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.slip import SlipEstimate
-from cmpsp_ros.guidance.under_way import CommandsUnderWay
-from cmpsp_ros.guidance.way_back import way_back
-from cmpsp_ros.robot.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 

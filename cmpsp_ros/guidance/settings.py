@@ -9,10 +9,10 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.goals import Follow, Goal
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.obstacles import Shape
-from cmpsp_ros.robot.road import Annulus, Road
+from cmpsp_ros.guidance.mission.goals import Follow, Goal
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.world.roads.road import Annulus, Road
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
 
-from cmpsp_ros.nodes.recorder_options import ALWAYS, own_topics
-from cmpsp_ros.nodes.topics import (
+from cmpsp_ros.nodes.common.topics import (
     CLOCK,
     DECISION,
     GOAL_POSE,
@@ -27,9 +26,10 @@ from cmpsp_ros.nodes.topics import (
     TOPICS,
     Topic,
 )
+from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
 _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>
-<!-- Rights of the nodes of cmpsp_ros for SROS2; doc/security.md says how to use them.
+<!-- Rights of the nodes of cmpsp_ros for SROS2; doc/user/security.md says how to use them.
      Written by: python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml -->
 """
 

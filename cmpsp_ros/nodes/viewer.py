@@ -11,8 +11,8 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from cmpsp_ros.nodes import topics
-from cmpsp_ros.nodes.runtime import StartupError, run
+from cmpsp_ros.nodes.common import topics
+from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.viewer_messages import (
     SERIES,
     course_of,

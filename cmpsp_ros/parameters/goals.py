@@ -6,14 +6,14 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.guidance.goals import Follow, Goal
+from cmpsp_ros.guidance.mission.goals import Follow, Goal
 from cmpsp_ros.guidance.settings import GOAL
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.places import place_problems
 from cmpsp_ros.parameters.roads import lacks_road, road_of
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robot.corridor import Corridor
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import Annulus
 
 _FEWEST_STEPS: Final = 2
 _MOST_STEPS: Final = 1000

@@ -8,12 +8,12 @@ from typing import Final
 
 import numpy as np
 
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.obstacles import Capsule, Obstacle, Point, Shape, ShapeError, convex
-from cmpsp_ros.robot.road import OpenFloor
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Point, Shape, ShapeError, convex
+from cmpsp_ros.world.roads.road import OpenFloor
 
 _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon': ('vertices',)}
 """What says where an obstacle of each type is."""
@@ -55,7 +55,7 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
             found = f'{distance:.9g} m from the centre of obstacle {obstacle.name}'
             wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'
         else:
-            space = ClearSpace.of(OpenFloor(), (obstacle,), 0.0)
+            space = FreeSpace.of(OpenFloor(), (obstacle,), 0.0)
             distance, needed = float(space.at(np.array([[*point, 0.0]]))[0, EDGES]), radius
             found = f'{distance:.9g} m from obstacle {obstacle.name}'
             wanted = f'{needed:.9g} m or more (robot.radius)'

@@ -8,7 +8,7 @@ from cmpsp_ros.parameters.errors import Problem
 from cmpsp_ros.parameters.obstacles import in_obstacle_problems
 from cmpsp_ros.parameters.roads import off_road_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robot.obstacles import Point
+from cmpsp_ros.world.obstacles.shapes import Point
 
 
 def place_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:

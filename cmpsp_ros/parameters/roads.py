@@ -9,9 +9,9 @@ import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.corridor import Corridor, RoadError
-from cmpsp_ros.robot.road import Annulus, OpenFloor, Road
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.corridor import Corridor, RoadError
+from cmpsp_ros.world.roads.road import Annulus, OpenFloor, Road
 
 _ROUNDING = 1e-9
 
@@ -100,7 +100,7 @@ def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> I
             wanted += 'road.outer_radius - robot.radius)'
             yield Problem(key, f'{distance:.9g} m from road.center', wanted)
     elif isinstance(road, Corridor):
-        clearance = ClearSpace.of(road, (), radius).at(np.array([[*point, math.nan]]))[0]
+        clearance = FreeSpace.of(road, (), radius).at(np.array([[*point, math.nan]]))[0]
         nearest = int(np.argmin(clearance))
         if clearance[nearest] < -_ROUNDING:
             found = f'{-clearance[nearest]:.9g} m beyond {road.edge_names[nearest]}'

@@ -32,10 +32,10 @@ from cmpsp_ros.parameters.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.places import place_problems
 from cmpsp_ros.parameters.roads import road_of, road_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.measurement import OdometryErrors
-from cmpsp_ros.robot.physics import Physics
-from cmpsp_ros.robot.plant import PlantSettings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.simulator.measurement import OdometryErrors
+from cmpsp_ros.simulator.physics import Physics
+from cmpsp_ros.simulator.plant import PlantSettings
 
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""

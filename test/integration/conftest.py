@@ -129,7 +129,7 @@ def spawn(
 ) -> Iterator[Callable[..., Running]]:
     """Start processes in `tmp_path`: `spawn(args, **env)`; all are stopped at the end.
 
-    The arguments are a whole command, as in `[sys.executable, '-m', 'cmpsp_ros.nodes.recorder']`.
+    The arguments are a whole command, as in `[sys.executable, "-m", ...]`.
     """
     started: list[Running] = []
 

@@ -34,7 +34,7 @@ from cmpsp_ros.bags.reader import Bag
 
 pytestmark = pytest.mark.integration
 
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recorder', '--ros-args']
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
 COUNT = 2000
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

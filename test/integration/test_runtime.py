@@ -14,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
-from cmpsp_ros.nodes.catch_up import catch_up
-from cmpsp_ros.nodes.lifecycle import guard_change_state
-from cmpsp_ros.nodes.runtime import StartupError, run
+from cmpsp_ros.nodes.common.drain_queue import catch_up
+from cmpsp_ros.nodes.common.lifecycle import guard_change_state
+from cmpsp_ros.nodes.common.runtime import StartupError, run
 
 pytestmark = pytest.mark.integration
 

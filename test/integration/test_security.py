@@ -14,7 +14,8 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.nodes.topics import TOPICS
+from cmpsp_ros.nodes import MODULES
+from cmpsp_ros.nodes.common.topics import TOPICS
 
 pytestmark = pytest.mark.integration
 
@@ -85,7 +86,7 @@ def start(spawn, tmp_path):
     def node(name, *parameters, file=None):
         given = [] if file is None else ['--params-file', CONFIG / file]
         given += [part for each in parameters for part in ('-p', each)]
-        spawn([sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *given])
+        spawn([sys.executable, '-m', MODULES[name], '--ros-args', *given])
 
     node('guidance_node', 'use_sim_time:=true', file='moving.yaml')
     node('sim_node', 'publish_clock:=true', file='moving.yaml')
@@ -121,7 +122,7 @@ def test_the_nodes_use_all_that_they_are_granted_and_nothing_else(start, ros):
 def started(spawn, **env):
     return spawn(
         [
-            *(sys.executable, '-m', 'cmpsp_ros.nodes.guidance_node', '--ros-args'),
+            *(sys.executable, '-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args'),
             *('--enclave', '/cmpsp/guidance', '--params-file', CONFIG / 'case3.yaml'),
         ],
         **ENFORCED,

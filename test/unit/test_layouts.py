@@ -10,12 +10,12 @@ import pytest
 import yaml
 from rclpy.time import Time
 
-from cmpsp_ros.guidance.facts import facts
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.tracks import Track
-from cmpsp_ros.nodes.markers import marker_array
-from cmpsp_ros.nodes.plan_markers import PlanMarkers
-from cmpsp_ros.nodes.topics import TOPICS
+from cmpsp_ros.guidance.messages.key_values import facts
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.nodes.common.topics import TOPICS
+from cmpsp_ros.nodes.guidance.markers import marker_array
+from cmpsp_ros.nodes.guidance.plan_markers import PlanMarkers
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

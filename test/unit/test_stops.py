@@ -1,4 +1,4 @@
-"""doc/stops.md has every sentence that the guidance law and its node can say."""
+"""doc/user/stops.md has every sentence that the guidance law and its node can say."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import pytest
 from cmpsp_ros.mpsp.qp.solution import QPStatus
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / 'doc' / 'stops.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'doc' / 'user' / 'stops.md').read_text(encoding='utf-8')
 
 # What is told before a run is on another page; these are no answer to odometry.
-ELSEWHERE = {'prospects.py'}
+ELSEWHERE = {'feasibility_precheck.py'}
 ANSWERS = {'Time 0 is the next odometry.', '… The node goes on without.', 'A rehearsal.'}
 
 SENTENCE = re.compile(r'[A-Z… ].* [a-z].*([.?]|: …)')
@@ -41,21 +41,9 @@ def said(path):
 
 
 SOURCES = [
-    *(each for each in (ROOT / 'cmpsp_ros/guidance').glob('*.py') if each.name not in ELSEWHERE),
-    *(
-        ROOT / 'cmpsp_ros/nodes' / f'{name}.py'
-        for name in (
-            'clock_watch',
-            'compiling',
-            'guidance_loop',
-            'guidance_node',
-            'guidance_report',
-            'health',
-            'obstacle_input',
-            'odometry_bytes',
-            'rivals',
-        )
-    ),
+    *(each for each in (ROOT / 'cmpsp_ros/guidance').rglob('*.py') if each.name not in ELSEWHERE),
+    *(ROOT / 'cmpsp_ros/nodes/guidance').glob('*.py'),
+    *(ROOT / 'cmpsp_ros/nodes/common' / f'{name}.py' for name in ('compiling', 'health')),
 ]
 SENTENCES = sorted({text for path in SOURCES for text in said(path)})
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.audit.history import History
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -41,9 +41,9 @@ class Sweep:
         return f'obstacle {self.settings.obstacles[column - EDGES].name}'
 
 
-def space_of(settings: GuidanceSettings) -> ClearSpace:
+def space_of(settings: GuidanceSettings) -> FreeSpace:
     """Where the robot's centre may be, without any margin."""
-    return ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    return FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
 
 
 def sweep(path: Driven, history: History) -> Iterator[Sweep]:

@@ -12,7 +12,7 @@ from cmpsp_ros.bags.audit.odometry import Odometry
 from cmpsp_ros.bags.decisions import Said
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.odometry import stamp_of
+from cmpsp_ros.guidance.messages.odometry import stamp_of
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

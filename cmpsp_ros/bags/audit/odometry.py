@@ -12,7 +12,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]

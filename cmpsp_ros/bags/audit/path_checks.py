@@ -15,11 +15,11 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.bags.encounters import Encounter
 from cmpsp_ros.bags.passing import Passing
-from cmpsp_ros.guidance.goals import place_of
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends
-from cmpsp_ros.robot.road import OpenFloor
+from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.run import Driven
 from cmpsp_ros.bags.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
 
 
 @dataclass(frozen=True)

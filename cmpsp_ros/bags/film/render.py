@@ -20,8 +20,8 @@ from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, scene
 from cmpsp_ros.bags.run import read_driven
 from cmpsp_ros.bags.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.tracks import Track
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.obstacles import Obstacle, outline
-from cmpsp_ros.robot.physics import Physics, mjcf
+from cmpsp_ros.simulator.physics import Physics, mjcf
+from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
 
 Array = NDArray[np.float64]
 

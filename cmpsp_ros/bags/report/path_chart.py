@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.slider import goals_of, told_of
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.robot.obstacles import Obstacle, Shape, outline
-from cmpsp_ros.robot.road import Road
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
+from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape, outline
+from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ from cmpsp_ros.bags.report.path_chart import frame, obstacles
 from cmpsp_ros.bags.report.slider import goals_of, told_of
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.bags.road_picture import draw_road
-from cmpsp_ros.robot.obstacles import outline
 from cmpsp_ros.view.palette import (
     EDGE,
     GOAL,
@@ -27,6 +26,7 @@ from cmpsp_ros.view.palette import (
     RUNGS,
     bag_color,
 )
+from cmpsp_ros.world.obstacles.shapes import outline
 
 
 def draw(views: Sequence[View], output: Path) -> None:

@@ -17,9 +17,9 @@ from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decisions import Said
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.odometry import stamp_of
+from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.road import Road
+from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
 

@@ -9,23 +9,20 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import clarabel_backend
 from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.qp.riccati.fill import (
     Space,
     borrowed_space,
     compiled_size,
     fill,
     multipliers_of,
-    put_solution,
 )
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, locate
 from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, Row
-from cmpsp_ros.mpsp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
@@ -93,31 +90,6 @@ def _contradict(subproblem: Subproblem, rows: Sequence[Row]) -> bool:
             least.path[row.stage, row.index] = np.inf
     alone = clarabel_backend.solve(subproblem.only(rows), least)
     return alone.status is QPStatus.INFEASIBLE
-
-
-def second_order_correction(
-    subproblem: Subproblem, solution: QPSolution, output_error: Array, g: Array
-) -> Array:
-    """Second-order correction (see `cmpsp_ros.mpsp.qp.riccati.correction.correct`).
-
-    Args:
-        subproblem: The program.
-        solution: Its solution by any back end.
-        output_error: Terminal error after the full step, shape ``(m,)``.
-        g: Path constraints after the full step, shape ``(N + 1, l)``.
-
-    Returns:
-        Deviations on top of the step, shape ``(N + 1, r)``; 0 where the Hessian is not definite.
-    """
-    with borrowed_space(subproblem.size) as space:
-        fill(space, subproblem.stages)
-        multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
-        if not activate(space.program, space.active):
-            return np.zeros_like(solution.dU)
-        correct(space.program, space.active, output_error, g)
-        correction: Array = space.program.stages['correction_U'][:, : subproblem.size.control]
-        return correction.copy()
 
 
 def no_warm_start(size: Dimensions) -> Indices:

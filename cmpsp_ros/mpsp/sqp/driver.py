@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
 from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.riccati.correction import correct
+from cmpsp_ros.mpsp.qp.riccati.fill import Space, compiled_size
 from cmpsp_ros.mpsp.qp.riccati.solver import solve
+from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
 from cmpsp_ros.mpsp.sqp.workspace import (
+    ADD_CURVATURE,
     CORRECT,
+    DONE,
     EVALUATE,
     LINEARISE,
     SOLVE_QP,
@@ -56,20 +63,55 @@ class Driver:
 
     Attributes:
         ws: The workspace. Its `run` has the options before, and the results after.
+        back_end: What solves the subproblems; None for the compiled solver.
     """
 
     ws: Workspace
+    back_end: BackEnd | None
 
     def __init__(
-        self, size: Dimensions, penalty_terminal: Array, penalty_path: Array, trust_radius: Array
+        self,
+        size: Dimensions,
+        penalty_terminal: Array,
+        penalty_path: Array,
+        trust_radius: Array,
+        back_end: tuple[str, Hessian] | None = None,
+        *,
+        exact: bool = False,
     ) -> None:
-        """Make room for plans of some sizes; arguments as of `workspace`."""
-        self.ws = ws = workspace(size, penalty_terminal, penalty_path, trust_radius)
-        sizes = size.horizon, size.state, size.control, size.output, size.path
+        """Make room for plans of some sizes.
+
+        Args:
+            size: As of `workspace`, and so are the penalties.
+            penalty_terminal: Shape ``(m,)``.
+            penalty_path: Shape ``(l,)``.
+            trust_radius: Largest predicted change of each state in one iteration, infinite where
+                free, shape ``(n,)``.
+            back_end: Name of a QP back end, and the kind of Hessian that the problem's functions
+                give; the compiled solver without.
+            exact: Whether the memory has no more states and controls than the problem. It is
+                filled up otherwise to sizes that code may have been compiled for already, with
+                states and controls that stay 0: the first answer comes a minute sooner, and each
+                takes longer.
+        """
+        n, r = size.state, size.control
+        if not exact:
+            n, r = compiled_size(n, r)
+        filled = replace(size, state=n, control=r)
+        radius = np.concatenate([trust_radius, np.full(n - size.state, np.inf)])
+        self.ws = ws = workspace(filled, penalty_terminal, penalty_path, radius)
+        added = range(size.control, r)
+        ws.program.stages['L_UU'][:, added, added] = 1.0
+        sizes = size.horizon, n, r, size.output, size.path
         self._active = empty_active_set(*sizes)
         self._warm_hard, self._warm_relaxed = empty_warm_start(*sizes), empty_warm_start(*sizes)
         self._advance = entry_for(advance, ws)
-        self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
+        self.back_end = None
+        if back_end is None:
+            self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
+        else:
+            space = Space(size, ws.program, self._active, self._warm_hard)
+            self.back_end = BackEnd(*back_end, space)
         self._phase, self._level = ws.run['phase'], ws.run['level']
         self._outcome, self._cost = ws.run['outcome'], ws.run['trial_cost']
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']
@@ -81,7 +123,7 @@ class Driver:
     def improve(self, functions: Functions, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
-        Where the condensed Hessian is not positive definite the iteration ends.
+        Where the condensed Hessian is not positive definite the compiled solver ends.
 
         Args:
             functions: The problem's, compiled ones by their `Functions.entries`.
@@ -89,23 +131,36 @@ class Driver:
             steps: ``N``, at most those there is room for.
             over: How many stages of the last plan's horizon are over.
         """
-        ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
-        predict, evaluate, linearise = functions
-        advance, solve, outcome, cost = self._advance, self._solve, self._outcome, self._cost
         self._horizon[0] = steps
         self._begun[0] += over
         self._phase[0] = START
+        self.go_on(functions, data)
+
+    def go_on(self, functions: Functions, data: Any) -> None:
+        """Go on from the phase that the workspace is in; arguments as of `improve`."""
+        ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
+        predict, evaluate, linearise = functions
+        advance, outcome, cost = self._advance, self._outcome, self._cost
+        back_end = self.back_end
         while True:
             request = advance(ws)
             if request == EVALUATE:
                 predict(data, trial.U, trial.X)
                 cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
-            elif request == SOLVE_QP:
+            elif request == SOLVE_QP and back_end is None:
                 warm = self._warm_relaxed if self._level[0] else self._warm_hard
-                outcome[0] = solve(program, self._active, warm)
+                outcome[0] = self._solve(program, self._active, warm)
             elif request == LINEARISE:
                 linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
-            elif request == CORRECT:
+                if back_end is not None:
+                    back_end.begin()
+            elif request == CORRECT and back_end is None:
                 correct(program, self._active, trial.output_error, trial.g)
-            else:
+            elif request == DONE or back_end is None:
                 return
+            elif request == SOLVE_QP:
+                outcome[0] = back_end.solve(self._level[0])
+            elif request == ADD_CURVATURE:
+                back_end.add_curvature()
+            else:
+                back_end.correct(trial.output_error, trial.g)

@@ -166,7 +166,7 @@ def _finish(ws: Workspace, length: float) -> int:
 
 @inner
 def _is_over(ws: Workspace) -> bool:
-    """Whether the iteration is over by itself: `cmpsp_ros.mpsp.iteration.CMPSP.terminate`."""
+    """Whether the iteration is over by itself: `cmpsp_ros.mpsp.sqp.cmpsp.CMPSP.terminate`."""
     run = ws.run[0]
     if run.outcome != SOLVED or run.length == 0.0 or not _is_finite(ws):
         return True

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Decision, Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.robot.body import Motion
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.plant import Plant, PlantSettings
-from cmpsp_ros.robot.way import shortest_way
+from cmpsp_ros.simulator.body import Motion
+from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Driven:
     def clearance(self) -> Array:
         """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
         settings = self.task.settings
-        space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
         durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
@@ -154,7 +154,7 @@ def _to_rest(plant: PlantSettings) -> float:
 
 def _is_outside(driven: Driven) -> bool:
     settings = driven.task.settings
-    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     return bool(space.at(driven.motions[0].pose[None]).min() < 0.0)
 
 

@@ -18,10 +18,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.initial_guess import along_road
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.way import shortest_way
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
@@ -29,6 +28,7 @@ from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
-from cmpsp_ros.robot.way import angle_between
 from cmpsp_ros.studies.monte_carlo.passage import is_open
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.shortest_path import angle_between
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""

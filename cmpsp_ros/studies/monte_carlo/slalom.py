@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.way import angle_between
 from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.world.roads.shortest_path import angle_between
 
 Array = NDArray[np.float64]
 

@@ -13,10 +13,10 @@ from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.robot.plant import PlantSettings
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
+from cmpsp_ros.world.roads.road import Annulus
 
 PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.mpsp.condensing import CondensedQP, condense
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.studies.paper.drives import Path
 
 Array = NDArray[np.float64]

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.law import warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robot.arcs import arc_ends
-from cmpsp_ros.robot.clear_space import ClearSpace
+from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -68,7 +68,7 @@ class Path:
     def clearance(self, *, between_samples: bool) -> Array:
         """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
         settings = self.settings
-        space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         if between_samples:
             twists = settings.robot.twist(self.wheel_speeds)
             clearance = space.along(self.poses[:-1], twists, self.durations)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.paper.experiments import Experiment
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -87,7 +88,7 @@ def converge(
     """
     settings = experiment.settings
     steps = round(settings.final_time / settings.control_period)
-    nowhere = ClearSpace.of(settings.road, (), -np.inf)
+    nowhere = FreeSpace.of(settings.road, (), -np.inf)
     problem = GuidanceProblem(
         settings.robot,
         nowhere,

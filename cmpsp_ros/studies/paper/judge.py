@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.keep_clear import at_goal, at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_goal, at_samples
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError

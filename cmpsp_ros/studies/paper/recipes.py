@@ -12,17 +12,18 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
-from cmpsp_ros.guidance.initial_guess import initial_guess
-from cmpsp_ros.guidance.keep_clear import at_samples
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.guidance_functions import EDGES
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import Experiment
+from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -45,7 +46,7 @@ class SquaredConstraints(GuidanceProblem):
     """The same problem with the squared distances of (92) and (93)."""
 
     def __init__(
-        self, settings: GuidanceSettings, space: ClearSpace, pose: Array, durations: Array
+        self, settings: GuidanceSettings, space: FreeSpace, pose: Array, durations: Array
     ) -> None:
         """Set the problem up from where the robot is."""
         super().__init__(

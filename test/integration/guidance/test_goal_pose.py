@@ -10,9 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance.goal_pose import goal_of
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.odometry import pose_of
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
+from cmpsp_ros.guidance.messages.odometry import pose_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -36,7 +36,7 @@ def goal_pose(x, y, heading, frame_id='odom'):
 
 
 def assert_logged(fault, running, words):
-    """The warning with these words is as its row of doc/faults.md says."""
+    """The warning with these words is as its row of doc/user/faults.md says."""
     (line,) = (each for each in running.stderr.splitlines() if words in each)
     assert '[WARN]' in line
     sentence = line.partition('[guidance]: ')[2].removeprefix('goal_pose is refused: ')

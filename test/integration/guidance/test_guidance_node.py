@@ -13,7 +13,7 @@ from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.odometry import pose_of
+from cmpsp_ros.guidance.messages.odometry import pose_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

@@ -1,4 +1,4 @@
-"""Faults that only the node's own process can be given; compared with doc/faults.md."""
+"""Faults that only the node's own process can be given; compared with doc/user/faults.md."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from cmpsp_ros.guidance.planner import Planner
-from cmpsp_ros.nodes.guidance_node import GuidanceNode
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.nodes.guidance.node import GuidanceNode
 
 pytestmark = pytest.mark.integration
 

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.integration
 LIMIT = 100.0
 NAMES = Names.under('')
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recorder', '--ros-args']
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 
 def facts(values):

@@ -1,4 +1,4 @@
-"""Two guidance nodes for one robot, and others that publish commands; see doc/faults.md."""
+"""Two guidance nodes for one robot, and others that publish commands; see doc/user/faults.md."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Twist
 
-from cmpsp_ros.nodes.topics import GUIDED_BY
+from cmpsp_ros.nodes.common.topics import GUIDED_BY
 
 pytestmark = pytest.mark.integration
 

@@ -17,8 +17,8 @@ from cmpsp_ros.bags.audit import Outcome, audit
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names
 from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.nodes.road_messages import path_of
-from cmpsp_ros.robot.arcs import arc_ends
+from cmpsp_ros.nodes.common.road_messages import path_of
+from cmpsp_ros.robots.arcs import arc_ends
 
 pytestmark = pytest.mark.integration
 
@@ -26,7 +26,7 @@ LIMIT = 60.0
 PERIOD_NS = 200_000_000
 START = (0.0, -10.0, 0.0)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recorder', '--ros-args']
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 # Odometry is stamped ahead of time here, and the test may be slow between two messages.
 TOLD = {

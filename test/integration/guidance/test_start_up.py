@@ -39,7 +39,7 @@ def cache_without_the_audit(monkeypatch, tmp_path):
     folder = kernel_folder()
     kept = tmp_path / 'cache' / folder.parent.name / folder.name
     shutil.copytree(folder, kept)
-    missing = [*kept.glob('cmpsp_ros.guidance.audit.*')]
+    missing = [*kept.glob('cmpsp_ros.guidance.safety.audit.*')]
     assert missing
     for each in missing:
         each.unlink()
@@ -77,7 +77,7 @@ def test_the_deciding_thread_alone_has_its_core_while_the_node_is_active(start_n
 def test_without_the_right_to_a_priority_it_says_so_and_guides_all_the_same(
     fault, spawn, client, make_odometry
 ):
-    node = ['-m', 'cmpsp_ros.nodes.guidance_node', '--ros-args', '-p', 'realtime.priority:=7']
+    node = ['-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args', '-p', 'realtime.priority:=7']
     running = spawn([sys.executable, '-c', POWERLESS, *node, '-p', 'odom_timeout:=60.0'])
     client.connect()
     client.until_health(state='active', level=DiagnosticStatus.WARN)

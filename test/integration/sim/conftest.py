@@ -17,7 +17,7 @@ def simulate(spawn):
     def start(parameters=None, *more):
         given = [f'{key}:={value}' for key, value in (parameters or {}).items()]
         flags = [flag for each in given for flag in ('-p', each)]
-        command = [sys.executable, '-m', 'cmpsp_ros.nodes.sim_node', '--ros-args', *flags, *more]
+        command = [sys.executable, '-m', 'cmpsp_ros.nodes.sim.node', '--ros-args', *flags, *more]
         return spawn(command)
 
     return start

@@ -15,7 +15,7 @@ from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.export import export
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.tracks import FLOATS
+from cmpsp_ros.guidance.messages.tracks import FLOATS
 
 THIRD = 1 / 3
 ODOMETRY = 'nav_msgs/msg/Odometry'

@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_typestore
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.run import Driven, read_run
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.robot.arcs import arc_ends, arc_from, reach_of
+from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
 
 SECOND = 1_000_000_000
 STORE = get_typestore(Stores.ROS2_JAZZY)

@@ -1,6 +1,7 @@
-"""Puts the scenarios of this room's tests where its tests can import them."""
+"""Puts the helpers of these tests, and of the method's, where tests can import them."""
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parent / 'mpsp')]

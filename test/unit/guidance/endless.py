@@ -23,8 +23,8 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.plant import Plant
+from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.world.free_space import FreeSpace
 
 PARTS = 10
 NOISE = {'noise.position_stddev': 0.003, 'noise.heading_stddev': 0.003}
@@ -56,7 +56,7 @@ def drive(minutes, changes=None):
     )
     settings, plant = guidance_settings(values), Plant(plant_settings(values))
     law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
-    space = ClearSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     steps, stamp = round(minutes * 60.0 / settings.control_period / PARTS), 0
     tracemalloc.start()
     for _ in range(PARTS):

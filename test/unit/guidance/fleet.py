@@ -8,9 +8,9 @@ import numpy as np
 from scenarios import PERIOD
 
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.other_plans import OtherPlan
+from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.messages.tracks import Tracks
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.guidance.tracks import Tracks
 
 GRID = 20_000_000
 PARTS = 10

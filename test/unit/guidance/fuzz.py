@@ -23,9 +23,9 @@ from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.clock_reset import TimeJump
+from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.settings import Safety, Weights
-from cmpsp_ros.guidance.time_jump import TimeJump
 
 SECOND_NS = 1_000_000_000
 TIMEOUT = 0.5

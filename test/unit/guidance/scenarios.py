@@ -10,9 +10,9 @@ import numpy as np
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 MS = 1_000_000
 PERIOD = 200 * MS

@@ -8,13 +8,13 @@ import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.facts import severity
-from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.key_values import severity
+from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.plant import Plant, PlantSettings
+from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 ODOMETRY = 20 * MS
 CASE_3 = CASES['case 3']
@@ -42,7 +42,7 @@ class Drive:
 
     @property
     def clearance(self):
-        space = ClearSpace.of(self.settings.road, self.settings.obstacles, 0.0)
+        space = FreeSpace.of(self.settings.road, self.settings.obstacles, 0.0)
         poses = np.array([each.pose for each in self.motions[:-1]])
         twists = np.array([each.twist for each in self.motions[:-1]])
         durations = np.diff([each.stamp_ns for each in self.motions]) / 1e9

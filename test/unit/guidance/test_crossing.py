@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.goals import place_of
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.tracks import Track
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.world.roads.road import Annulus
 
 PERIOD = 200_000_000
 STEPS = 300

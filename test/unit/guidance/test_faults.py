@@ -1,6 +1,6 @@
 """What the law answers when something is wrong with the task, the world or the solver.
 
-Each test compares its decision with the row of doc/faults.md that names it.
+Each test compares its decision with the row of doc/user/faults.md that names it.
 """
 
 import math
@@ -21,12 +21,12 @@ from scenarios import (
 )
 
 from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.facts import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planner import Planner
+from cmpsp_ros.guidance.messages.key_values import severity
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 ON_TIME = [k * PERIOD for k in range(51)]
 COURSE = settings((FIRST, SECOND), 51.0, ROAD)

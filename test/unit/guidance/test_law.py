@@ -24,7 +24,7 @@ from scenarios import (
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
-from cmpsp_ros.robot.obstacles import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 ON_TIME = [k * PERIOD for k in range(51)]
 SETTLED = {Rung.NOMINAL, Rung.ELASTIC}

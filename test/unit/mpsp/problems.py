@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.iteration import Options, solve
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import (
     Dimensions,
     Evaluation,
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 
 class LinearQuadratic(OptimalControlProblem):

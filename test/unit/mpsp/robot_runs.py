@@ -4,17 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.planner import FUNCTIONS
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
+from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.driver import Driver
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 POSE, GOAL = np.array([0.0, -9.25, 0.0]), np.array([10.0, 0.0])
 OBSTACLES = Obstacle('first', (8.0, -6.0), 0.7), Obstacle('second', (10.0, -2.0), 0.5)
@@ -23,7 +24,7 @@ OBSTACLES = Obstacle('first', (8.0, -6.0), 0.7), Obstacle('second', (10.0, -2.0)
 def robot_problem(steps=25, limit=51.0, obstacles=OBSTACLES, pose=POSE, change=1.0):
     return GuidanceProblem(
         DifferentialDrive(max_wheel_speed=limit),
-        ClearSpace.of(Annulus(), obstacles, 0.05),
+        FreeSpace.of(Annulus(), obstacles, 0.05),
         Cost(15.0, change, 0.0),
         pose,
         GOAL,

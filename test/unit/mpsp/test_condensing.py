@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
+from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.mpsp import condensing
 from cmpsp_ros.mpsp.condensing import condense, sensitivities
-from cmpsp_ros.mpsp.iteration import CMPSP, Options
+from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.subproblem import Subproblem
-from cmpsp_ros.robot.clear_space import ClearSpace
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 SHAPES = [(1, 3, 2, 2, 2), (2, 2, 1, 1, 3), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 
@@ -185,7 +186,7 @@ def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, g
     obstacles = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
     problem = GuidanceProblem(
         robot,
-        ClearSpace.of(Annulus(), obstacles, 0.0),
+        FreeSpace.of(Annulus(), obstacles, 0.0),
         Cost(15.0, 1.0, 0.1),
         np.array([0.0, -9.5, 0.1]),
         np.array(goal),

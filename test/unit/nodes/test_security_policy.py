@@ -8,8 +8,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from cmpsp_ros.nodes.common.topics import TOPICS
 from cmpsp_ros.nodes.security_policy import policy, rights
-from cmpsp_ros.nodes.topics import TOPICS
 
 FILE = Path(__file__).parents[3] / 'config' / 'cmpsp.policy.xml'
 

@@ -16,11 +16,11 @@ from cmpsp_ros.parameters.settings import (
     guidance_settings,
     plant_settings,
 )
-from cmpsp_ros.robot.differential_drive import DifferentialDrive
-from cmpsp_ros.robot.measurement import OdometryErrors
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.plant import PlantSettings
-from cmpsp_ros.robot.road import Annulus
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.simulator.measurement import OdometryErrors
+from cmpsp_ros.simulator.plant import PlantSettings
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
 
 DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
 

@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     ActiveSet,
     Indices,
@@ -22,8 +22,9 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 )
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
-from cmpsp_ros.mpsp.qp.riccati.program import Program, empty_program
+from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 from cmpsp_ros.mpsp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.subproblem import Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""
@@ -92,27 +93,70 @@ def fill(
     head['horizon'], head['work'], head['is_factorised'], head['begun'] = N, 0, 0, 0
     head['trust_radius'] = np.inf
     head['trust_radius'][0, :n] = qp.trust_radius
+    stages['lower'][:, :r], stages['upper'][:, :r] = qp.lower, qp.upper
+    put_derivatives(stages, program.path, program.terminal, qp)
+    program.terminal['penalty'] = np.inf if terminal is None else terminal
+    program.path['penalty'] = np.inf if path is None else path
+
+
+def put_derivatives(
+    stages: Records, path: Records, terminal: Records, qp: StageQP | Linearisation
+) -> None:
+    """Write derivatives along a trajectory into records, which may be larger in any size.
+
+    Args:
+        stages: Of `cmpsp_ros.mpsp.qp.riccati.layout.stage_type`.
+        path: Of `row_type`.
+        terminal: Of `row_type`.
+        qp: The derivatives.
+    """
+    N, n, r = qp.B.shape
+    stages, path = stages[: N + 1], path[: N + 1]
     stages['A'][:N, :n, :n], stages['B'][:N, :n, :r] = qp.A, qp.B
     stages['L_X'][:, :n], stages['L_U'][:, :r] = qp.L_X, qp.L_U
     stages['L_XX'][:, :n, :n], stages['L_UX'][:, :r, :n] = qp.L_XX, qp.L_UX
     stages['L_UU'][:, :r, :r] = qp.L_UU
-    stages['lower'][:, :r], stages['upper'][:, :r] = qp.lower, qp.upper
-    rows = program.terminal
-    rows['value'], rows['X'][:, :n], rows['U'][:, :r] = qp.output_error, qp.h_X, qp.h_U
-    rows['penalty'] = np.inf if terminal is None else terminal
-    rows = program.path
-    rows['value'], rows['X'][:, :, :n], rows['U'][:, :, :r] = qp.g, qp.g_X, qp.g_U
-    rows['penalty'] = np.inf if path is None else path
+    terminal['value'], terminal['X'][:, :n], terminal['U'][:, :r] = qp.output_error, qp.h_X, qp.h_U
+    path['value'], path['X'][:, :, :n], path['U'][:, :, :r] = qp.g, qp.g_X, qp.g_U
+
+
+def subproblem_in(of: Space) -> Subproblem:
+    """The program in records, on their present horizon, in arrays of its own."""
+    n, r, N = of.size.state, of.size.control, int(of.program.head['horizon'][0])
+    stages, path, terminal = (
+        of.program.stages[: N + 1],
+        of.program.path[: N + 1],
+        of.program.terminal,
+    )
+    linearisation = Linearisation(
+        A=stages['A'][:N, :n, :n].copy(),
+        B=stages['B'][:N, :n, :r].copy(),
+        L_X=stages['L_X'][:, :n].copy(),
+        L_U=stages['L_U'][:, :r].copy(),
+        L_XX=stages['L_XX'][:, :n, :n].copy(),
+        L_UX=stages['L_UX'][:, :r, :n].copy(),
+        L_UU=stages['L_UU'][:, :r, :r].copy(),
+        output_error=terminal['value'].copy(),
+        h_X=terminal['X'][:, :n].copy(),
+        h_U=terminal['U'][:, :r].copy(),
+        g=path['value'].copy(),
+        g_X=path['X'][:, :, :n].copy(),
+        g_U=path['U'][:, :, :r].copy(),
+    )
+    lower, upper = stages['lower'][:, :r].copy(), stages['upper'][:, :r].copy()
+    trust_radius = of.program.head['trust_radius'][0, :n].copy()
+    return Subproblem(linearisation, lower, upper, trust_radius)
 
 
 def put_solution(into: Space, dU: Array, dX: Array, multipliers: Multipliers) -> None:
     """Write a step and its multipliers into records; shapes as in `Multipliers`."""
-    n, r, stages = into.size.state, into.size.control, into.program.stages
+    n, r, count = into.size.state, into.size.control, len(dU)
+    stages = into.program.stages[:count]
     stages['dU'], stages['dX'], stages['bounds'], stages['trust'] = 0.0, 0.0, 0.0, 0.0
     stages['dU'][:, :r], stages['dX'][:, :n] = dU, dX
     stages['bounds'][:, :r], stages['trust'][:, :n] = multipliers.bounds, multipliers.trust
     into.program.terminal['multiplier'] = multipliers.terminal
-    into.program.path['multiplier'] = multipliers.path
+    into.program.path['multiplier'][:count] = multipliers.path
 
 
 def multipliers_of(of: Space) -> Multipliers:

@@ -14,7 +14,7 @@ from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.recording import Names
 from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.guidance.tracks import FLOATS, Track, Tracks
+from cmpsp_ros.guidance.messages.tracks import FLOATS, Track, Tracks
 
 CLOUD, TOPIC = 'sensor_msgs/msg/PointCloud2', '/moving_obstacles'
 NAMES = Names.under('')

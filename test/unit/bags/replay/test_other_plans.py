@@ -12,8 +12,8 @@ from cmpsp_ros.bags.messages import PATH
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names
 from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.guidance.other_plans import OtherPlan
-from cmpsp_ros.guidance.tracks import Tracks
+from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.messages.tracks import Tracks
 
 TOPIC, ODOM = '/r2/guidance/predicted_path', '/r2/odom'
 NAMES = Names.under('/r1')

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp import iteration
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
-from cmpsp_ros.mpsp.iteration import solve
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.sqp.back_end import BackEnd
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 
 FIRST = np.array([[np.cos(1.0), np.sin(1.0)], [0.0, 0.0]])
@@ -45,10 +45,7 @@ def test_full_steps_are_kept(state, rate, penalty):
 
 @pytest.mark.parametrize('state', [equality, inequality])
 def test_they_are_refused_without_the_second_order_correction(state, monkeypatch):
-    def none(subproblem, solution, output_error, g):
-        return np.zeros_like(solution.dU)
-
-    monkeypatch.setattr(iteration, 'second_order_correction', none)
+    monkeypatch.setattr(BackEnd, 'correct', lambda _self, _output_error, _g: None)
     problem = from_casadi(**state())
     solution = solve(problem, FIRST, options_for(problem, penalty=1e3), 60)
     assert solution.status is not Status.CONVERGED

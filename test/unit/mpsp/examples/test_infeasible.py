@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from judge import options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
-from cmpsp_ros.mpsp.iteration import solve
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 
 N, DT = 20, 0.1

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from robot_runs import driver_for, improve, robot_options, robot_problem
 
-from cmpsp_ros.guidance.planner import FUNCTIONS
+from cmpsp_ros.guidance.formulation import ocp_functions
+from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp import riccati
-from cmpsp_ros.robot import differential_drive, guidance_functions
+from cmpsp_ros.robots import differential_drive
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
@@ -32,7 +33,7 @@ def test_a_kernel_that_would_make_an_array_is_refused():
 
 
 def test_every_kernel_is_compiled_to_make_none():
-    modules, kernels = [differential_drive, guidance_functions], 0
+    modules, kernels = [differential_drive, ocp_functions], 0
     for package in (sqp, riccati):
         modules += [
             import_module(f'{package.__name__}.{each.name}')

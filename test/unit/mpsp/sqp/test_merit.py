@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from reference_merit import Merit
 from stage_programs import random_program, relaxed, run, staged
 
-from cmpsp_ros.mpsp.merit import Merit
 from cmpsp_ros.mpsp.problem import Dimensions, Evaluation
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robot.obstacles import Obstacle
-from cmpsp_ros.robot.road import Annulus
-from cmpsp_ros.robot.way import angle_between, shortest_way
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
 from cmpsp_ros.studies.monte_carlo.passage import is_open
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, scenario
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.shortest_path import angle_between, shortest_way
 
 ROAD = Annulus((1.0, -2.0), 9.0, 11.0)
 SETTINGS, _ = Study('nominal').told()

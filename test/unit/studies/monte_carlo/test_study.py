@@ -254,8 +254,8 @@ def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
 
 def next_arrived():
     """The first run of which the goal is in reach."""
-    from cmpsp_ros.robot.way import shortest_way
     from cmpsp_ros.studies.monte_carlo.driving import farthest
+    from cmpsp_ros.world.roads.shortest_path import shortest_way
 
     for number in range(100):
         task = STUDY.run(number)

@@ -109,7 +109,7 @@ def test_the_guess_of_the_obstacle_runs_is_a_straight_line():
 @pytest.mark.parametrize('each', [*few_obstacles(), *many_obstacles()], ids=lambda e: e.key)
 def test_an_independent_solver_finds_every_layout_feasible(each, between_samples):
     pytest.importorskip('casadi')
-    from cmpsp_ros.guidance.initial_guess import along_road
+    from cmpsp_ros.guidance.planning.initial_trajectories import along_road
     from cmpsp_ros.studies.paper.judge import judge
 
     settings, pose = each.with_bound(between_samples), np.array(each.pose)
@@ -130,8 +130,8 @@ def test_judge_says_when_there_is_no_way():
     pytest.importorskip('casadi')
     from dataclasses import replace
 
-    from cmpsp_ros.robot.obstacles import Obstacle
     from cmpsp_ros.studies.paper.judge import judge
+    from cmpsp_ros.world.obstacles.shapes import Obstacle
 
     settings = replace(cases()[0].settings, obstacles=(Obstacle('wall', (7.0, -7.0), 1.5),))
     path = guessed_path(few_obstacles()[0])

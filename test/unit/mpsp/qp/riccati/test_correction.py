@@ -9,8 +9,10 @@ from stage_programs import dense, place, random_program, run
 
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
+from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.riccati_backend import second_order_correction
+from cmpsp_ros.mpsp.sqp.back_end import BackEnd
+from cmpsp_ros.mpsp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.subproblem import Subproblem
 
 # What they call takes long to compile: by one worker.
@@ -80,6 +82,17 @@ def test_nothing_to_correct_and_more_than_can_be():
     np.testing.assert_allclose(corrected(found, np.zeros(2), none), 0.0, atol=1e-14)
     # All rows of all stages are more than there are controls.
     assert np.isfinite(corrected(found, output_error, np.abs(g) + 0.01)).all()
+
+
+def second_order_correction(subproblem, solution, output_error, g):
+    """The correction of a step by any back end, shape ``(N + 1, r)``."""
+    size = subproblem.size
+    with borrowed_space(size) as space:
+        fill(space, subproblem.stages)
+        multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
+        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
+        BackEnd('daqp', 'gauss_newton', space).correct(output_error, g)
+        return space.program.stages['correction_U'][:, : size.control].copy()
 
 
 def value(problem, U):

@@ -1,0 +1,198 @@
+"""The paper's demonstrative example (91)-(95) as an optimal control problem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.formulation import ocp_functions
+from cmpsp_ros.guidance.formulation.ocp_functions import (
+    EDGES,
+    EXACT,
+    GAUSS_NEWTON,
+    LEVER,
+    LINE,
+    PARAMETERS,
+    POINT,
+    POSE,
+    PROJECTED,
+    GuidanceData,
+)
+from cmpsp_ros.mpsp.problem import (
+    Dimensions,
+    Evaluation,
+    Hessian,
+    Linearisation,
+    OptimalControlProblem,
+)
+from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.free_space import FreeSpace
+
+Array = NDArray[np.float64]
+
+_HESSIANS: dict[Hessian, int] = {
+    'gauss_newton': GAUSS_NEWTON,
+    'projected': PROJECTED,
+    'exact': EXACT,
+}
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Weights of the cost, each with the factor 1/2 of (95).
+
+    Attributes:
+        road_center: ``q``, on the squared distance to the centre line [1/m^2].
+        control_change: ``R``, on the squared change between iterations [s^2/rad^2]; it enters the
+            Hessian alone, since at the trajectory that is linearised nothing has changed.
+        control_effort: On the squared wheel speeds [s^2/rad^2].
+    """
+
+    road_center: float
+    control_change: float
+    control_effort: float
+
+
+class GuidanceProblem(OptimalControlProblem):
+    """Pass the goal at the end of the horizon, inside the road, clear of obstacles.
+
+    States are poses ``(x, y, heading)``, controls wheel speeds ``(right, left)``; the last control
+    ``U_N`` moves nothing. Constraints are distances, not their squares as in (92) and (93): their
+    linearisation then errs on the safe side of every convex obstacle.
+
+    Attributes:
+        data: The problem for compiled code.
+    """
+
+    data: GuidanceData
+
+    def __init__(
+        self,
+        robot: DifferentialDrive,
+        space: FreeSpace,
+        cost: Cost,
+        pose: Array,
+        goal: Array,
+        durations: Array,
+        heading: float = math.nan,
+        outputs: int = POINT,
+        near: float = math.nan,
+    ) -> None:
+        """Set the problem up from where the robot is.
+
+        Args:
+            robot: Kinematics and wheel-speed limit.
+            space: Where the robot's centre may be at the samples.
+            cost: Weights of the cost.
+            pose: Present pose, shape ``(3,)`` [m, m, rad].
+            goal: Point to pass at the end, shape ``(2,)`` [m].
+            durations: Length of every step, shape ``(N,)`` [s].
+            heading: As in `GuidanceData`; not used for a `POINT` [rad].
+            outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
+            near: As in `GuidanceData` [m].
+        """
+        steps = len(durations)
+        self.size = Dimensions(
+            horizon=steps, state=3, control=2, output=outputs, path=EDGES + len(space.first) - 1
+        )
+        self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
+        self.control_lower = -self.control_upper
+        self.target = target_of(goal, heading, outputs)
+        self.data = guidance_data(
+            robot, space, cost, pose, goal, durations, heading=heading, near=near
+        )
+
+    def predict(self, U: Array) -> Array:
+        """Exact arcs under zero-order hold; shape ``(N + 1, 3)``."""
+        X = np.empty((self.size.horizon + 1, 3))
+        ocp_functions.predict(self.data, U, X)
+        return X
+
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Value of (95) without its proximal term, miss and constraint violations."""
+        size = self.size
+        output_error, g = np.empty(size.output), np.empty((size.horizon + 1, size.path))
+        X = np.ascontiguousarray(X)
+        cost = ocp_functions.evaluate(self.data, X, U, output_error, g)
+        return Evaluation(cost, output_error, g)
+
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        """Analytic derivatives; see `ocp_functions.linearise`."""
+        N, sizes = self.size.horizon, (self.size.state, self.size.control)
+        stages, row = np.zeros(N + 1, stage_type(*sizes)), row_type(*sizes)
+        path, terminal = np.zeros((N + 1, self.size.path), row), np.zeros(self.size.output, row)
+        data = with_parameters(self.data, hessian=_HESSIANS[hessian])
+        ocp_functions.linearise(data, np.ascontiguousarray(X), U, stages, path, terminal)
+        of_stages = {name: stages[name].copy() for name in ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')}
+        return Linearisation(
+            A=stages['A'][:N].copy(),
+            B=stages['B'][:N].copy(),
+            output_error=terminal['value'].copy(),
+            h_X=terminal['X'].copy(),
+            h_U=terminal['U'].copy(),
+            g=path['value'].copy(),
+            g_X=path['X'].copy(),
+            g_U=path['U'].copy(),
+            **of_stages,
+        )
+
+
+def guidance_data(
+    robot: DifferentialDrive,
+    space: FreeSpace,
+    cost: Cost,
+    pose: Array,
+    goal: Array,
+    durations: Array,
+    hessian: Hessian = 'gauss_newton',
+    heading: float = math.nan,
+    near: float = math.nan,
+) -> GuidanceData:
+    """The problem for compiled code; arguments as of `GuidanceProblem`."""
+    data = GuidanceData(
+        pose=pose,
+        near=float(near),
+        durations=durations,
+        parameters=np.zeros(1, PARAMETERS),
+        road=space.road,
+        corners=np.ascontiguousarray(space.corners),
+        first=space.first,
+        radii=np.atleast_2d(space.radii),
+    )
+    return with_parameters(
+        data,
+        goal=goal,
+        heading=heading,
+        wheel_radius=robot.wheel_radius,
+        half_track=robot.half_track,
+        road_center=cost.road_center,
+        control_change=cost.control_change,
+        control_effort=cost.control_effort,
+        hessian=_HESSIANS[hessian],
+    )
+
+
+def with_parameters(data: GuidanceData, **changes: Any) -> GuidanceData:
+    """The same problem with other values of some fields of `PARAMETERS`."""
+    parameters = data.parameters.copy()
+    for name, value in changes.items():
+        parameters[name] = value
+    return data._replace(parameters=parameters)
+
+
+def begun_at(data: GuidanceData, pose: Array, durations: Array, near: float) -> GuidanceData:
+    """The same problem from another pose; arguments as of `GuidanceData`."""
+    # `_replace` takes several times as long.
+    return GuidanceData(pose, near, durations, *data[3:])
+
+
+def target_of(goal: Array, heading: float, outputs: int) -> Array:
+    """What is wanted at the end, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
+    if outputs == LINE:
+        return np.array([math.cos(heading) * goal[0] + math.sin(heading) * goal[1]])
+    return np.append(goal, LEVER * heading) if outputs == POSE else goal

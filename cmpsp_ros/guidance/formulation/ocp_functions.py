@@ -1,0 +1,225 @@
+"""The demonstrative example (91)-(95) as functions for compiled code, and their data."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.differential_drive import drive, gradients
+from cmpsp_ros.world.obstacles.shape_functions import away_from
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road_space import RoadSpace
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Records = NDArray[np.void]
+
+EDGES = 2
+"""Path constraints of the road, one an edge; the obstacles' follow."""
+
+GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
+"""Which Hessian of the cost."""
+
+LINE, POINT, POSE = 1, 2, 3
+"""What the end of the horizon is to meet, told by the number of outputs."""
+
+LEVER: Final = 0.02
+"""What a radian of heading counts beside a metre of way in the miss of a pose [m]."""
+
+
+PARAMETERS: Final = np.dtype(
+    [
+        # Point to pass at the end [m].
+        ('goal', np.float64, (2,)),
+        # Heading to pass it with, where there are three outputs. Where there is one it is the line
+        # through the goal across this direction that is to be passed [rad].
+        ('heading', np.float64),
+        # The paper's r and L [m].
+        ('wheel_radius', np.float64),
+        ('half_track', np.float64),
+        # Weights: q, on the squared distance to the centre line [1/m^2]; R, on the squared change
+        # between iterations, and the weight of the squared wheel speeds [s^2/rad^2].
+        ('road_center', np.float64),
+        ('control_change', np.float64),
+        ('control_effort', np.float64),
+        # `GAUSS_NEWTON`, `PROJECTED` or `EXACT`.
+        ('hessian', np.int64),
+    ]
+)
+"""What of a problem does not change from one control step to the next, but for its arrays."""
+
+
+class GuidanceData(NamedTuple):
+    """One robot's problem from where it is.
+
+    Corners and radii are those of one clear space for all stages, or one for each: ``K``, for
+    either, is 1 or ``N + 1``.
+
+    Attributes:
+        pose: Present pose, shape ``(3,)`` [m, m, rad].
+        near: Progress of a place near the pose, NaN where none is known [m].
+        durations: Length of every step, shape ``(N,)`` [s].
+        parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
+        road: Where on the road the robot's centre may be.
+        corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
+        first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
+        radii: Least distances from the obstacles without their radii, ``-inf`` where there is
+            nothing to keep to, shape ``(K, M)`` [m].
+    """
+
+    pose: Array
+    near: float
+    durations: Array
+    parameters: Records
+    road: RoadSpace
+    corners: Array
+    first: Indices
+    radii: Array
+
+
+@allocation_free
+def predict(data: GuidanceData, U: Array, X: Array) -> None:
+    """Roll out the dynamics (1): exact arcs under zero-order hold.
+
+    Args:
+        data: The problem.
+        U: Controls, shape ``(N + 1, 2)``; this array and all below may be longer than that.
+        X: Filled with the poses, shape ``(N + 1, n)``.
+    """
+    p = data.parameters[0]
+    for i in range(3):
+        X[0, i] = data.pose[i]
+    for k in range(data.durations.shape[0]):
+        drive(X, U, k, data.durations[k], p.wheel_radius, p.half_track)
+
+
+@allocation_free
+def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Array) -> float:
+    """Value of (95) without its proximal term, terminal output (5) and path constraints (4).
+
+    Args:
+        data: The problem.
+        X: States, shape ``(N + 1, n)``.
+        U: Controls, shape ``(N + 1, 2)``.
+        output_error: Filled with ``Y_N - Y_N*``, shape ``(m,)``.
+        g: Filled with the path constraints, ``-inf`` where one does not apply; ``(N + 1, l)``.
+
+    Returns:
+        ``J``.
+    """
+    p, cost = data.parameters[0], 0.0
+    N, outputs = data.durations.shape[0], output_error.shape[0]
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
+    for k in range(N + 1):
+        progress, off_center, first, second = road_functions.measure(
+            data.road, k, X[k, 0], X[k, 1], progress
+        )
+        g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
+        for j in range(data.radii.shape[1]):
+            distance, _, _ = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            g[k, EDGES + j] = _keep_away(distance, data.radii[at, j], k)
+        cost += p.road_center * off_center * off_center
+        cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
+    errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
+    for j in range(outputs):
+        output_error[j] = errors[j]
+    return 0.5 * cost
+
+
+@allocation_free
+def linearise(
+    data: GuidanceData, X: Array, U: Array, stages: Records, path: Records, terminal: Records
+) -> None:
+    """Analytic derivatives along a trajectory, for ``n`` states of which the pose is the first.
+
+    The second derivative of half the squared distance from the centre line is ``n n' + a t t'``
+    with unit vectors ``n`` across and ``t`` along the road. Gauss-Newton leaves the second term
+    out. Where ``a`` is negative, on the inner side of a curve, it is 0 in the projection.
+
+    Entries that are always 0 are not written.
+
+    Args:
+        data: The problem.
+        X: States, shape ``(N + 1, n)``.
+        U: Controls, shape ``(N + 1, 2)``.
+        stages: Records of `layout.stage_type`, shape ``(N + 1,)``.
+        path: Path constraints, records of `layout.row_type`, shape ``(N + 1, l)``.
+        terminal: Terminal constraints, records of `layout.row_type`, shape ``(m,)``.
+    """
+    p, N = data.parameters[0], data.durations.shape[0]
+    q, curvature = p.road_center, p.control_change + p.control_effort
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
+    for k in range(N + 1):
+        stage = stages[k]
+        if k < N:
+            A, B = stage.A, stage.B
+            A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
+                X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
+            )
+            for i in range(3):
+                A[i, i] = 1.0
+            B[2, 0], B[2, 1] = turn, -turn
+        progress, off_center, first, second = road_functions.measure(
+            data.road, k, X[k, 0], X[k, 1], progress
+        )
+        edge, other = path[k, 0], path[k, 1]
+        # Where the robot is now it cannot be changed: no constraint applies there.
+        edge.value, other.value = (first, second) if k > 0 else (-math.inf, -math.inf)
+        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.slopes(
+            data.road, X[k, 0], X[k, 1], progress
+        )
+        if p.hessian == GAUSS_NEWTON:
+            along = 0.0
+        elif p.hessian == PROJECTED:
+            along = max(along, 0.0)
+        stage.L_X[0] = q * off_center * x
+        stage.L_X[1] = q * off_center * y
+        L_XX = stage.L_XX
+        L_XX[0, 0] = q * (x * x + along * y * y)
+        L_XX[0, 1] = q * (x * y - along * x * y)
+        L_XX[1, 0] = L_XX[0, 1]
+        L_XX[1, 1] = q * (y * y + along * x * x)
+        for a in range(2):
+            stage.L_U[a] = p.control_effort * U[k, a]
+            stage.L_UU[a, a] = curvature
+        at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
+        for j in range(data.radii.shape[1]):
+            row = path[k, EDGES + j]
+            distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
+            row.value = _keep_away(distance, data.radii[at, j], k)
+            row.X[0], row.X[1] = -x, -y
+    outputs = terminal.shape[0]
+    errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
+    for j in range(outputs):
+        terminal[j].value = errors[j]
+    if outputs == LINE:
+        terminal[0].X[0], terminal[0].X[1] = math.cos(p.heading), math.sin(p.heading)
+    else:
+        terminal[0].X[0] = terminal[1].X[1] = 1.0
+    if outputs == POSE:
+        terminal[2].X[2] = LEVER
+
+
+@allocation_free
+def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) -> Any:
+    """What the last pose is off the goal; a heading by the shorter way round."""
+    dx, dy = x - p.goal[0], y - p.goal[1]
+    if outputs == LINE:
+        return math.cos(p.heading) * dx + math.sin(p.heading) * dy, 0.0, 0.0
+    turn = heading - p.heading
+    return dx, dy, LEVER * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
+
+
+@allocation_free
+def _keep_away(distance: float, least: float, k: int) -> float:
+    """Constraint (93) of an obstacle, not positive where met.
+
+    It is a distance, not its square: its linearisation then errs on the safe side of every convex
+    obstacle.
+    """
+    return least - distance if k > 0 and least > -math.inf else -math.inf

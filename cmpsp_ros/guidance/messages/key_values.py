@@ -1,0 +1,81 @@
+"""A decision in words and numbers, as messages and bags hold it."""
+
+from __future__ import annotations
+
+import math
+
+from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.messages.exact_repr import written
+from cmpsp_ros.guidance.messages.tracks import written_keys
+
+MOVING = 'moving_obstacles'
+"""Key of the obstacles that move, by number and time; there only where there are some."""
+
+
+def facts(decision: Decision) -> dict[str, str]:
+    """Everything about a decision but its reason and its plan, as text by key.
+
+    Floats are written so that they read back bit for bit; times end in ``_ms``. Without slip
+    nothing is said of it.
+    """
+    right, left = decision.wheel_speeds.tolist()
+    values: dict[str, object] = {
+        'step': decision.step,
+        'stamp': decision.stamp,
+        'rung': decision.rung.name.lower(),
+        'time_left': decision.time_left,
+        'wheel_speed_right': right,
+        'wheel_speed_left': left,
+        'miss': decision.miss,
+        'margin': decision.margin,
+        'worst_margin': decision.worst_margin,
+        'slack': decision.slack,
+        'iterations': decision.iterations,
+        'qp_iterations': decision.qp_iterations,
+        'active_rows': decision.active_rows,
+        'failures': decision.failures,
+        **({'wheel_slip': decision.wheel_slip} if decision.wheel_slip > 0.0 else {}),
+        'finished': decision.finished,
+        'missed': decision.missed,
+        'halted': decision.halted,
+        'run': decision.run,
+        'revision': decision.revision,
+        **({MOVING: written_keys(decision.tracks)} if decision.tracks else {}),
+        **_of_goal(decision),
+        **{f'{phase}_ms': time for phase, time in decision.phases.items()},
+    }
+    return {key: written(value) for key, value in values.items()}
+
+
+def _of_goal(decision: Decision) -> dict[str, object]:
+    """What is to be told of the goal where there is more to it than a point that never changes."""
+    goal, values = decision.goal, dict[str, object]()
+    if goal is not None and goal.name:
+        (x, y), time = goal.position, goal.time
+        values |= {'goal': goal.name, 'goal_x': x, 'goal_y': y, 'goal_time': time}
+        values |= {} if goal.heading is None else {'goal_heading': goal.heading}
+    if decision.heading_miss is not None:
+        values['heading_miss'] = decision.heading_miss
+    if decision.told:
+        values['told'] = decision.told
+    return values
+
+
+def severity(decision: Decision) -> int:
+    """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
+
+    Having arrived is no error, and having missed the goal a warning: the robot stands safely.
+    """
+    if decision.finished:
+        return int(decision.missed)
+    if decision.rung == Rung.NOMINAL:
+        return 0
+    return 2 if decision.rung == Rung.STOP else 1
+
+
+def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
+    """Poses of a plan: ``x`` and ``y`` [m], then ``z`` and ``w`` of the quaternion."""
+    return [
+        (x, y, math.sin(heading / 2.0), math.cos(heading / 2.0))
+        for x, y, heading in plan.poses.tolist()
+    ]

@@ -1,0 +1,82 @@
+"""What no plan can bring about, told before a run: a goal too far, a gap too narrow.
+
+Both are certain, since both are taken for the better than they are: the shortest way is one
+without obstacles, and of a gap only its width counts. On other roads than an annulus the shortest
+way is the straight one, and gaps are not looked at; nor are they beside what is no disc, or moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.shortest_path import Point, angle_between, shortest_way
+
+
+def shortest_time(settings: GuidanceSettings, start: Point) -> float:
+    """Time in which the goal can be reached at best, obstacles left aside [s].
+
+    Args:
+        settings: Road, goal and robot; without a wheel limit it is 0.
+        start: Where the robot stands (x, y) [m].
+    """
+    return _way(settings, start) / settings.robot.max_speed
+
+
+def doubts(settings: GuidanceSettings, start: Point) -> list[str]:
+    """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
+    said: list[str] = []
+    begin = 0.0
+    for goal in settings.goals:
+        leg, to = settings.towards(goal, begin), f'On the way to {goal.name}: '
+        found = (*_too_far(leg, start), *_too_narrow(leg, start))
+        said += [to + each if settings.waypoints else each for each in found]
+        start, begin = goal.position, goal.time
+    return said
+
+
+def _way(settings: GuidanceSettings, start: Point) -> float:
+    road = settings.road
+    if isinstance(road, Annulus):
+        inner = road.inner_radius + settings.robot_radius + settings.safety.margin
+        way = shortest_way(replace(road, inner_radius=inner), start, settings.goal)
+    else:
+        way = math.dist(start, settings.goal)
+    return max(way - settings.goal_tolerance, 0.0)
+
+
+def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
+    needed, final_time = shortest_time(settings, start), settings.final_time
+    if needed > final_time:
+        speed, way = settings.robot.max_speed, _way(settings, start)
+        yield (
+            f'The goal is out of reach by {way - speed * final_time:.2f} m: the shortest way is'
+            f' {way:.2f} m, and this robot drives at most {speed:.3g} m/s for {final_time:g} s.'
+            f' final_time would have to be {math.ceil(10.0 * needed) / 10.0:.1f} s or more.'
+        )
+
+
+def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
+    road = settings.road
+    if not isinstance(road, Annulus):
+        return
+    wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
+    whole = angle_between(road, start, settings.goal)
+    for obstacle in settings.obstacles:
+        if not isinstance(obstacle, Obstacle):
+            continue
+        turned = angle_between(road, start, obstacle.center)
+        away = math.dist(obstacle.center, road.center)
+        outside = road.outer_radius - away - obstacle.radius
+        inside = away - obstacle.radius - road.inner_radius
+        gap = max(outside, inside)
+        if 0.0 < turned / (whole or math.inf) < 1.0 and (gap < wanted or gap <= 0.0):
+            yield (
+                f'There is no way past obstacle {obstacle.name}: the wider gap beside it is'
+                f' {max(gap, 0.0):.3f} m, and this robot needs {wanted:.3f} m'
+                ' (twice robot.radius and safety.margin).'
+            )

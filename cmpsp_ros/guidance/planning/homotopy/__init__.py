@@ -1,0 +1,1 @@
+"""On which side each obstacle is passed, on a road between two circles."""

@@ -1,0 +1,1 @@
+"""What will happen whatever is decided now."""

@@ -1,0 +1,119 @@
+"""Wheel slip, estimated from how far the robot came with the commands that it was given.
+
+A slipping wheel moves the robot by a part ``1 - s`` of what it turns. A guidance law that does not
+know it believes that it has more time than it has. The estimate is the least-squares solution of
+
+    d_i = (1 - s) l_i
+
+over the control periods so far, with ``l_i`` how far the robot would have come without slip and
+``d_i`` how far it came, along the same chord. A period counts only if the wheels kept their speed:
+after a change of speed a lagging wheel looks like a slipping one.
+
+Before anything was seen half of the most is believed. Who learns of slip when the robot has driven
+for a second cannot win that second back; who expected too much of it has time to spare.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+
+Array = NDArray[np.float64]
+
+# What is believed before counts as if it had been seen over so long a way at a time [m], and half
+# as much with every period that is seen.
+_PRIOR_LENGTH: Final = 0.4
+_FADING: Final = 0.5
+
+# Change of a wheel's speed, relative to the faster wheel, up to which a speed is a steady one.
+_STEADY: Final = 0.1
+
+# The estimate in use follows the present one in steps: each takes new plans from scratch.
+_STEP: Final = 0.005
+_CHANGE: Final = 0.9 * _STEP
+
+
+class SlipEstimate:
+    """The slip of one run, seen at its control steps."""
+
+    def __init__(self) -> None:
+        """Begin without any slip."""
+        self.forget(0.0)
+
+    def forget(self, most: float) -> None:
+        """Begin again, with another robot or on other ground.
+
+        Args:
+            most: Largest slip to reckon with, a fraction.
+        """
+        self._believed, self._weight = most / 2.0, _PRIOR_LENGTH**2
+        self._information = self._missed = 0.0
+        self._in_use = _in_steps(most / 2.0)
+        self.lose()
+
+    def lose(self) -> None:
+        """Leave out the present control period: nobody knows what the wheels do."""
+        self._began: tuple[int, Array, Array, Array] | None = None
+
+    @property
+    def slip(self) -> float:
+        """What to reckon with: a fraction, a multiple of half a per cent."""
+        return self._in_use
+
+    def begin(self, stamp: int, pose: Array, wheel_speeds: Array, durations: Array) -> None:
+        """Take down how a control period begins, and what the wheels are to do in it.
+
+        Args:
+            stamp: When it begins [ns].
+            pose: Where, shape ``(3,)`` [m, m, rad].
+            wheel_speeds: Commands as they take effect, the one in force until now first and the
+                newest last, shape ``(K + 2, 2)`` [rad/s].
+            durations: How long those between hold, shape ``(K,)`` [s].
+        """
+        self._began = (stamp, pose, wheel_speeds, durations)
+
+    def end(self, stamp: int, pose: Array, robot: DifferentialDrive, most: float) -> bool:
+        """See how far the robot has come in the control period.
+
+        Args:
+            stamp: Now [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            robot: Its kinematics without slip.
+            most: Largest slip to reckon with, a fraction.
+
+        Returns:
+            Whether `slip` is another one now.
+        """
+        if self._began is None:
+            return False
+        began, before, wheel_speeds, durations = self._began
+        self._began = None
+        rest = (stamp - began) / NANOSECONDS - float(durations.sum())
+        fastest = float(np.abs(wheel_speeds).max())
+        if rest <= 0.0 or float(np.ptp(wheel_speeds, axis=0).max()) > _STEADY * fastest:
+            return False
+        held = np.append(durations, rest)
+        x, y, _ = (robot.roll_out(before, wheel_speeds[1:], held)[-1] - before).tolist()
+        length = math.hypot(x, y)
+        if length == 0.0:
+            return False
+        came = ((pose[0] - before[0]) * x + (pose[1] - before[1]) * y) / length
+        self._information += length**2
+        self._missed += length * (length - float(came))
+        found = self._missed + self._weight * self._believed
+        slip = min(max(found / (self._information + self._weight), 0.0), most)
+        self._weight *= _FADING
+        if abs(slip - self._in_use) < _CHANGE:
+            return False
+        self._in_use = _in_steps(slip)
+        return True
+
+
+def _in_steps(slip: float) -> float:
+    return round(slip / _STEP) * _STEP

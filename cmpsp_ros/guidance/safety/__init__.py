@@ -1,0 +1,1 @@
+"""What no command leaves without."""

@@ -1,0 +1,96 @@
+"""What users hand in as numbers, brought to the shapes of the method or refused by name."""
+
+from __future__ import annotations
+
+from typing import get_args
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.problem import Array, Hessian, check_bounds, numbers
+
+
+def whole_number(name: str, value: object) -> int:
+    """``value`` where it is a whole number of at least 1.
+
+    Raises:
+        ProblemError: Names the argument.
+    """
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
+        raise ProblemError(f'{name}: found {value!r}, wanted a whole number of at least 1')
+    return int(value)
+
+
+def vector(name: str, value: ArrayLike, length: int | None = None) -> Array:
+    """``value`` as a vector of finite numbers, a copy.
+
+    Raises:
+        ProblemError: Names the argument, what was found and what was wanted.
+    """
+    array = numbers(name, value)
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        wanted = 'a vector' if length is None else (length,)
+        raise ProblemError(f'{name}: found shape {array.shape}, wanted {wanted}')
+    if not np.isfinite(array).all():
+        raise ProblemError(f'{name}: found {array}, wanted finite numbers')
+    return array
+
+
+def control_bounds(
+    lower: ArrayLike | None, upper: ArrayLike | None, shape: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Bounds on all controls, each from a number, one a control, or one a stage and control.
+
+    Args:
+        lower: Least controls; None for no bound.
+        upper: Largest controls; None for no bound.
+        shape: ``(N + 1, r)``.
+
+    Raises:
+        ProblemError: Names the argument, what was found and what was wanted.
+    """
+    least = _bound('lower', -np.inf if lower is None else lower, shape)
+    largest = _bound('upper', np.inf if upper is None else upper, shape)
+    check_bounds('lower', least, 'upper', largest)
+    return least, largest
+
+
+def _bound(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    array = numbers(name, value)
+    if array.shape not in {(), shape[1:], shape}:
+        raise ProblemError(f'{name}: found shape {array.shape}, wanted {shape[1:]} or {shape}')
+    return np.broadcast_to(array, shape).copy()
+
+
+def terminal_target(target: ArrayLike | None, outputs: int | None) -> Array:
+    """``Y_N*`` of (5), or an empty vector where there is no terminal output.
+
+    Args:
+        target: What was handed in.
+        outputs: ``m``; None where no ``h`` was handed in.
+
+    Raises:
+        ProblemError: One was handed in without the other, or they do not fit.
+    """
+    if outputs is None:
+        if target is not None:
+            raise ProblemError(
+                'h: found none beside a target, wanted the output that shall reach it'
+            )
+        return np.empty(0)
+    if target is None:
+        raise ProblemError(f'target: found none beside an h, wanted shape {(outputs,)}')
+    return vector('target', target, outputs)
+
+
+def check_hessian(hessian: str) -> None:
+    """Raise unless a problem knows this kind of Hessian.
+
+    Raises:
+        ProblemError: Says which there are.
+    """
+    if hessian not in get_args(Hessian):
+        raise ProblemError(
+            f'hessian: found {hessian!r}, wanted one of {", ".join(get_args(Hessian))}'
+        )

@@ -1,0 +1,100 @@
+"""Subproblems solved by any QP back end, for a driver whose records hold them."""
+
+from __future__ import annotations
+
+from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
+from cmpsp_ros.mpsp.curvature import convexify
+from cmpsp_ros.mpsp.problem import Array, Hessian
+from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
+from cmpsp_ros.mpsp.qp.riccati.fill import Space, put_solution, subproblem_in
+from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+
+class BackEnd:
+    """A QP back end, with what it was asked last and what it answered.
+
+    Attributes:
+        subproblem: The program that was solved last.
+        solution: Its solution, or why there is none.
+        shift: What was added to the diagonal of its Hessian.
+    """
+
+    subproblem: Subproblem
+    solution: QPSolution
+    shift: float
+
+    def __init__(self, name: str, hessian: Hessian, space: Space) -> None:
+        """Take the back end's name, the kind of Hessian, and the records that hold the program."""
+        self._name = name
+        self._is_exact = hessian == 'exact'
+        self._space = space
+        self.begin()
+
+    def begin(self) -> None:
+        """Expect another program in the records."""
+        self.shift = 0.0
+        self._is_new, self._is_convex = True, False
+
+    def solve(self, level: int) -> int:
+        """Solve the program at a relaxation level, into the records; returns the outcome.
+
+        Where there is no solution, curvature is asked for, once. Looking for it beforehand would
+        cost a factorisation in every iteration, and Hessians that are not exact seldom lack it:
+        they are positive semi-definite by construction.
+        """
+        if self._is_new and self._is_exact:
+            self.add_curvature()
+        if self._is_new:
+            self.subproblem = subproblem_in(self._space)
+        # Asked again although no curvature was lacking.
+        elif level == 0 and not self.shift:
+            return INFEASIBLE
+        self._is_new = False
+        self.solution = self._solve_hard() if level == 0 else self._solve_relaxed()
+        if self.solution.status is not QPStatus.SOLVED:
+            unknown = self.solution.status is QPStatus.FAILED and not self._is_convex
+            return NO_CURVATURE if unknown else INFEASIBLE
+        self._put_solution()
+        return SOLVED
+
+    def add_curvature(self) -> None:
+        """Add to the Hessian in the records what it lacks."""
+        self._is_convex = True
+        self.shift = convexify(subproblem_in(self._space)).shift
+        if self.shift:
+            diagonal = range(self._space.size.control)
+            self._space.program.stages['L_UU'][:, diagonal, diagonal] += self.shift
+            self._is_new = True
+
+    def correct(self, output_error: Array, g: Array) -> None:
+        """Second-order correction of the step, into the records; 0 where there is none.
+
+        Args:
+            output_error: Terminal error after the full step, shape ``(m,)``.
+            g: Path constraints after the full step, shape ``(N + 1, l)``.
+        """
+        program, active = self._space.program, self._space.active
+        if activate(program, active):
+            correct(program, active, output_error, g)
+        else:
+            program.stages['correction_U'] = 0.0
+
+    def _solve_hard(self) -> QPSolution:
+        if has_closed_form(self.subproblem):
+            return solve_closed_form(self.subproblem)
+        return solve_qp(self.subproblem, self._name)
+
+    def _solve_relaxed(self) -> QPSolution:
+        program = self._space.program
+        terminal, path = program.terminal['penalty'], program.path['penalty']
+        stages = self.subproblem.size.horizon + 1
+        penalties = Penalties(terminal.copy(), path[:stages].copy())
+        return solve_qp(self.subproblem, self._name, penalties)
+
+    def _put_solution(self) -> None:
+        found = self.solution
+        multipliers = Multipliers(found.terminal, found.path, found.trust, found.bounds)
+        put_solution(self._space, found.dU, self.subproblem.propagate(found.dU), multipliers)

@@ -1,0 +1,266 @@
+"""The C-MPSP iteration of Sec. 4 for problems in Python: `init`, `step`, `terminate`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cmpsp_ros.mpsp.analysis.convergence import Record, record
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
+from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.sqp.constraint_curvature import add_constraint_curvature
+from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
+from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
+from cmpsp_ros.mpsp.status import Solution, Status, violations
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+
+class CMPSP:
+    """The iteration for one problem: predict, linearise, solve, update (43)."""
+
+    def __init__(self, problem: OptimalControlProblem, options: Options) -> None:
+        """Take the problem and the options.
+
+        Raises:
+            ProblemError: An option does not fit the problem, or its back end is not installed.
+        """
+        size = problem.size
+        fitted = options.fitted(size)
+        self._problem = problem
+        self._options = options
+        self._trust_radius = fitted.trust_radius
+        self._driver = Driver(
+            size,
+            *fitted,
+            (options.qp, 'exact' if options.constraint_curvature else options.hessian),
+        )
+        ws = self._driver.ws
+        ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
+        # `full_change` is measured where there is a tolerance.
+        ws.run['control_tolerance'], ws.run['slack_tolerance'] = np.inf, SLACK_TOLERANCE
+        ws.lower[:, : size.control] = problem.control_lower
+        ws.upper[:, : size.control] = problem.control_upper
+
+    def init(self, U: ArrayLike) -> Iterate:
+        """Predict along a guessed control history, brought within its bounds.
+
+        Args:
+            U: Guess ``U^0``, shape ``(N + 1, r)``.
+
+        Raises:
+            ProblemError: The guess has the wrong shape or is not finite.
+        """
+        U = np.clip(
+            self._problem.checked_controls(U),
+            self._problem.control_lower,
+            self._problem.control_upper,
+        )
+        X = self._problem.predict(U)
+        evaluation = self._problem.evaluate(X, U)
+        return Iterate(0, U, X, evaluation, _size(U, evaluation))
+
+    def subproblem(self, at: Iterate) -> Subproblem:
+        """The quadratic program (45) (54) (57) at an iterate."""
+        problem = self._problem
+        linearisation = problem.linearise(at.X, at.U, self._options.hessian)
+        if self._options.constraint_curvature and at.step is not None:
+            linearisation = add_constraint_curvature(problem, at, linearisation)
+        lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
+        return Subproblem(linearisation, lower, upper, self._trust_radius)
+
+    def step(self, at: Iterate, subproblem: Subproblem | None = None) -> Iterate:
+        """One iteration; an iterate that cannot be improved keeps its controls.
+
+        Args:
+            at: The iterate.
+            subproblem: Its `subproblem`, where it is at hand already.
+        """
+        if subproblem is None:
+            subproblem = self.subproblem(at)
+        self._load(at)
+        self._driver.go_on(_functions(self._problem), subproblem.linearisation)
+        size, ws = self._problem.size, self._driver.ws
+        U, X, evaluation = at.U, at.X, at.evaluation
+        if ws.run['length'][0] > 0.0:
+            U, X = ws.now.U[:, : size.control].copy(), ws.now.X[:, : size.state].copy()
+            cost = float(ws.run['cost'][0])
+            evaluation = Evaluation(cost, ws.now.output_error.copy(), ws.now.g.copy())
+        step = _summary(self._driver, subproblem)
+        return Iterate(at.index + 1, U, X, evaluation, at.guess_size, at.U, step)
+
+    def _load(self, at: Iterate) -> None:
+        """Put an iterate where the iteration expects one that it has evaluated."""
+        size, ws = self._problem.size, self._driver.ws
+        run, there = ws.run, ws.trial
+        there.U[:, : size.control], there.X[:, : size.state] = at.U, at.X
+        there.output_error[:], there.g[:] = at.evaluation.output_error, at.evaluation.g
+        run['trial_cost'], run['phase'] = at.evaluation.cost, EVALUATED
+        run['iterations'], run['max_iterations'] = at.index, at.index + 1
+        run['length'] = 0.0 if at.step is None else at.step.length
+        run['full_change'] = run['active_rows'] = run['is_corrected'] = 0
+
+    def terminate(self, at: Iterate) -> Status | None:
+        """Status where the iteration is over by itself, else None.
+
+        Converged is an iterate whose terminal error, control change and constraint violation are
+        below their tolerances. The terminal error is relative to ``Y_N*`` as in Sec. 4, absolute
+        where ``Y_N*`` is 0; the control change is that of the full step, so that a step which the
+        line search made short does not pass for a small one.
+
+        Diverged is an iterate whose cost or largest control is, in magnitude and each plus 1,
+        `Options.growth_limit` times that of the guess. The merit function's other part, the
+        violation, cannot grow without bound unless the controls or the states do, which is soon
+        not finite.
+        """
+        options, step = self._options, at.step
+        if at.not_finite or (step is not None and step.not_finite):
+            return Status.NOT_FINITE
+        size, limit = _size(at.U, at.evaluation), options.growth_limit
+        if size.cost > limit * at.guess_size.cost or size.control > limit * at.guess_size.control:
+            return Status.DIVERGED
+        if step is None:
+            return None
+        if step.qp_status is not QPStatus.SOLVED:
+            return Status.QP_FAILED
+        settled = step.full_change <= options.control_tolerance
+        if settled and step.needed_slack:
+            return Status.INFEASIBLE
+        if settled and self._is_met(at.evaluation):
+            return Status.CONVERGED
+        if step.length == 0.0:
+            at_bottom = step.gains_nothing_on(at.evaluation)
+            return Status.INFEASIBLE if at_bottom else Status.STALLED
+        return None
+
+    def conclude(self, at: Iterate, status: Status, history: Sequence[Record]) -> Solution:
+        """What a run that ends at an iterate has come to."""
+        size, step = self._problem.size, at.step
+        stages = size.horizon + 1
+        output_tolerance = self._options.output_tolerance * self._target_size
+        return Solution(
+            at,
+            status,
+            tuple(history),
+            np.zeros(size.output) if step is None else step.terminal_multipliers,
+            np.zeros((stages, size.path)) if step is None else step.path_multipliers,
+            np.zeros((stages, size.control)) if step is None else step.bound_multipliers,
+            violations(at.evaluation, output_tolerance, self._options.violation_tolerance),
+        )
+
+    @property
+    def _target_size(self) -> float:
+        return float(np.linalg.norm(self._problem.target)) or 1.0
+
+    def _is_met(self, evaluation: Evaluation) -> bool:
+        """Whether terminal and path constraints are within their tolerances."""
+        miss = np.linalg.norm(evaluation.output_error)
+        return bool(
+            miss <= self._options.output_tolerance * self._target_size
+            and evaluation.g.max(initial=-np.inf) <= self._options.violation_tolerance
+        )
+
+
+def _size(U: Array, evaluation: Evaluation) -> Size:
+    return Size(1.0 + abs(evaluation.cost), 1.0 + float(np.abs(U).max()))
+
+
+def _functions(problem: OptimalControlProblem) -> Functions:
+    """A problem in Python as functions that fill records, which may have more room.
+
+    Their data are its derivatives at the iterate.
+    """
+    n, r = problem.size.state, problem.size.control
+
+    def predict(_: Linearisation, U: Array, X: Array) -> None:
+        X[:, :n] = problem.predict(U[:, :r].copy())
+
+    def evaluate(_: Linearisation, X: Array, U: Array, output_error: Array, g: Array) -> float:
+        found = problem.evaluate(X[:, :n].copy(), U[:, :r].copy())
+        output_error[:], g[:] = found.output_error, found.g
+        return found.cost
+
+    def linearise(
+        data: Linearisation,
+        _X: Array,
+        _U: Array,
+        stages: Records,
+        path: Records,
+        terminal: Records,
+    ) -> None:
+        put_derivatives(stages, path, terminal, data)
+
+    return Functions(predict, evaluate, linearise)
+
+
+def _summary(driver: Driver, subproblem: Subproblem) -> Step:
+    """What the driver's last iteration did."""
+    run, back_end = driver.ws.run[0], driver.back_end
+    assert back_end is not None  # noqa: S101 (a problem in Python has one)
+    solution, elastic = back_end.solution, bool(run['level'] > 0)
+    solved = solution.status is QPStatus.SOLVED
+    not_finite = '' if solved else subproblem.linearisation.not_finite
+    slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
+    if elastic and not not_finite:
+        dX = subproblem.propagate(solution.dU)
+        slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)
+        miss = subproblem.terminal(solution.dU, dX)
+    return Step(
+        solution.status,
+        elastic,
+        miss,
+        slack,
+        float(run['length']),
+        solution.terminal,
+        solution.path,
+        solution.bounds,
+        int(run['active_rows']),
+        solution.iterations,
+        float(run['full_change']),
+        back_end.shift,
+        bool(run['is_corrected']),
+        not_finite,
+    )
+
+
+def solve(
+    problem: OptimalControlProblem, U: ArrayLike, options: Options, max_iterations: int
+) -> Solution:
+    """Iterate from a guess until the iteration ends by itself or at the limit.
+
+    Args:
+        problem: The problem.
+        U: Guessed control history ``U^0``, shape ``(N + 1, r)``.
+        options: How the iteration is run.
+        max_iterations: Iterations at most.
+
+    Returns:
+        How the run ended, with a record of every iterate.
+
+    Raises:
+        ProblemError: The guess or an option does not fit the problem, or the problem's bounds,
+            target or derivatives do not fit its dimensions.
+    """
+    problem.check()
+    iteration = CMPSP(problem, options)
+    iterate = iteration.init(U)
+    if not iterate.not_finite:
+        problem.linearise(iterate.X, iterate.U, options.hessian).check_shapes(problem.size)
+    history = []
+    while True:
+        status = iteration.terminate(iterate)
+        # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
+        subproblem = iteration.subproblem(iterate) if not iterate.not_finite else None
+        history.append(record(iterate, subproblem))
+        if history[-1].kkt_residual <= options.kkt_tolerance > 0.0:
+            status = Status.CONVERGED
+        if status is None and iterate.index >= max_iterations:
+            status = Status.ITERATION_LIMIT
+        if status is not None:
+            return iteration.conclude(iterate, status, history)
+        iterate = iteration.step(iterate, subproblem)

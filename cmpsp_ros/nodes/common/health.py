@@ -1,0 +1,105 @@
+"""What a node says of its own state on /diagnostics."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
+
+from cmpsp_ros.nodes.common.status import status_message
+from cmpsp_ros.nodes.common.topics import HEALTH
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from rclpy.node import Node
+
+_PERIOD = 1.0
+_CHANGE_PERIOD = 0.1
+_REMEMBERED_STEPS = 1000
+
+
+@dataclass(frozen=True)
+class Report:
+    """State of a node.
+
+    Attributes:
+        level: Level of `diagnostic_msgs/DiagnosticStatus`.
+        message: The state in a sentence.
+        marks: What makes this state another one than before: a change is published at once.
+        values: Figures, worked out only for what is published; floats are written so that they
+            read back exactly.
+    """
+
+    level: bytes
+    message: str
+    marks: tuple[object, ...]
+    values: Callable[[], Mapping[str, object]]
+
+
+class Health:
+    """Publishes a node's state once a second and whenever it has changed."""
+
+    def __init__(self, node: Node, look: Callable[[], Report]) -> None:
+        """Begin to publish; ``look`` is asked for the state ten times a second."""
+        self._node = node
+        self._look = look
+        self._shown: tuple[object, ...] | None = None
+        self._publisher = HEALTH.publish_on(node)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(_PERIOD, self.publish, clock=steady)
+        node.create_timer(_CHANGE_PERIOD, self._publish_change, clock=steady)
+
+    def publish(self) -> None:
+        """Publish the state now."""
+        report = self._look()
+        self._shown = report.marks
+        name = f'{self._node.get_fully_qualified_name()}: {self._node.get_name()}'
+        status = status_message(report.level, name, report.message, report.values())
+        array = DiagnosticArray(status=[status])
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(array)
+
+    def _publish_change(self) -> None:
+        if self._look().marks != self._shown:
+            self.publish()
+
+
+class StepTimes:
+    """Computing times of the latest control steps."""
+
+    def __init__(self) -> None:
+        """Begin without any step."""
+        self._times: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
+        self._misses = 0
+
+    def add(self, milliseconds: float, period: float) -> None:
+        """Count a step that took so long, of a period in seconds."""
+        self._times.append(milliseconds)
+        self._period_ms = 1e3 * period
+        self._misses += milliseconds > self._period_ms
+
+    def warnings(self) -> list[str]:
+        """What is to be said of the latest step, in sentences."""
+        if not self._times or self._times[-1] <= self._period_ms:
+            return []
+        return [
+            f'The last control step took {self._times[-1]:.1f} ms of the'
+            f' {self._period_ms:.1f} ms until the next.'
+        ]
+
+    def values(self) -> dict[str, object]:
+        """Median, 95th percentile and maximum [ms] and the missed deadlines."""
+        if not self._times:
+            return {}
+        p50, p95 = np.percentile(self._times, [50, 95]).tolist()
+        return {
+            'step_ms_p50': p50,
+            'step_ms_p95': p95,
+            'step_ms_max': max(self._times),
+            'deadline_misses': self._misses,
+        }

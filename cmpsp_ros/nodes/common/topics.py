@@ -1,0 +1,299 @@
+"""Topics and services of the nodes: the single source for code and doc/reference/topics.md.
+
+`python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md` writes the table.
+"""
+
+from __future__ import annotations
+
+import pathlib
+import sys
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from nav_msgs.msg import Odometry, Path
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState, PointCloud2
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+from cmpsp_ros.guidance.messages.plan_topic import plan_topic
+from cmpsp_ros.parameters.documentation import with_section
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.node import Node
+    from rclpy.publisher import Publisher
+    from rclpy.subscription import Subscription
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic or service of a node.
+
+    Attributes:
+        node: Name of the node.
+        direction: Seen from the node.
+        name: As the node asks for it, before namespaces and remapping.
+        type: Message or service class.
+        notes: For the user.
+        depth: Messages its queue holds; 0 for a service.
+        best_effort: Whether a subscription hears best-effort publishers as well.
+        latched: Whether late subscribers are told the last message (transient local).
+        repeats: Whether it only shows once more what other topics say; it is not recorded then.
+    """
+
+    node: str
+    direction: Literal['in', 'out', 'srv']
+    name: str
+    type: Any
+    notes: str
+    depth: int = 10
+    best_effort: bool = False
+    latched: bool = False
+    repeats: bool = False
+
+    @property
+    def qos(self) -> QoSProfile:
+        """Quality of service."""
+        return QoSProfile(
+            depth=self.depth,
+            reliability=ReliabilityPolicy.BEST_EFFORT
+            if self.best_effort
+            else ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL
+            if self.latched
+            else DurabilityPolicy.VOLATILE,
+        )
+
+    def publish_on(self, node: Node) -> Publisher:
+        """Create a publisher."""
+        return node.create_publisher(self.type, self.name, self.qos)
+
+    def listen_on(
+        self, node: Node, callback: Callable[[Any], None], *, raw: bool = False
+    ) -> Subscription:
+        """Create a subscription; one that is ``raw`` is given the bytes of each message."""
+        return node.create_subscription(self.type, self.name, callback, self.qos, raw=raw)
+
+
+OF_A_RUN = 1000
+"""Depth for topics that are recorded.
+
+In lockstep a run takes a second or two: who records it on a busy machine lags far behind.
+"""
+
+_STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; stamped as the odometry it answers'
+
+GUIDANCE_ODOM = Topic(
+    'guidance',
+    'in',
+    'odom',
+    Odometry,
+    'pose in the frame `frame_id`; best effort, so that it hears every publisher',
+    depth=50,
+    best_effort=True,
+)
+GUIDANCE_MOVING = Topic(
+    'guidance',
+    'in',
+    'moving_obstacles',
+    PointCloud2,
+    'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
+    ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    depth=50,
+    best_effort=True,
+)
+OTHER_PLANS = Topic(
+    'guidance',
+    'in',
+    '<namespace>/guidance/predicted_path',
+    Path,
+    'of each of `others.namespaces`: where another robot will be, each pose at its time; one pose'
+    ' where it stands',
+    repeats=True,
+)
+GOAL_POSE = Topic(
+    'guidance',
+    'in',
+    'goal_pose',
+    PoseStamped,
+    'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
+    ' `frame_id`',
+)
+GUIDANCE_ROAD = Topic(
+    'guidance',
+    'in',
+    'road',
+    Path,
+    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, in place'
+    ' of the last; closed where it ends as it begins; latched',
+    depth=1,
+    latched=True,
+)
+COMMAND = Topic(
+    'guidance',
+    'out',
+    'cmd_vel',
+    Twist,
+    '`linear.x` [m/s], `angular.z` [rad/s]; one a control step, zero twist last of all',
+    depth=1,
+)
+STAMPED_COMMAND = Topic('guidance', 'out', 'cmd_vel', TwistStamped, _STAMPED, depth=1)
+WHEELS = Topic(
+    'guidance',
+    'out',
+    '~/wheel_speeds',
+    JointState,
+    'commanded speed of right and left wheel [rad/s]; names from `robot.joint_names`',
+    depth=OF_A_RUN,
+)
+DECISION = Topic(
+    'guidance',
+    'out',
+    '~/decision',
+    DiagnosticStatus,
+    'each control step: rung, why, miss, margins, slack, iterations, active rows, times; floats'
+    ' read back exactly',
+    depth=OF_A_RUN,
+)
+PLAN = Topic(
+    'guidance',
+    'out',
+    '~/predicted_path',
+    Path,
+    'the plan, or one pose where the robot stands; while somebody listens',
+    depth=OF_A_RUN,
+)
+MARKERS = Topic(
+    'guidance',
+    'out',
+    '~/markers',
+    MarkerArray,
+    'road, obstacles, what is kept clear, goals, paler once they are passed; latched',
+    depth=1,
+    latched=True,
+)
+PLAN_MARKERS = Topic(
+    'guidance',
+    'out',
+    '~/plan_markers',
+    MarkerArray,
+    'the plan in the colours of its rung and of its clearance, the sentence, and what moves and'
+    ' is kept from it; while somebody listens',
+    repeats=True,
+)
+HEALTH = Topic(
+    'guidance',
+    'out',
+    '/diagnostics',
+    DiagnosticArray,
+    'once a second and on every change: state, subscribers, rung, step times, missed deadlines,'
+    ' odometry age',
+)
+GUIDED_BY = Topic(
+    'guidance',
+    'out',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'twice a second while active: who guides and since when; hidden',
+)
+GUIDED_BY_OTHERS = Topic(
+    'guidance',
+    'in',
+    'cmd_vel/_guided_by',
+    KeyValue,
+    'a node that hears another one guide the same robot does not become active',
+)
+RESET = Topic('guidance', 'srv', '~/reset', Trigger, 'time 0 is the next odometry', depth=0)
+
+SIM_COMMAND = Topic('sim', 'in', 'cmd_vel', Twist, 'obeyed within the wheel limits')
+SIM_STAMPED_COMMAND = Topic(
+    'sim', 'in', 'cmd_vel', TwistStamped, 'instead of Twist with `enable_stamped_cmd_vel`'
+)
+SIM_ODOM = Topic(
+    'sim',
+    'out',
+    'odom',
+    Odometry,
+    'at `odom_rate` on an exact time grid, with all errors of `noise`',
+    depth=OF_A_RUN,
+)
+SIM_MOVING = Topic(
+    'sim',
+    'out',
+    'moving_obstacles',
+    PointCloud2,
+    'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
+    ' among the names, from 0',
+    depth=OF_A_RUN,
+)
+SIM_ROAD = Topic(
+    'sim',
+    'out',
+    'road',
+    Path,
+    'with `road.source: topic`: `road.points`, where there are some; latched',
+    depth=1,
+    latched=True,
+)
+TRUTH = Topic(
+    'sim',
+    'out',
+    '~/truth',
+    Odometry,
+    'the ground truth: no errors, none lost, and one more whenever the wheels change speed',
+    depth=OF_A_RUN,
+)
+SIM_WHEELS = Topic(
+    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=OF_A_RUN
+)
+CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`', depth=OF_A_RUN)
+SIM_RESET = Topic(
+    'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time goes on', depth=0
+)
+
+RECORDER_HEALTH = replace(
+    HEALTH,
+    node='recorder',
+    notes='as above: messages, topics, those left out, nodes whose parameters are known',
+)
+RECORDER_FLUSH = Topic(
+    'recorder',
+    'srv',
+    '~/flush',
+    Trigger,
+    'what has come is written; the answer has, as JSON by topic, the `count` of messages, and when'
+    ' the newest was `published` [ns]',
+    depth=0,
+)
+
+TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
+
+
+def plans_of(namespace: str) -> Topic:
+    """Where another robot publishes its plans."""
+    return replace(OTHER_PLANS, name=plan_topic(namespace))
+
+
+def markdown_table() -> str:
+    """The topics and services of all nodes."""
+    rows = ['| node | | name | type | notes |', '|---|---|---|---|---|']
+    for each in TOPICS:
+        package = each.type.__module__.partition('.')[0]
+        kind = f'{package}/{each.type.__name__}'
+        rows.append(f'| {each.node} | {each.direction} | `{each.name}` | {kind} | {each.notes} |')
+    return '\n'.join(rows)
+
+
+def with_table(text: str) -> str:
+    """A page with the table as it is now."""
+    return with_section(text, 'topics', markdown_table(), 'the page')
+
+
+if __name__ == '__main__':
+    page = pathlib.Path(sys.argv[1])
+    page.write_text(with_table(page.read_text(encoding='utf-8')), encoding='utf-8')

@@ -1,0 +1,1 @@
+"""The guidance node: odometry in, velocity commands out."""

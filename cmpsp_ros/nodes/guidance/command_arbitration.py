@@ -1,0 +1,114 @@
+"""Two guidance nodes must not command one robot: how they learn of each other.
+
+The graph alone does not tell. A node that waits to be activated has the same publishers as one
+that drives, and one that was killed stays in the graph for as long as the middleware believes in
+it. So a node says that it guides, for as long as it does, on a topic beside the command's.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import KeyValue
+from rclpy.clock import Clock, ClockType
+
+from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rclpy.node import Node
+
+PERIOD = 0.5
+"""Time between two claims [s]."""
+
+TRUST = 4 * PERIOD
+"""Time for which a claim is believed: a process that was killed makes no more [s]."""
+
+
+class Rivals:
+    """Who else guides this robot, or at least publishes commands to it."""
+
+    def __init__(self, node: Node, give_way: Callable[[str], None]) -> None:
+        """Begin to listen.
+
+        Args:
+            node: The node that guides.
+            give_way: Called with the rival's name when both guide and the rival began before.
+        """
+        self._node = node
+        self._give_way = give_way
+        self._commands = node.resolve_topic_name(COMMAND.name)
+        # Beside the command's, wherever that has been remapped to.
+        topic = f'{self._commands}/{GUIDED_BY.name.rpartition("/")[2]}'
+        self._publisher = node.create_publisher(GUIDED_BY.type, topic, GUIDED_BY.qos)
+        self._subscription = node.create_subscription(
+            GUIDED_BY.type, topic, self._on_claim, GUIDED_BY.qos
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = node.create_timer(PERIOD, self._look, clock=steady)
+        self._name = f'{node.get_fully_qualified_name()} ({socket.gethostname()}:{os.getpid()})'
+        self._since: int | None = None
+        self._heard: dict[str, float] = {}
+        self._others: tuple[str, ...] = ()
+        self._look()
+
+    @property
+    def guiding(self) -> str:
+        """The node that was heard to guide this robot lately; empty if there is none."""
+        oldest = time.monotonic() - TRUST
+        return next((name for name, at in self._heard.items() if at >= oldest), '')
+
+    @property
+    def others(self) -> tuple[str, ...]:
+        """Nodes in the graph that publish on the topic of the commands, this one left out."""
+        return self._others
+
+    def warnings(self) -> list[str]:
+        """What is to be said of others that publish commands, in sentences."""
+        if not self._others:
+            return []
+        return [f'Others publish on {self._commands}, too: {", ".join(self._others)}.']
+
+    def begin(self) -> None:
+        """Say from now on that this node guides."""
+        self._since = time.time_ns()
+        self._look()
+
+    def end(self) -> None:
+        """Say so no more."""
+        self._since = None
+
+    def close(self) -> None:
+        """Destroy timer, publisher and subscription."""
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_publisher(self._publisher)
+        self._node.destroy_subscription(self._subscription)
+
+    def _look(self) -> None:
+        if self._since is not None:
+            self._publisher.publish(KeyValue(key=self._name, value=str(self._since)))
+        own = self._node.get_fully_qualified_name()
+        names = [
+            f'{each.node_namespace.rstrip("/")}/{each.node_name}'
+            for each in self._node.get_publishers_info_by_topic(self._commands)
+        ]
+        # Another process may have a node of the same name.
+        if own in names:
+            names.remove(own)
+        self._others = tuple(sorted(names))
+
+    def _on_claim(self, claim: KeyValue) -> None:
+        if claim.key == self._name:
+            return
+        self._heard[claim.key] = time.monotonic()
+        if self._since is not None and _order(claim) < (self._since, self._name):
+            self._give_way(claim.key)
+
+
+def _order(claim: KeyValue) -> tuple[int, str]:
+    """Who began before; both nodes must see the same order."""
+    return (int(claim.value) if claim.value.isdecimal() else 0, claim.key)

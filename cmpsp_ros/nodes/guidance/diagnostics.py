@@ -1,0 +1,67 @@
+"""What the guidance node says of its own state on /diagnostics."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticStatus
+
+from cmpsp_ros.nodes.common.health import Report
+from cmpsp_ros.nodes.common.lifecycle import ACTIVE
+from cmpsp_ros.nodes.guidance.messages import level_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
+
+
+def report_on(
+    state: str,
+    refusal: str,
+    loop: GuidanceLoop | None,
+    warnings: Sequence[str] = (),
+    errors: Sequence[str] = (),
+) -> Report:
+    """Report on the guidance node.
+
+    Args:
+        state: Of its lifecycle.
+        refusal: Why it would not go on to another one; empty when it would.
+        loop: What it guides by, while it is configured.
+        warnings: What is wrong beside that, in sentences.
+        errors: The same, where it must not be.
+    """
+    decision = None if loop is None else loop.decision
+    listeners = {} if loop is None else loop.subscribers
+    level, message = _state(state, refusal, loop)
+    if loop is not None and state == ACTIVE:
+        if said := [*warnings, *loop.warnings()]:
+            level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *said])
+        if said := [*filter(None, [loop.road.refusal]), *errors]:
+            level, message = DiagnosticStatus.ERROR, ' '.join([message, *said])
+
+    def figures() -> dict[str, object]:
+        values: dict[str, object] = {'state': state, **listeners}
+        if decision is not None:
+            values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
+        if loop is None:
+            return values
+        if (age := loop.odometry_age) is not None:
+            values['odometry_age'] = age
+        return values | loop.times.values()
+
+    rung = None if decision is None else decision.rung
+    return Report(level, message, (level, state, rung, *listeners.values()), figures)
+
+
+def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, str]:
+    if refusal:
+        return DiagnosticStatus.ERROR, refusal
+    if loop is None or state != ACTIVE:
+        return DiagnosticStatus.OK, f'The node is {state}.'
+    if loop.decision is not None:
+        return level_of(loop.decision), loop.decision.reason
+    if loop.road.waits:
+        return DiagnosticStatus.WARN, 'Waiting for a road on the topic road.'
+    return DiagnosticStatus.WARN, 'Waiting for odometry.'

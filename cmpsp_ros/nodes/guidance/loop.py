@@ -1,0 +1,228 @@
+"""The data's way through the guidance node: odometry, decision, command."""
+
+from __future__ import annotations
+
+import math
+import time
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.clock_reset import TimeJump
+from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.nodes.common.drain_queue import catch_up
+from cmpsp_ros.nodes.common.health import StepTimes
+from cmpsp_ros.nodes.common.road_messages import RoadInput
+from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
+from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
+from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
+from cmpsp_ros.nodes.guidance.odometry_bytes import read_odometry
+from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
+from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import PoseStamped
+    from rclpy.lifecycle import LifecycleNode
+
+    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.nodes.common.garbage import GarbageCollection
+    from cmpsp_ros.parameters.table import Values
+
+_WATCH_PERIOD = 0.025
+
+
+class GuidanceLoop:
+    """Feeds odometry to the guidance law and publishes what it decides, while it is active.
+
+    Odometry that is lost or cannot be used, and any exception, is answered with a zero twist.
+
+    Attributes:
+        active: Whether odometry is decided on.
+        decision: The latest decision; None before the first.
+        road: Where the road comes from.
+        silence: How long ago odometry was heard of.
+        times: Computing times of control steps.
+    """
+
+    def __init__(
+        self,
+        node: LifecycleNode,
+        values: Values,
+        settings: GuidanceSettings,
+        garbage: GarbageCollection,
+    ) -> None:
+        """Open the topics, and wait to be active.
+
+        Args:
+            node: The node.
+            values: Its parameters.
+            settings: What they amount to.
+            garbage: Collected where there is time for it.
+        """
+        self._node, self._settings, self._garbage = node, settings, garbage
+        self.active = False
+        self._law = GuidanceLaw(settings, time.perf_counter_ns)
+        self._outputs = GuidanceOutputs(node, values, settings)
+        self._obstacles = ObstacleInput(node, settings)
+        self.road = RoadInput(node, values)
+        self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
+        self._goals = GOAL_POSE.listen_on(node, self._on_goal)
+        self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
+        self._begin()
+
+    def close(self) -> None:
+        """Close the topics."""
+        self._node.destroy_subscription(self._odometry)
+        self._node.destroy_subscription(self._goals)
+        self._node.destroy_timer(self._timer)
+        self._obstacles.close()
+        self.road.close()
+        self._outputs.close()
+
+    def reset(self) -> None:
+        """Begin again: the next odometry is time 0."""
+        self._begin()
+        self._law.reset()
+
+    def _begin(self) -> None:
+        self.decision: Decision | None = None
+        self.times = StepTimes()
+        self.silence = Silence()
+        self._clock_watch = ClockWatch()
+        self._time_jump = TimeJump()
+        self._halted_at: int | None = None
+        self._pose: list[float] = []
+
+    def take(self, settings: GuidanceSettings) -> None:
+        """Take other settings, from the next control step on."""
+        self._settings = settings
+        self._law.reconfigure(settings)
+        self._obstacles.settings = settings
+        self._scenery_changed = True
+        if not self.active:
+            self.show()
+
+    def show(self) -> None:
+        """Send road, obstacles and goals; before a road came there is none to be seen."""
+        if not self.road.waits:
+            ahead = None if self.decision is None else self.decision.goal
+            self._outputs.show(self._law.task, ahead)
+        self._scenery_changed = self.road.waits
+
+    def halt(self, reason: str) -> None:
+        """Stop the robot for a reason that odometry does not show, in a sentence."""
+        decision = self._law.halt(self._now(), reason)
+        if self.decision is not None and self.decision.plan is not None:
+            # It has driven on since odometry was heard of last.
+            self._pose = self.decision.plan.pose_at(self.decision.stamp, decision.stamp)
+        self._outputs.command(decision)
+        self._note(decision)
+
+    @property
+    def subscribers(self) -> dict[str, int]:
+        """How many listen to what every decision is told by, for diagnostics."""
+        return self._outputs.subscribers
+
+    @property
+    def odometry_age(self) -> float | None:
+        """How long ago odometry was heard of [s]; None if it never was."""
+        return self.silence.age(self._now())
+
+    def warnings(self) -> list[str]:
+        """What is wrong around the decisions, in sentences."""
+        now = self._now()
+        return [
+            *self._obstacles.warnings(now),
+            *self._clock_watch.warnings(now),
+            *self.times.warnings(),
+        ]
+
+    def _on_odometry(self, data: bytes) -> None:
+        if not self.active or self.road.waits:
+            return
+        began, now = time.perf_counter_ns(), self._now()
+        try:
+            message = read_odometry(data)
+            pose, stamp = pose_of(message, self._settings.frame_id), stamp_of(message)
+            check_age(stamp, now, self._settings.odom_timeout)
+        except OdometryError as error:
+            self._halt_for(str(error))
+            return
+        self.silence.end(now)
+        self._pose = pose.tolist()
+        self._notice_time(stamp)
+        try:
+            tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
+            decision = self._law.update(stamp, pose, tracks)
+        except Exception as error:  # the robot must stop for any
+            self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
+            return
+        if decision is None:
+            return
+        self._outputs.command(decision)
+        period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
+        self.times.add(step_ms, period)
+        if self.decision is None or decision.goal != self.decision.goal:
+            self._scenery_changed = True
+        self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
+        self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        if not self.active or self.road.waits:
+            state = 'waiting for a road' if self.active else 'inactive'
+            self._node.get_logger().warning(f'goal_pose is not heard: the node is {state}')
+            return
+        try:
+            self._law.tell(*goal_of(message, self._settings.frame_id))
+        except GoalError as error:
+            self._node.get_logger().warning(f'goal_pose is refused: {error}')
+
+    def _use_slack(self, slack: float = math.inf) -> None:
+        """Do what can wait until the command is out, and the next is not yet due."""
+        if self._scenery_changed:
+            self.show()
+        self._garbage.collect(slack)
+
+    def _notice_time(self, stamp: int) -> None:
+        """Begin the run again when time has: odometry fits the clock, but not what came before."""
+        back = self._time_jump.back(stamp)
+        if back > self._settings.odom_timeout:
+            said = f'time has jumped back by {back:.3f} s: the run begins again'
+            self._node.get_logger().warning(said)
+            self._law.reset()
+            self._obstacles.forget_after(stamp)
+
+    def _watch(self) -> None:
+        if not self.active:
+            return
+        if self._garbage.overdue:
+            self._use_slack()
+        timeout = self._settings.odom_timeout
+        if self.silence.is_longer_than(timeout, self._now()):
+            catch_up(self._odometry)
+        if self.silence.goes_on(timeout, self._now()):
+            self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+
+    def _halt_for(self, reason: str) -> None:
+        """Stop now, and again every control period while the reason lasts."""
+        now = self._now()
+        period = self._settings.control_period * 1e9
+        if self._halted_at is None or not 0 <= now - self._halted_at < period:
+            self.halt(reason)
+            self._halted_at = now
+
+    def _note(self, decision: Decision) -> None:
+        self._outputs.report(decision, self._pose)
+        if self.decision is None or decision.rung != self.decision.rung:
+            said = f'{decision.rung.name.lower()}: {decision.reason}'
+            # rclpy refuses one place in the code that logs at two levels.
+            if decision.rung == Rung.NOMINAL or decision.finished:
+                self._node.get_logger().info(said)
+            else:
+                self._node.get_logger().warning(said)
+        self.decision, self._halted_at = decision, None
+
+    def _now(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)

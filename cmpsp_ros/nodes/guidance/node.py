@@ -1,0 +1,232 @@
+"""The guidance node: odometry in, velocity commands out, a reason for each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
+
+from cmpsp_ros.nodes.common.compiling import LateCompilations, prepare_aloud
+from cmpsp_ros.nodes.common.garbage import GarbageCollection
+from cmpsp_ros.nodes.common.health import Health, Report
+from cmpsp_ros.nodes.common.lifecycle import (
+    ACTIVE,
+    FINALIZED,
+    INACTIVE,
+    UNCONFIGURED,
+    guard_change_state,
+)
+from cmpsp_ros.nodes.common.parameters import declare
+from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
+from cmpsp_ros.nodes.common.runtime import run
+from cmpsp_ros.nodes.common.topics import RESET
+from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
+from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.roads import lacks_road
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.quick_exit import quick_exit
+
+if TYPE_CHECKING:
+    from rclpy.lifecycle import LifecycleState
+    from rclpy.parameter import Parameter
+    from std_srvs.srv import Trigger
+
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.parameters.table import Values
+
+_GUIDED = 'Another node guides this robot: {}.'
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+
+
+class GuidanceNode(LifecycleNode):
+    """Lives as a lifecycle node, and guides the robot while it is active.
+
+    Whatever ends its activity - deactivation, shutdown, a signal, an exception, odometry that is
+    lost or cannot be used - the last command it publishes is a zero twist.
+    """
+
+    def __init__(self) -> None:
+        """Declare the parameters and, with `autostart`, go on to the active state."""
+        super().__init__('guidance')
+        guard_change_state(self)
+        self._values: Values | None = None
+        self._refusal = ''
+        self._state = UNCONFIGURED
+        self._garbage = GarbageCollection()
+        self._late = LateCompilations()
+        autostart = True
+        try:
+            self._values = declare(self, TABLE, 'guidance')
+            autostart = self._values['autostart']
+        except ParameterError as error:
+            self._refusal = str(error)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._take_parameters)
+        self._health = Health(self, self._report)
+        if autostart and self.trigger_configure() == SUCCESS:
+            self._activate_when_known()
+
+    def stop(self) -> None:
+        """Leave the active state, with a zero twist, before the process ends."""
+        if self._state != FINALIZED:
+            self.trigger_shutdown()
+
+    def _activate_when_known(self) -> None:
+        """Become active by itself: where others command this robot, once they have been heard."""
+        if not self._rivals.others:
+            self.trigger_activate()
+            return
+
+        def try_once() -> None:
+            self.destroy_timer(timer)
+            if self._state == INACTIVE:
+                self.trigger_activate()
+
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        timer = self.create_timer(TRUST, try_once, clock=steady)
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Validate the whole set of parameters, load compiled code, open the topics."""
+        try:
+            if self._values is None:
+                return self._refuse(self._refusal, 'configure')
+            check_cpu(self._values)
+            settings = guidance_settings(self._values)
+            prepare_aloud(settings, self.get_logger())
+        except Exception as error:  # rclpy would swallow it
+            return self._refuse(str(error) or type(error).__name__, 'configure')
+        self._refusal = ''
+        self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
+        self._rivals = Rivals(self, self._give_way)
+        self._scheduling = Scheduling(self._values)
+        self._reset = self.create_service(RESET.type, RESET.name, self._on_reset)
+        # The first message of a process has rclpy look through all modules for who wrote it, which
+        # takes longer than a control step may.
+        self.get_logger().info('configured')
+        self._garbage.settle()
+        self._state = INACTIVE
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Begin: the next odometry is time 0. Not where another node guides this robot."""
+        if rival := self._rivals.guiding:
+            return self._refuse(_GUIDED.format(rival), 'activate')
+        self._refusal = ''
+        self._loop.reset()
+        self._loop.show()
+        self._garbage.begin()
+        for each in self._scheduling.apply():
+            self.get_logger().warning(f'{each} The node goes on without.')
+        self._rivals.begin()
+        self._late.begin()
+        self._state, self._loop.active = ACTIVE, True
+        self.get_logger().info('active')
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the robot and go silent."""
+        self._rest(self._refusal or 'The guidance node was deactivated.')
+        self._state = INACTIVE
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Close the topics."""
+        self._loop.close()
+        self.destroy_service(self._reset)
+        self._rivals.close()
+        self._garbage.end()
+        self._state = UNCONFIGURED
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop the robot if it is still guided."""
+        if self._state == ACTIVE:
+            self._rest('The guidance node is shutting down.')
+        self._state = FINALIZED
+        return super().on_shutdown(state)
+
+    def destroy_node(self) -> None:
+        """Give back what an active node has taken, for the process may go on without it."""
+        if self._state == ACTIVE:
+            self._give_back()
+        self._garbage.end()
+        super().destroy_node()
+
+    def _rest(self, reason: str) -> None:
+        """Stop the robot for a reason, and guide it no more."""
+        self._loop.halt(reason)
+        self._loop.active = False
+        self._give_back()
+
+    def _give_back(self) -> None:
+        """Give back what an active node takes of Python, the system and the robot."""
+        self._rivals.end()
+        self._late.end()
+        self._garbage.end()
+        self._scheduling.restore()
+
+    def _refuse(self, reason: str, transition: str) -> TransitionCallbackReturn:
+        self._refusal = reason
+        for line in reason.splitlines():
+            self.get_logger().error(f'cannot {transition}: {line}')
+        return FAILURE
+
+    def _give_way(self, rival: str) -> None:
+        """Leave the robot to a node that began before and had not been heard."""
+        if self._state == ACTIVE:
+            self._refusal = _GUIDED.format(rival)
+            self.get_logger().error(self._refusal)
+            self.trigger_deactivate()
+
+    def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._loop.reset()
+        response.success = True
+        response.message = 'Time 0 is the next odometry.'
+        return response
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            self._changed(parameters)
+        except ParameterError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _take_parameters(self, parameters: list[Parameter]) -> None:
+        self._values, settings = self._changed(parameters)
+        if self._is_configured:
+            self._loop.take(settings)
+
+    def _changed(self, parameters: list[Parameter]) -> tuple[Values, GuidanceSettings]:
+        if self._values is None:
+            raise ParameterError(Problem('guidance', 'a refused set of parameters', 'a restart'))
+        changes = {each.name: each.value for each in parameters if not is_of_ros(each.name)}
+        values = TABLE.reconfigure(self._values, changes)
+        if lacks_road(values) and not lacks_road(self._values):
+            raise ParameterError(Problem('road.points', 'nothing', 'a road, as there is one'))
+        return values, guidance_settings(values)
+
+    def _report(self) -> Report:
+        if not self._is_configured:
+            return report_on(self._state, self._refusal, None)
+        warnings, errors = self._rivals.warnings(), self._late.errors()
+        return report_on(self._state, self._refusal, self._loop, warnings, errors)
+
+    @property
+    def _is_configured(self) -> bool:
+        return self._state in {INACTIVE, ACTIVE}
+
+
+def main() -> None:
+    """Run the node until a signal."""
+    quick_exit(run(GuidanceNode, name='guidance'))
+
+
+if __name__ == '__main__':
+    main()

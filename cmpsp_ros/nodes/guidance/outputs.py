@@ -1,0 +1,132 @@
+"""The topics that the guidance node publishes on while it is configured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from sensor_msgs.msg import JointState
+
+from cmpsp_ros.nodes.common.topics import (
+    COMMAND,
+    DECISION,
+    MARKERS,
+    OF_A_RUN,
+    PLAN,
+    PLAN_MARKERS,
+    STAMPED_COMMAND,
+    WHEELS,
+)
+from cmpsp_ros.nodes.guidance.command_bytes import frame_bytes, stamped_bytes, twist_bytes
+from cmpsp_ros.nodes.guidance.markers import marker_array
+from cmpsp_ros.nodes.guidance.messages import (
+    DecisionMessage,
+    PathMessage,
+    fill_wheels,
+    set_stamp,
+)
+from cmpsp_ros.nodes.guidance.plan_markers import PlanMarkers
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rclpy.lifecycle import LifecycleNode
+
+    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.mission.goals import Goal
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.parameters.table import Values
+
+
+_FRAME = frame_bytes('base_link')
+
+
+class GuidanceOutputs:
+    """Publishers of one configured guidance node.
+
+    The command leaves before anything else is made or sent.
+    """
+
+    def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
+        """Create all publishers; the command's is silent unless the node is active."""
+        self._node = node
+        self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
+        command = self._topic
+        if node.get_parameter('use_sim_time').value:
+            # Where time stands still no command grows stale, and all are to be recorded.
+            command = replace(command, depth=OF_A_RUN)
+        self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
+        self._wheels = WHEELS.publish_on(node)
+        self._decisions = DECISION.publish_on(node)
+        self._path = PLAN.publish_on(node)
+        self._plan_markers = PLAN_MARKERS.publish_on(node)
+        self._markers = MARKERS.publish_on(node)
+        self._make_messages(values, settings)
+
+    def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
+        """Make the messages that are filled at each control step."""
+        self._wheel_message = JointState(name=values['robot.joint_names'])
+        name = self._node.get_fully_qualified_name()
+        self._path_message = PathMessage(values['frame_id'])
+        self._plan_message = PlanMarkers(settings)
+        self._decision_message = DecisionMessage(f'{name}: decision')
+
+    @property
+    def subscribers(self) -> dict[str, int]:
+        """How many listen to what every decision is told by, for diagnostics."""
+        publishers = {
+            'command': self._command,
+            'decision': self._decisions,
+            'path': self._path,
+            'wheel': self._wheels,
+        }
+        return {
+            f'{name}_subscribers': int(each.get_subscription_count())
+            for name, each in publishers.items()
+        }
+
+    def command(self, decision: Decision) -> None:
+        """Send the command of a decision, stamped as the odometry that it answers."""
+        if self._topic is STAMPED_COMMAND:
+            self._command.publish(stamped_bytes(decision, _FRAME))
+        else:
+            self._command.publish(twist_bytes(decision))
+
+    def report(self, decision: Decision, pose: Sequence[float]) -> None:
+        """Send what a decision was made of; path and markers only if somebody listens.
+
+        Args:
+            decision: The decision.
+            pose: Where the robot is (x, y, heading) [m, m, rad]; empty where nobody knows.
+        """
+        fill_wheels(self._wheel_message, decision)
+        set_stamp(self._wheel_message.header, decision.stamp)
+        self._wheels.publish(self._wheel_message)
+        self._decisions.publish(self._decision_message.fill(decision))
+        if self._path.get_subscription_count():
+            if decision.plan is not None:
+                self._path.publish(self._path_message.fill(decision.plan, decision.stamp))
+            elif len(pose):
+                self._path.publish(self._path_message.stand(pose, decision.stamp))
+        if self._plan_markers.get_subscription_count():
+            self._plan_markers.publish(self._plan_message.fill(decision))
+
+    def show(self, settings: GuidanceSettings, ahead: Goal | None) -> None:
+        """Send road, obstacles and goals to everybody, now and later.
+
+        Whether anybody listens does not matter: who comes later is told by the middleware.
+
+        Args:
+            settings: The course.
+            ahead: The goal that is driven to, if any.
+        """
+        now = self._node.get_clock().now().to_msg()
+        self._markers.publish(marker_array(settings, now, ahead))
+        self._plan_message.take(settings)
+
+    def close(self) -> None:
+        """Destroy all publishers."""
+        self._node.destroy_lifecycle_publisher(self._command)
+        reports = (self._wheels, self._decisions, self._path, self._plan_markers, self._markers)
+        for publisher in reports:
+            self._node.destroy_publisher(publisher)

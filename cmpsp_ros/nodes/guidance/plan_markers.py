@@ -1,0 +1,166 @@
+"""The plan in the colours of its rung and of its room, the rung's sentence, and what moves."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from geometry_msgs.msg import Point
+from rclpy.duration import Duration
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.safety.plan_clearance import Room
+from cmpsp_ros.nodes.guidance.messages import set_stamp
+from cmpsp_ros.view.palette import RUNGS
+from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance.messages.tracks import Track
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+
+PLENTY: Final = 0.3
+"""Clearance beyond `safety.margin` from which on nothing is near [m]."""
+
+_LIFETIME: Final = 5.0
+"""Control periods for which markers stay when no more come."""
+
+_WIDTH: Final = 0.06
+_BAND: Final = 2.0 * _WIDTH
+_RING: Final = 0.02
+_TEXT_HEIGHT: Final = 0.25
+_ABOVE: Final = 0.6
+_AHEAD: Final = 1.0
+"""How far ahead what moves is foreseen in the picture [s]."""
+
+
+class PlanMarkers:
+    """Markers of the latest decision; one message is filled again and again.
+
+    The plan is a band in the colour of its rung, and in it a line in the colours of the clearance:
+    from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left beside. A plan
+    that is there no more is taken away, the sentence stays where the robot was last. What moves is
+    shown where it is, with an arrow to where it will be a second later; the ring around it, and
+    that around the arrow's tip, is what the robot's centre keeps from it, grown by then.
+    """
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Make the message for a frame, a course and a control period."""
+        self._band = Marker(ns='plan', type=Marker.LINE_STRIP)
+        self._band.scale.x = _BAND
+        self._line = Marker(ns='clearance', type=Marker.LINE_STRIP, color=SCALE[-1])
+        self._line.scale.x = _WIDTH
+        # Above the band, for who looks from above.
+        self._line.pose.position.z = _RING
+        self._rung = Marker(ns='rung', type=Marker.TEXT_VIEW_FACING, action=Marker.DELETE)
+        self._rung.scale.z = _TEXT_HEIGHT
+        self._rung.pose.position.z = _ABOVE
+        self._array = MarkerArray(markers=[self._band, self._line, self._rung])
+        for each in self._array.markers:
+            each.header.frame_id = settings.frame_id
+            each.pose.orientation.w = 1.0
+            each.lifetime = Duration(seconds=_LIFETIME * settings.control_period).to_msg()
+        self.take(settings)
+
+    def take(self, settings: GuidanceSettings) -> None:
+        """Take another course, in the same frame."""
+        self._settings = settings
+        # Made for the first plan that somebody wants to see.
+        self._room: Room | None = None
+
+    def fill(self, decision: Decision) -> MarkerArray:
+        """The message of a decision, good until the next."""
+        plan = decision.plan
+        color = _COLORS['arrived' if decision.finished else decision.rung.name.lower()]
+        for each in (self._band, self._line, self._rung):
+            set_stamp(each.header, decision.stamp)
+        self._band.color = self._rung.color = color
+        self._rung.text = f'{decision.rung.name.lower()}: {decision.reason}'
+        points, colors = [], []
+        if plan is not None:
+            places = plan.poses[:, :2].tolist()
+            points = [Point(x=x, y=y) for x, y in places]
+            if self._room is None:
+                self._room = Room(self._settings)
+            spare = self._room.along(decision) - self._settings.safety.margin
+            colors = [color_of(each) for each in spare.tolist()]
+            self._rung.pose.position.x, self._rung.pose.position.y = places[0]
+            self._rung.action = Marker.ADD
+        for each in (self._band, self._line):
+            each.action = Marker.DELETE if plan is None else Marker.ADD
+            each.points = points
+        self._line.colors = colors
+        self._array.markers = [self._band, self._line, self._rung, *self._moving(decision)]
+        return self._array
+
+    def _moving(self, decision: Decision) -> Iterator[Marker]:
+        for each in decision.tracks:
+            if isinstance(each, OtherPlan):
+                # It shows itself where it plans to be.
+                continue
+            age = (decision.stamp - each.stamp) / NANOSECONDS
+            x, y = each.x + age * each.vx, each.y + age * each.vy
+            tip_x, tip_y = x + _AHEAD * each.vx, y + _AHEAD * each.vy
+            disc = Marker(ns='moving_obstacles', type=Marker.CYLINDER)
+            disc.pose.position.x, disc.pose.position.y = x, y
+            disc.scale.x = disc.scale.y = max(2.0 * each.radius, _WIDTH)
+            disc.scale.z = _WIDTH
+            arrow = Marker(ns='moving_velocities', type=Marker.ARROW)
+            arrow.points = [Point(x=x, y=y), Point(x=tip_x, y=tip_y)]
+            arrow.scale.x, arrow.scale.y = _WIDTH, 2.0 * _WIDTH
+            now = self._ring('moving_margins', each, (x, y), age)
+            later = self._ring('moving_foreseen', each, (tip_x, tip_y), age + _AHEAD)
+            for marker in (disc, arrow, now, later):
+                marker.id, marker.color = each.id, _MOVING
+                marker.header = self._band.header
+                marker.pose.orientation.w = 1.0
+                marker.lifetime = self._band.lifetime
+                yield marker
+
+    def _ring(
+        self, namespace: str, track: Track, center: tuple[float, float], age: float
+    ) -> Marker:
+        """What the robot's centre keeps from something that was seen so long [s] before."""
+        settings = self._settings
+        radius = track.radius + settings.moving_obstacles.growth * age
+        radius += settings.robot_radius + settings.safety.margin
+        edge = outline(Obstacle(track.name, center, track.radius), radius)
+        marker = Marker(ns=namespace, type=Marker.LINE_STRIP)
+        marker.scale.x = _RING
+        marker.points = [Point(x=float(x), y=float(y)) for x, y in edge]
+        return marker
+
+
+def color_of(spare: float) -> ColorRGBA:
+    """Colour of a stage that is so much clearer than it must be [m]."""
+    return SCALE[round((len(SCALE) - 1) * min(max(spare / PLENTY, 0.0), 1.0))]
+
+
+def _color(text: str) -> ColorRGBA:
+    """A colour written as `#rrggbb`."""
+    red, green, blue = (part / 255.0 for part in bytes.fromhex(text.removeprefix('#')))
+    return ColorRGBA(r=red, g=green, b=blue, a=1.0)
+
+
+def _between(first: ColorRGBA, last: ColorRGBA, steps: int) -> list[ColorRGBA]:
+    """Colours from one towards another, which is left out."""
+    return [
+        ColorRGBA(**{
+            name: (1.0 - k / steps) * getattr(first, name) + k / steps * getattr(last, name)
+            for name in 'rgba'
+        })
+        for k in range(steps)
+    ]  # fmt: skip
+
+
+NEAR, HALFWAY, FAR = _color('#d55e00'), _color('#f0e442'), _color('#009e73')
+"""Red, yellow and green that stay apart for colour-blind readers (Okabe and Ito)."""
+
+SCALE: Final = (*_between(NEAR, HALFWAY, 16), *_between(HALFWAY, FAR, 16), FAR)
+
+_MOVING: Final = _color('#b03a8c')
+_COLORS: Final = {name: _color(text) for name, text in RUNGS.items()}

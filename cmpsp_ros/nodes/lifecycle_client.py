@@ -1,0 +1,171 @@
+"""Watching a run from outside its nodes, for whoever started them."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+
+from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
+from cmpsp_ros.nodes.recording.flush_answer import from_json
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from types import TracebackType
+    from typing import Self
+
+    from cmpsp_ros.nodes.recording.flush_answer import ByTopic
+
+_WAKE_PERIOD = 0.02
+
+
+@dataclass
+class Seen:
+    """What has been heard of the guidance node so far.
+
+    Attributes:
+        health: Latest figures of its diagnostics, as text; empty before the first.
+        level: Level of its latest diagnostics.
+        message: Their sentence.
+        decision: Latest decision, as text; empty before the first.
+        reason: Its sentence.
+        decisions: How many decisions have been heard.
+    """
+
+    health: dict[str, str] = field(default_factory=dict)
+    level: bytes = DiagnosticStatus.STALE
+    message: str = ''
+    decision: dict[str, str] = field(default_factory=dict)
+    reason: str = ''
+    decisions: int = 0
+
+
+class Observer:
+    """Listens to the guidance node of each robot and activates it; a context manager.
+
+    It has a ROS context of its own, in this process, and is spun only while it waits.
+
+    Attributes:
+        robots: What has been heard of each robot, by its namespace.
+        on_decision: Called with each decision when it is heard, and the namespace of the robot.
+    """
+
+    def __init__(self, domain_id: int, namespaces: Iterable[str] = ('',)) -> None:
+        """Join a domain, to listen to the robots of these namespaces."""
+        self.robots = {each: Seen() for each in namespaces}
+        self.on_decision: Callable[[str, Seen], None] = lambda _namespace, _seen: None
+        self._context = Context()
+        self._context.init(domain_id=domain_id)
+        self._node = Node('observer', context=self._context, start_parameter_services=False)
+        self._executor = EventsExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        listen = self._node.create_subscription
+        listen(DiagnosticArray, '/diagnostics', self._on_diagnostics, 10)
+        name = RECORDER_FLUSH.name.replace('~', '/recorder')
+        self._flush = self._node.create_client(RECORDER_FLUSH.type, name)
+        self._transitions = {}
+        for each in self.robots:
+            node = f'{each}/guidance'
+            listen(DiagnosticStatus, f'{node}/decision', partial(self._on_decision, each), 100)
+            client = self._node.create_client(ChangeState, f'{node}/change_state')
+            self._transitions[each] = client
+
+    @property
+    def seen(self) -> Seen:
+        """What has been heard of the first robot."""
+        return next(iter(self.robots.values()))
+
+    def __enter__(self) -> Self:
+        """Nothing more: it listens from construction on."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Listen until a condition holds; whether it did within the time [s]."""
+        end = time.monotonic() + timeout
+        while not condition():
+            if time.monotonic() > end:
+                return False
+            self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
+        return True
+
+    def recorded(self, timeout: float) -> ByTopic:
+        """What the recorder has written of each topic.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        end = time.monotonic() + timeout
+        if self.wait_until(self._flush.service_is_ready, timeout):
+            future = self._flush.call_async(RECORDER_FLUSH.type.Request())
+            if self.wait_until(future.done, end - time.monotonic()):
+                return from_json(future.result().message)
+        raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
+
+    def configure(self, timeout: float, namespace: str = '') -> bool:
+        """Configure the guidance node of a robot; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        return self._change_state(Transition.TRANSITION_CONFIGURE, timeout, namespace)
+
+    def activate(self, timeout: float, namespace: str = '') -> bool:
+        """Activate the guidance node of a robot; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        return self._change_state(Transition.TRANSITION_ACTIVATE, timeout, namespace)
+
+    def deactivate(self, timeout: float, namespace: str = '') -> bool:
+        """Deactivate the guidance node of a robot; whether it agreed.
+
+        Raises:
+            TimeoutError: It did not answer within the time [s].
+        """
+        return self._change_state(Transition.TRANSITION_DEACTIVATE, timeout, namespace)
+
+    def _change_state(self, transition: int, timeout: float, namespace: str) -> bool:
+        end, client = time.monotonic() + timeout, self._transitions[namespace]
+        if self.wait_until(client.service_is_ready, timeout):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            future = client.call_async(request)
+            if self.wait_until(future.done, end - time.monotonic()):
+                return bool(future.result().success)
+        raise TimeoutError(
+            f'the guidance node did not answer within {timeout:.0f} s; if it was compiling,'
+            ' run `cmpsp warmup` first'
+        )
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            seen = self.robots.get(status.name.removesuffix('/guidance: guidance'))
+            if seen is not None:
+                seen.health = {each.key: each.value for each in status.values}
+                seen.level, seen.message = status.level, status.message
+
+    def _on_decision(self, namespace: str, message: DiagnosticStatus) -> None:
+        seen = self.robots[namespace]
+        seen.decision = {each.key: each.value for each in message.values}
+        seen.reason = message.message
+        seen.decisions += 1
+        self.on_decision(namespace, seen)

@@ -1,0 +1,1 @@
+"""The player: a bag to live nodes."""

@@ -1,0 +1,1 @@
+"""The recorder: topics of the graph into one bag."""

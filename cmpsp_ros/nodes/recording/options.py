@@ -1,0 +1,146 @@
+"""What the recorder is told: its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rclpy.parameter import Parameter
+
+from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.guidance.messages.plan_topic import plan_topic
+from cmpsp_ros.nodes.common.runtime import StartupError
+from cmpsp_ros.nodes.common.topics import TOPICS
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+ALWAYS = ('/clock', '/parameter_events')
+"""Recorded with any choice of topics: without them a run cannot be replayed."""
+
+_NAMES = Parameter.Type.STRING_ARRAY
+
+_STORAGES = ('mcap', 'sqlite3')
+_COMPRESSIONS = ('none', 'zstd')
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to record.
+
+    Attributes:
+        output: Folder of the new bag.
+        form: How it is written.
+        discovery_period: Time between two looks at the graph [s].
+        listed: Topics asked for by name.
+        chosen: Topics to record; all when empty.
+        own: Whether those of one robot are chosen: the plans of all robots are then, too, for it
+            may keep clear of them.
+        excluded: Topics not to record.
+    """
+
+    output: Path
+    form: Form
+    discovery_period: float
+    listed: frozenset[str]
+    chosen: frozenset[str]
+    own: bool
+    excluded: frozenset[str]
+
+    def want(self, name: str) -> bool:
+        """Whether a topic is to be recorded; hidden ones only when they are chosen."""
+        if name in self.excluded:
+            return False
+        if self.chosen:
+            return name in self.chosen or (self.own and name.endswith(plan_topic('')))
+        return not any(part.startswith('_') for part in name.split('/'))
+
+
+def read_options(node: Node) -> Options:
+    """Declare the recorder's parameters and read them.
+
+    Raises:
+        StartupError: One is missing, or another than it can be.
+
+    """
+    output = _declare(node, 'output', '', 'Folder of the new bag; must not exist. Required.')
+    period = _declare(
+        node, 'discovery_period', 0.1, 'Time between two looks at the graph [s].', (0.01, 10.0)
+    )
+    listed = _declare(node, 'topics', _NAMES, 'Topics to record.')
+    own = _declare(
+        node,
+        'own_topics',
+        False,
+        'Record those of guidance and sim, in the namespace of this node, and plans of all robots.',
+    )
+    excluded = _declare(
+        node, 'exclude_topics', _NAMES, 'Topics not to record; all others when none are chosen.'
+    )
+    form = _form(node)
+    if not output:
+        msg = 'parameter output: expected the folder of the new bag, got nothing'
+        raise StartupError(msg)
+    named = frozenset(node.resolve_topic_name(name) for name in listed or [])
+    chosen = named | (own_topics(node.get_namespace()) if own else frozenset())
+    return Options(
+        Path(output).expanduser(),
+        form,
+        period,
+        named,
+        chosen.union(ALWAYS) if chosen else chosen,
+        own,
+        frozenset(node.resolve_topic_name(name) for name in excluded or []),
+    )
+
+
+def own_topics(namespace: str) -> frozenset[str]:
+    """Full names of the topics of guidance and sim in a namespace, those they hear included.
+
+    Hidden ones are left out, as everywhere in ROS, and those that only repeat others.
+    """
+    root = namespace.rstrip('/')
+    return frozenset(
+        each.name if each.name.startswith('/') else f'{root}/{each.name.replace("~", each.node)}'
+        for each in TOPICS
+        if each.direction != 'srv' and not each.repeats and '/_' not in each.name
+    )
+
+
+def _form(node: Node) -> Form:
+    storage = _declare(node, 'storage', 'mcap', 'Format of the files: mcap or sqlite3.')
+    compression = _declare(node, 'compression', 'none', 'Of the chunks of mcap: none or zstd.')
+    size = _declare(
+        node,
+        'split_size',
+        0.0,
+        'Size at which a new file is begun [MB]; 0: a single file.',
+        (0, 1e6),
+    )
+    duration = _declare(
+        node,
+        'split_duration',
+        0.0,
+        'Time after which one is begun [s]; 0: a single file.',
+        (0, 1e9),
+    )
+    for name, value, wanted in (
+        ('storage', storage, _STORAGES),
+        ('compression', compression, _COMPRESSIONS),
+    ):
+        if value not in wanted:
+            msg = f'parameter {name}: expected {" or ".join(wanted)}, got {value!r}'
+            raise StartupError(msg)
+    return Form(storage, compression == 'zstd', round(size * 1e6), round(duration * 1e9))
+
+
+def _declare(
+    node: Node, name: str, default: Any, text: str, bounds: tuple[float, float] | None = None
+) -> Any:
+    descriptor = ParameterDescriptor(description=text, read_only=True)
+    if bounds is not None:
+        low, high = map(float, bounds)
+        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return node.declare_parameter(name, default, descriptor).value

@@ -1,1 +1,0 @@
-"""What is special to the two-wheeled robot: kinematics, road, obstacles, its problem."""

@@ -1,0 +1,265 @@
+"""A stand-in for the robot: velocity commands in, the path driven and its odometry out.
+
+Nothing here reads a clock: time is an argument in integer nanoseconds, so a run repeats exactly.
+A command waits for its delay, is followed by the wheels with their lag, and moves the robot less
+than they turn where they slip. All of this is off by default. What then moves, and how, is the
+business of a `Body`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.simulator.arc_body import ArcBody
+from cmpsp_ros.simulator.body import Body, Motion
+from cmpsp_ros.simulator.measurement import Measurement, OdometryErrors
+from cmpsp_ros.simulator.physics import Physics
+from cmpsp_ros.simulator.random_streams import Stream, generator
+
+Array = NDArray[np.float64]
+
+_NS = 1_000_000_000
+
+
+class TwistError(ValueError):
+    """A commanded twist that no wheel can follow because it is not a number."""
+
+
+@dataclass(frozen=True)
+class PlantSettings:
+    """All that the simulated robot depends on.
+
+    Attributes:
+        robot: Wheel radius, half track and wheel-speed limit.
+        initial_pose: Pose at the start and after a reset (x, y, heading) [m, m, rad].
+        odom_rate: Odometry messages a second [Hz].
+        cmd_vel_timeout: Time for which a command holds once it has taken effect [s]; 0 means for
+            ever.
+        actuation_delay: Time from a command to its effect [s].
+        actuation_jitter: Longest time that a command takes beyond it, evenly distributed [s].
+        wheel_lag: Time constant with which the wheels follow a command [s].
+        wheel_slip: Part of its turning by which each wheel (right, left) fails to move the robot.
+        wheel_slip_stddev: Standard deviation of what is added to it, for each wheel and command.
+        odometry: How odometry differs from the truth.
+        seed: Of all that is random.
+        physics: Mass, friction and motors of a robot that has them; None for exact arcs.
+    """
+
+    robot: DifferentialDrive
+    initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    odom_rate: float = 50.0
+    cmd_vel_timeout: float = 0.5
+    actuation_delay: float = 0.0
+    actuation_jitter: float = 0.0
+    wheel_lag: float = 0.0
+    wheel_slip: tuple[float, float] = (0.0, 0.0)
+    wheel_slip_stddev: float = 0.0
+    odometry: OdometryErrors = field(default_factory=OdometryErrors)
+    seed: int = 0
+    physics: Physics | None = None
+
+
+@dataclass(frozen=True)
+class _Command:
+    """A command under way.
+
+    Attributes:
+        effect_ns: When it takes effect [ns].
+        wheel_speeds: What it asks of the wheels, shape ``(2,)`` [rad/s].
+        grip: Part of each wheel's turning that moves the robot under it, shape ``(2,)``.
+    """
+
+    effect_ns: int
+    wheel_speeds: Array
+    grip: Array
+
+
+class Plant:
+    """The robot between commands."""
+
+    def __init__(self, settings: PlantSettings, start_ns: int = 0) -> None:
+        """Put the robot at its initial pose, at rest.
+
+        Args:
+            settings: What it depends on.
+            start_ns: Time at which it stands there [ns].
+
+        Raises:
+            PhysicsError: MuJoCo is asked for and not installed.
+        """
+        self._settings = settings
+        self._now_ns = self._heard_ns = start_ns
+        self._body = _body(settings)
+        self.reset()
+
+    @property
+    def stamp_ns(self) -> int:
+        """Time reached [ns]."""
+        return self._now_ns
+
+    @property
+    def motion(self) -> Motion:
+        """Pose and speeds now: the true ones, after wheel limits, lag and slip."""
+        return self._body.motion(self._now_ns)
+
+    @property
+    def pose(self) -> Array:
+        """True pose, shape ``(3,)`` [m, m, rad]; the heading is not wrapped."""
+        return self.motion.pose
+
+    @property
+    def wheel_speeds(self) -> Array:
+        """Speeds at which right and left wheel turn, shape ``(2,)`` [rad/s]."""
+        return self.motion.wheel_speeds
+
+    @property
+    def twist(self) -> Array:
+        """Twist driven, shape ``(2,)`` [m/s, rad/s]."""
+        return self.motion.twist
+
+    def reset(self) -> None:
+        """Put the robot back to its initial pose, at rest, and begin all that is random again.
+
+        Time goes on from where it is. Commands that have not taken effect yet are forgotten.
+        """
+        settings = self._settings
+        self._start_ns = self._heard_ns = self._now_ns
+        self._body.place(self._now_ns, np.array(settings.initial_pose, dtype=float))
+        self._pending: deque[_Command] = deque()
+        self._expires_ns: int | None = None
+        self._grip = 1.0 - np.array(settings.wheel_slip, dtype=float)
+        self._jitter = generator(settings.seed, Stream.JITTER)
+        self._slip = generator(settings.seed, Stream.SLIP)
+        self._measurement = Measurement(settings.seed)
+
+    def reconfigure(self, settings: PlantSettings) -> None:
+        """Go on under other settings.
+
+        What was commanded before keeps its wheel speeds, its slip and the time of its effect, and
+        of its end if it has taken effect. Initial pose, seed and physics count from the next reset
+        on.
+
+        Args:
+            settings: What the robot depends on from the time reached on.
+        """
+        self._settings = settings
+        self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
+
+    def command(self, stamp_ns: int, linear: float, angular: float) -> None:
+        """Ask for a twist; it is driven from ``stamp_ns`` plus the actuation delay on.
+
+        It takes effect in `advance`, also when there is no delay. However the delay may vary, no
+        command overtakes another.
+
+        Args:
+            stamp_ns: When the robot hears the command [ns], not before the time reached.
+            linear: Speed along the path [m/s].
+            angular: Yaw rate [rad/s].
+
+        Raises:
+            TwistError: The twist is not finite; the last one before stays in force.
+            ValueError: ``stamp_ns`` lies in the past, or before the command that came last.
+        """
+        earliest_ns = max(self._now_ns, self._heard_ns)
+        if stamp_ns < earliest_ns:
+            raise ValueError(f'command at {stamp_ns} ns: expected {earliest_ns} ns or later')
+        if not (math.isfinite(linear) and math.isfinite(angular)):
+            raise TwistError(f'twist ({linear} m/s, {angular} rad/s): expected finite numbers')
+        with np.errstate(over='ignore', invalid='ignore'):
+            wheel_speeds = self._settings.robot.wheel_speeds(np.array([linear, angular]))
+        if not np.isfinite(wheel_speeds).all():
+            raise TwistError(f'twist ({linear} m/s, {angular} rad/s): too large for any wheel')
+        self._heard_ns = stamp_ns
+        effect_ns = stamp_ns + self._delay_ns()
+        if self._pending:
+            effect_ns = max(effect_ns, self._pending[-1].effect_ns)
+        self._pending.append(_Command(effect_ns, self._limited(wheel_speeds), self._next_grip()))
+
+    def advance(self, stamp_ns: int) -> list[Motion]:
+        """Let time pass.
+
+        A command counts as in time when its successor takes effect at the very instant at which it
+        expires; for that reason the robot stops only once time has gone past that instant.
+
+        Args:
+            stamp_ns: Time to reach [ns], not before the time reached.
+
+        Returns:
+            The motion at each change of wheel speeds on the way (a command takes effect, or
+            expires, or the wheels come nearer to what they lag behind), in order: with them the
+            whole path can be drawn again, arc by arc.
+
+        Raises:
+            ValueError: ``stamp_ns`` lies in the past.
+        """
+        if stamp_ns < self._now_ns:
+            raise ValueError(f'advance to {stamp_ns} ns: expected {self._now_ns} ns or later')
+        changes: list[Motion] = []
+        while True:
+            effect_ns = self._pending[0].effect_ns if self._pending else None
+            next_ns = min(
+                each for each in (stamp_ns, effect_ns, self._expires_ns) if each is not None
+            )
+            changes += self._body.drive(next_ns)
+            if effect_ns == next_ns:
+                command = self._pending.popleft()
+                self._grip = command.grip
+                self._body.follow(next_ns, command.wheel_speeds, command.grip)
+                self._expires_ns = self._expiry(next_ns)
+            elif self._expires_ns == next_ns < stamp_ns:
+                self._body.follow(next_ns, np.zeros(2), self._grip)
+                self._expires_ns = None
+            else:
+                break
+            changes.append(self._body.motion(next_ns))
+        self._now_ns = stamp_ns
+        return changes
+
+    def measure(self) -> Array | None:
+        """Odometry of this instant; every call is another message.
+
+        Returns:
+            The pose measured, shape ``(3,)`` [m, m, rad], or None if the message is lost.
+        """
+        elapsed = (self._now_ns - self._start_ns) / _NS
+        pose = self._body.odometry(self._now_ns)
+        return self._measurement.measure(self._settings.odometry, elapsed, pose)
+
+    def _delay_ns(self) -> int:
+        delay, jitter = self._settings.actuation_delay, self._settings.actuation_jitter
+        return round((delay + jitter * self._jitter.random() if jitter else delay) * _NS)
+
+    def _next_grip(self) -> Array:
+        grip: Array = 1.0 - np.array(self._settings.wheel_slip, dtype=float)
+        stddev = self._settings.wheel_slip_stddev
+        # A wheel may lose its grip altogether, but it does not push the robot the other way.
+        return np.maximum(grip - stddev * self._slip.standard_normal(2), 0.0) if stddev else grip
+
+    def _expiry(self, stamp_ns: int) -> int | None:
+        lasts = self._settings.cmd_vel_timeout
+        return stamp_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None
+
+    def _limited(self, wheel_speeds: Array) -> Array:
+        fastest = float(np.abs(wheel_speeds).max())
+        limit = self._settings.robot.max_wheel_speed
+        if fastest <= limit:
+            return wheel_speeds
+        # Both wheels by one factor keeps the curvature. Divided first: the faster wheel is then
+        # exactly 1, its speed exactly the limit, and rounding cannot lift the other above it.
+        limited: Array = wheel_speeds / fastest * limit
+        return limited
+
+
+def _body(settings: PlantSettings) -> Body:
+    if settings.physics is None:
+        return ArcBody(settings.robot, settings.wheel_lag)
+    # MuJoCo is an option, and takes a while to import.
+    from cmpsp_ros.simulator.physics_body import PhysicsBody  # noqa: PLC0415
+
+    return PhysicsBody(settings.robot, settings.wheel_lag, settings.physics)

@@ -1,0 +1,1 @@
+"""Where a robot may be: roads, obstacles, free space, and the margin between samples."""

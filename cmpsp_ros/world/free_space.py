@@ -1,0 +1,247 @@
+"""Where the robot's centre may be: the road shrunk and the obstacles grown by what it needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
+from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
+from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road_space import ANNULUS, RoadSpace
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+# Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
+_JUMP = 0.1
+
+
+class AnnulusLimits(NamedTuple):
+    """Where between two circles the robot's centre may be.
+
+    Attributes:
+        center: Of both circles, shape ``(2,)`` [m].
+        center_radius: ``r_p``, radius of the road's centre line [m].
+        inner: Least distance from the centre, one for all stages or one for each, ``(K,)`` [m].
+        outer: Greatest distance from it, shape ``(K,)`` [m].
+    """
+
+    center: Array
+    center_radius: float
+    inner: Array
+    outer: Array
+
+
+@dataclass(frozen=True)
+class FreeSpace:
+    """A road with convex shapes taken out of it; all of it may change along a horizon.
+
+    A shape is all that is nearer than a radius to a point, a line or a polygon, given by its
+    corners; see `cmpsp_ros.world.obstacles.shape_functions`.
+
+    Attributes:
+        road: Where on the road the robot's centre may be.
+        corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
+            stand still.
+        first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
+        radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
+    """
+
+    road: RoadSpace
+    corners: Array
+    first: Indices
+    radii: Array
+
+    @classmethod
+    def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
+        """Space whose every point is at least ``distance`` [m] from road edges and obstacles."""
+        corners = [corner for obstacle in obstacles for corner in obstacle.corners]
+        counts = [len(obstacle.corners) for obstacle in obstacles]
+        return cls(
+            road.space(distance),
+            np.array(corners, dtype=float).reshape(1, -1, 2),
+            np.cumsum([0, *counts], dtype=np.int64),
+            np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
+        )
+
+    @property
+    def centers(self) -> Array:
+        """Of the corners of each shape, as at first, shape ``(M, 2)`` [m]."""
+        if self.corners.shape[1] == len(self.first) - 1:
+            return np.asarray(self.corners[0])
+        parts = np.split(self.corners[0], self.first[1:-1])
+        return np.array([(part.min(axis=0) + part.max(axis=0)) / 2.0 for part in parts])
+
+    @property
+    def reaches(self) -> Array:
+        """Greatest distance of the corners of each shape from their centre, shape ``(M,)`` [m]."""
+        if self.corners.shape[1] == len(self.first) - 1:
+            return np.zeros(len(self.first) - 1)
+        parts = zip(np.split(self.corners[0], self.first[1:-1]), self.centers, strict=True)
+        return np.array([np.hypot(*(part - center).T).max() for part, center in parts])
+
+    @property
+    def annulus(self) -> AnnulusLimits:
+        """The road, for what is about roads between two circles only.
+
+        Raises:
+            ValueError: It is another.
+        """
+        if self.road.kind != ANNULUS:
+            raise ValueError('road: found another kind, wanted an annulus')
+        x, y, radius = self.road.shape[['center_x', 'center_y', 'center_radius']].item()
+        return AnnulusLimits(np.array([x, y]), radius, self.road.kept[:, 1], self.road.kept[:, 0])
+
+    def tightened(self, limits: TwistLimits, period: float) -> FreeSpace:
+        """Space to keep to at samples so that any arcs between them stay within this one.
+
+        Args:
+            limits: What the robot can drive.
+            period: Time between two samples [s].
+        """
+        grown = np.array([outside(radius, limits, period) for radius in self.radii.tolist()])
+        return replace(self, road=self.road.tightened(limits, period), radii=grown)
+
+    def for_samples_of(self, twists: Array, period: float) -> FreeSpace:
+        """Space to keep to at the samples of one plan so that its own arcs stay within this one.
+
+        Args:
+            twists: Speed and turn rate between samples, shape ``(N, 2)`` [m/s, rad/s].
+            period: Time between two samples [s].
+
+        Returns:
+            A space for each of the ``N + 1`` samples, between two arcs each.
+        """
+        return replace(
+            self,
+            road=self.road.for_samples_of(twists, period),
+            radii=at_ends(np.maximum, outside_known(self.radii, twists, period)),
+        )
+
+    def with_some(self, samples: NDArray[np.bool_], of: FreeSpace) -> FreeSpace:
+        """This space, but at some samples what another one keeps from the same things.
+
+        Args:
+            samples: At which, shape ``(N + 1,)``.
+            of: The other space, on the same road.
+
+        Returns:
+            A space for each of the samples.
+        """
+        return replace(
+            self,
+            road=self.road.with_some(samples, of.road),
+            radii=np.where(samples[:, None], of.radii, self.radii),
+        )
+
+    def with_points(self, centers: Array, radii: Array) -> FreeSpace:
+        """This space with discs taken out that are elsewhere at every sample.
+
+        Args:
+            centers: Of the discs at the samples, shape ``(K, D, 2)`` [m].
+            radii: ``-inf`` where there is no disc at a sample, shape ``(K, D)`` [m].
+        """
+        samples, added = radii.shape
+        corners = np.broadcast_to(self.corners, (samples, *self.corners.shape[1:]))
+        standing = np.broadcast_to(self.radii, (samples, len(self.first) - 1))
+        more = self.first[-1] + np.arange(1, added + 1, dtype=np.int64)
+        return replace(
+            self,
+            corners=np.concatenate([corners, centers], axis=1),
+            first=np.concatenate([self.first, more]),
+            radii=np.concatenate([standing, radii], axis=1),
+        )
+
+    def at(self, poses: Array, near: float = math.nan) -> Array:
+        """Clearance of single poses.
+
+        Args:
+            poses: Shape ``(K, 3)`` [m, m, rad]; the samples, where the space is one for each.
+            near: Progress of a place near all of them, not a number where none is known [m].
+
+        Returns:
+            To both edges of the road and to each shape, negative where violated; shape
+            ``(K, 2 + M)`` [m].
+        """
+        edges, poses = np.empty((len(poses), 2)), np.ascontiguousarray(poses)
+        _edges_at(edges, self.road, poses, float(near))
+        away = np.empty((len(poses), len(self.first) - 1))
+        _away_at(away, self.corners, self.first, poses)
+        return np.column_stack([edges, away - self.radii])
+
+    def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
+        """Least clearance of arcs, from end to end, along a path.
+
+        Where the road crosses itself a path keeps to the branch that it is on.
+
+        Args:
+            poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
+            twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
+            durations: Shape ``(K,)`` [s].
+            near: Progress of a place near the first pose, not a number where none is known [m].
+
+        Returns:
+            As from `at`.
+        """
+        edges = np.empty((len(poses), 2))
+        arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
+        _edges_along(edges, self.road, float(near), *arguments)
+        least = np.empty((len(poses), len(self.first) - 1))
+        _away_along(least, self.corners, self.first, *arguments)
+        return np.column_stack([edges, least - self.radii])
+
+
+@allocation_free
+def _edges_at(clearance: Array, road: RoadSpace, poses: Array, near: float) -> None:
+    for k in range(poses.shape[0]):
+        x, y = poses[k, 0], poses[k, 1]
+        place = road_functions.find(road, x, y, poses[k, 2], near)
+        _, _, over, over_other = road_functions.measure(road, k, x, y, place)
+        clearance[k, 0] = min(-over, road_functions.FAR)
+        clearance[k, 1] = min(-over_other, road_functions.FAR)
+
+
+@allocation_free
+def _edges_along(
+    clearance: Array, road: RoadSpace, near: float, poses: Array, twists: Array, times: Array
+) -> None:
+    place, end_x, end_y = 0.0, math.nan, math.nan
+    for k in range(poses.shape[0]):
+        x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
+        if not math.hypot(x - end_x, y - end_y) <= _JUMP:
+            place = road_functions.find(road, x, y, heading, near if k == 0 else math.nan)
+        arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
+        place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
+            road, arc, place, math.inf, math.inf
+        )
+        end_x, end_y = arc.end_x, arc.end_y
+
+
+@allocation_free
+def _away_at(away: Array, corners: Array, first: Indices, poses: Array) -> None:
+    for k in range(poses.shape[0]):
+        at = min(k, corners.shape[0] - 1)
+        for j in range(away.shape[1]):
+            away[k, j] = distance_from(corners, first, at, j, poses[k, 0], poses[k, 1])
+
+
+@allocation_free
+def _away_along(
+    least: Array, corners: Array, first: Indices, poses: Array, twists: Array, times: Array
+) -> None:
+    for k in range(poses.shape[0]):
+        length, turn = twists[k, 0] * times[k], twists[k, 1] * times[k]
+        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        for j in range(least.shape[1]):
+            least[k, j] = sweep(arc, corners, first, j, math.inf)

@@ -1,0 +1,240 @@
+"""How much wider to keep clear at the samples so that the arcs between them are clear as well.
+
+Between two control steps the robot drives an arc of speed ``v`` and turn rate ``w``. Over a period
+``T`` it has radius ``R = v / |w|`` and half angle ``a = |w| T / 2``. If its two ends are at least
+``d'`` away from a point outside the arc's circle, the arc's middle comes nearest to it, at a
+distance ``d`` with
+
+    d'^2 = d^2 + 4 R (d + R) sin^2(a / 2),
+
+and if its two ends are at most ``d'`` away from a point inside, the middle goes furthest, to
+
+    d'^2 = d^2 - 4 R (d - R) sin^2(a / 2).
+
+Both follow from the law of cosines about the arc's centre; off-centre placements are milder since
+one end is then nearer to the middle. Taking the worst over all arcs that can be driven gives a
+distance at the samples that is enough, and no smaller one is. For a straight line the first is
+``d'^2 = d^2 + (v T / 2)^2``, the half chord; the worst arc needs more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.twist_limits import TwistLimits
+
+Array = NDArray[np.float64]
+Scalar = TypeVar('Scalar', bound=np.generic)
+
+_GRID = 256
+_REFINEMENTS = 3
+_RANGES = 32
+
+# A straight line is taken for an arc that turns this little [rad/s], on the safe side.
+_STRAIGHT = 1e-6
+
+
+@lru_cache(maxsize=256)
+def outside(distance: float, limits: TwistLimits, period: float) -> float:
+    """Distance from a point at the samples that keeps the arcs between them at ``distance``.
+
+    Args:
+        distance: What the arcs must keep from the point [m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distance to keep at the samples [m], not less than ``distance``.
+    """
+
+    def squared(R: Array, a: Array) -> Array:
+        return _bulge(R, a, distance + R)
+
+    straight = (limits.speed * period / 2.0) ** 2
+    return float(np.sqrt(distance**2 + max(straight, _largest(squared, limits, period))))
+
+
+@lru_cache(maxsize=256)
+def inside(distance: float, limits: TwistLimits, period: float) -> float:
+    """Distance from a point at the samples that keeps the arcs between them within ``distance``.
+
+    Args:
+        distance: What the arcs must not exceed from the point [m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distance not to exceed at the samples [m], not more than ``distance``; 0 where the disc
+        is so small that the robot may cross it in one period.
+    """
+    if distance <= limits.speed * period:
+        return 0.0
+
+    def squared(R: Array, a: Array) -> Array:
+        # The bulge of an arc grows with its radius up to half the distance, and then shrinks.
+        R = np.minimum(R, distance / 2.0)
+        return _bulge(R, a, distance - R)
+
+    return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))
+
+
+@lru_cache(maxsize=256)
+def sagitta(bend: float, limits: TwistLimits, period: float) -> float:
+    """Clearance from a bent edge at the samples that keeps the arcs between them clear.
+
+    Along an arc the second derivative of the clearance by time is at least ``-(v w + v^2 bend)``:
+    over a period it falls below the line between its ends by at most an eighth of that times the
+    period squared.
+
+    Args:
+        bend: Greatest second derivative of the clearance along any straight line [1/m].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Clearance to keep at the samples [m].
+    """
+
+    def fall(R: Array, a: Array) -> Array:
+        return _fall(R, a, bend)
+
+    straight = bend * (limits.speed * period / 2.0) ** 2 / 2.0
+    return max(straight, _largest(fall, limits, period))
+
+
+def sagitta_known(bends: Array, twists: Array, period: float) -> Array:
+    """Like `sagitta`, for known arcs.
+
+    Args:
+        bends: Of several edges, shape ``(M,)`` [1/m].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Clearance to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    return _fall(*_arcs(twists, period), bends)
+
+
+def outside_known(distance: Array, twists: Array, period: float) -> Array:
+    """Like `outside`, for one known arc each instead of the worst of all.
+
+    Args:
+        distance: What the arcs must keep from each of several points, shape ``(M,)`` [m].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    R, a = _arcs(twists, period)
+    grown: Array = np.sqrt(distance**2 + _bulge(R, a, distance + R))
+    return grown
+
+
+def inside_known(distance: float, twists: Array, period: float) -> Array:
+    """Like `inside`, for known arcs; arguments as in `outside_known`, result ``(N,)`` [m]."""
+    R, a = _arcs(twists, period)
+    bulge = np.maximum(0.0, _bulge(R, a, distance - R))[:, 0]
+    shrunk: Array = np.sqrt(np.maximum(0.0, distance**2 - bulge))
+    return shrunk
+
+
+def outside_moving(distance: Array, speeds: Array, limits: TwistLimits, period: float) -> Array:
+    """Like `outside`, for points that move at constant velocity.
+
+    Seen from such a point the robot drives no arc, but strays from the chord of its path by no
+    more than ``v w T^2 / 8``, and the chord is no longer than ``(v + u) T`` with the point's speed
+    ``u``. Over each of a few ranges of ``w`` the greatest of each counts: a little more than is
+    needed.
+
+    Args:
+        distance: What the robot must keep meanwhile from each of several points, ``(..., M)`` [m].
+        speeds: Of the points, shape ``(M,)`` or that of the distances [m/s].
+        limits: What the robot can drive.
+        period: Time between two samples, ``T`` [s].
+
+    Returns:
+        Distances to keep at the samples, shape ``(..., M)`` [m].
+    """
+    twists, beyond = _ranges(limits)
+    grown = _outside_moving(distance[..., None], speeds[..., None], twists, beyond, period)
+    return np.asarray(grown.max(axis=-1))
+
+
+def outside_moving_known(distance: Array, speeds: Array, twists: Array, period: float) -> Array:
+    """Like `outside_moving`, for known arcs.
+
+    Args:
+        distance: For each arc, shape ``(N, M)`` [m].
+        speeds: Of the points, shape ``(M,)`` or ``(N, M)`` [m/s].
+        twists: Speed and turn rate of each arc, shape ``(N, 2)`` [m/s, rad/s].
+        period: Time that each arc takes [s].
+
+    Returns:
+        Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
+    """
+    v, w = np.abs(twists[:, :1]), np.abs(twists[:, 1:])
+    return _outside_moving(distance, speeds, v, w, period)
+
+
+def at_ends(worse: Callable[[Any, Any], Any], of_arcs: NDArray[Scalar]) -> NDArray[Scalar]:
+    """From one value an arc to one a sample: the worse of the two arcs that meet there."""
+    before, after = np.concatenate([of_arcs[:1], of_arcs]), np.concatenate([of_arcs, of_arcs[-1:]])
+    found: NDArray[Scalar] = worse(before, after)
+    return found
+
+
+@lru_cache(maxsize=16)
+def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
+    """Ranges of the turn rate: greatest speed and greatest turn rate in each, shape ``(R,)``."""
+    w = np.linspace(0.0, limits.turn_rate, _RANGES + 1)
+    return np.maximum(limits.speed - limits.half_track * w[:-1], 0.0), w[1:]
+
+
+def _outside_moving(distance: Array, speeds: Array, v: Array, w: Array, period: float) -> Array:
+    astray, half_chord = v * w * period**2 / 8.0, (v + speeds) * period / 2.0
+    grown: Array = np.hypot(distance + astray, half_chord)
+    return grown
+
+
+def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
+    """Radius and half angle of known arcs, each of shape ``(N, 1)``."""
+    w = np.maximum(np.abs(twists[:, 1:]), _STRAIGHT)
+    return np.abs(twists[:, :1]) / w, np.minimum(w * period / 2.0, np.pi)
+
+
+def _bulge(R: Array, a: Array, to_center: Array) -> Array:
+    """Difference of the squared distances, from the arc's radius, half angle and centre."""
+    bulge: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
+    return bulge
+
+
+def _fall(R: Array, a: Array, bend: float | Array) -> Array:
+    """Sagitta of an arc, and of an edge that is bent over its length, from above."""
+    fall: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
+    return fall
+
+
+def _largest(
+    function: Callable[[Array, Array], Array], limits: TwistLimits, period: float
+) -> float:
+    """Maximum over the arcs within the limits, up to a full circle, by a grid refined thrice."""
+    low, high = 0.0, min(np.pi, limits.turn_rate * period / 2.0)
+    if high <= 0.0:
+        return 0.0
+    largest = 0.0
+    for _ in range(_REFINEMENTS):
+        a = np.linspace(low, high, _GRID + 1)
+        a = a[a > 0.0]
+        w = 2.0 * a / period
+        values = function(np.maximum(limits.speed - limits.half_track * w, 0.0) / w, a)
+        best = int(np.argmax(values))
+        largest = max(largest, float(values[best]))
+        low, high = float(a[max(best - 1, 0)]), float(a[min(best + 1, len(a) - 1)])
+    return largest

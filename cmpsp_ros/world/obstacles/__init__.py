@@ -1,0 +1,1 @@
+"""Obstacles, at rest and moving, and exact distances from them."""

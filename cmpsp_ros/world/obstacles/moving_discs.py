@@ -1,0 +1,228 @@
+"""Discs that move, and of which ever less is known: what has been seen, or has been announced."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
+from cmpsp_ros.world.obstacles.shape_functions import sweep_moving
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+X, Y, VELOCITY_X, VELOCITY_Y, RADIUS = range(5)
+"""Columns of `MovingDiscs.states`."""
+
+_PLACE, _VELOCITY = slice(X, Y + 1), slice(VELOCITY_X, VELOCITY_Y + 1)
+
+
+@dataclass(frozen=True)
+class MovingDiscs:
+    """Discs at an instant, with what is foreseen of them.
+
+    They go on at constant velocity, but for those whose ways are known: they go straight from one
+    place to the next, and stand before the first and after the last.
+
+    Attributes:
+        names: What messages call them.
+        states: Centre, velocity and radius of each, shape ``(M, 5)`` [m, m, m/s, m/s, m].
+        growth: Of all radii with time: of the uncertainty where the discs will be [m/s].
+        slots: Which rows of a plan's constraints each has, -1 for none, shape ``(M,)``.
+        ways: Times from now on and places (t, x, y) by the index of a disc, each of shape
+            ``(J, 3)`` [s, m, m]; the velocity in `states` does not count there.
+    """
+
+    names: tuple[str, ...]
+    states: Array
+    growth: float
+    slots: Indices
+    ways: Mapping[int, Array] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.names)
+
+    def after(self, seconds: float) -> MovingDiscs:
+        """The same some time later, or earlier."""
+        if not len(self) or seconds == 0.0:
+            return self
+        states = self.states.copy()
+        centers, radii = self.at_times(np.array([seconds]))
+        states[:, _PLACE], states[:, RADIUS] = centers[0], radii[0]
+        ways = {index: way - np.array([seconds, 0.0, 0.0]) for index, way in self.ways.items()}
+        return replace(self, states=states, ways=ways)
+
+    def grown(self, distance: float) -> MovingDiscs:
+        """The same with greater radii [m]."""
+        if not len(self) or distance == 0.0:
+            return self
+        states = self.states.copy()
+        states[:, RADIUS] += distance
+        return replace(self, states=states)
+
+    def clearance(self, point: Array) -> Array:
+        """Distance of a point (x, y) from each at this instant, negative within; ``(M,)`` [m]."""
+        away = point[:2] - self.states[:, :2]
+        clear: Array = np.hypot(away[:, 0], away[:, 1]) - self.states[:, RADIUS]
+        return clear
+
+    def at_times(self, times: Array) -> tuple[Array, Array]:
+        """Where they will be.
+
+        Args:
+            times: From now on, shape ``(K,)`` [s].
+
+        Returns:
+            Centres, shape ``(K, M, 2)``, and radii, shape ``(K, M)`` [m].
+        """
+        states = self.states
+        centers = states[:, _PLACE] + times[:, None, None] * states[:, _VELOCITY]
+        for index, way in self.ways.items():
+            centers[:, index] = _on(way, times)
+        return centers, states[:, RADIUS] + self.growth * times[:, None]
+
+    def legs(self, durations: Array) -> Array:
+        """States at the beginnings of steps; in each the discs keep their velocity.
+
+        Where a way bends within a step its disc goes straight all the same, and is greater by as
+        much as the way strays from that.
+
+        Args:
+            durations: Of the steps, from now on, shape ``(K,)`` [s].
+
+        Returns:
+            As `states`, shape ``(K, M, 5)``; of no discs for any number of steps.
+        """
+        if not len(self):
+            return _NO_LEGS
+        times = np.concatenate([[0.0], np.cumsum(durations)])
+        centers, radii = self.at_times(times)
+        legs = np.empty((len(durations), len(self), 5))
+        legs[..., _PLACE], legs[..., RADIUS] = centers[:-1], radii[:-1]
+        legs[..., _VELOCITY] = self.states[:, _VELOCITY]
+        for index, way in self.ways.items():
+            places = centers[:, index]
+            legs[:, index, _VELOCITY] = np.diff(places, axis=0) / durations[:, None]
+            legs[:, index, RADIUS] += _astray(way, times, places)
+        return legs
+
+    def tightened(
+        self, times: Array, limits: TwistLimits | None, period: float, start: Array
+    ) -> tuple[Array, Array]:
+        """Where they will be at the samples of a plan, and what to keep from their centres there.
+
+        With that any path between two samples is clear. Where the robot cannot be by then a disc
+        asks for nothing: its radius there is ``-inf``.
+
+        Args:
+            times: Of the samples, shape ``(N + 1,)`` [s].
+            limits: What the robot can drive; None where only the samples count.
+            period: Longest time between two samples [s].
+            start: Where the robot is at first, shape ``(2,)`` or more [m].
+
+        Returns:
+            As from `at_times`, for each sample.
+        """
+        centers, radii = self.at_times(times)
+        if limits is None:
+            return centers, radii
+        of_arcs = outside_moving(*self._between(times), limits, period)
+        radii = at_ends(np.maximum, of_arcs)
+        away = centers - start[:2]
+        nearest = np.hypot(away[..., 0], away[..., 1]) - limits.speed * times[:, None]
+        radii[nearest > radii] = -np.inf
+        return centers, radii
+
+    def for_samples_of(self, times: Array, twists: Array, period: float) -> tuple[Array, Array]:
+        """Like `tightened`, for the arcs of one plan.
+
+        Args:
+            times: Of the samples, shape ``(N + 1,)`` [s].
+            twists: Speed and turn rate between samples, shape ``(N, 2)`` [m/s, rad/s].
+            period: Longest time between two samples [s].
+        """
+        centers, _ = self.at_times(times)
+        of_arcs = outside_moving_known(*self._between(times), twists, period)
+        return centers, at_ends(np.maximum, of_arcs)
+
+    def along(self, poses: Array, twists: Array, durations: Array, times: Array) -> Array:
+        """Least clearance of arcs that are driven while they move.
+
+        Args:
+            poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
+            twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
+            durations: Shape ``(K,)`` [s].
+            times: When each begins, from now on, shape ``(K,)`` [s].
+
+        Returns:
+            From each disc, never more than it is; shape ``(K, M)`` [m].
+        """
+        clearance = np.empty((len(poses), len(self)))
+        arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
+        _along(clearance, self.states, self.growth, *arrays)
+        return clearance
+
+    def _between(self, times: Array) -> tuple[Array, Array]:
+        """Greatest radius and speed of each disc between two times, both ``(N, M)``."""
+        durations = np.diff(times)
+        legs = self.legs(durations)
+        radii = legs[..., RADIUS] + self.growth * durations[:, None]
+        return radii, np.hypot(legs[..., VELOCITY_X], legs[..., VELOCITY_Y])
+
+
+NOTHING_MOVES = MovingDiscs((), np.empty((0, 5)), 0.0, np.empty(0, np.int64))
+"""No discs."""
+
+_NO_LEGS = np.empty((0, 0, 5))
+
+
+def _on(way: Array, times: Array) -> Array:
+    """Places on a way, shape ``(K, 2)`` [m]."""
+    return np.column_stack([np.interp(times, way[:, 0], way[:, i]) for i in (1, 2)])
+
+
+def _astray(way: Array, times: Array, places: Array) -> Array:
+    """How far a way strays from the straight lines between some of its places.
+
+    Args:
+        way: Times and places, shape ``(J, 3)`` [s, m, m].
+        times: Times between which the lines are, shape ``(K + 1,)`` [s].
+        places: On the way then, shape ``(K + 1, 2)`` [m].
+
+    Returns:
+        For each line, shape ``(K,)`` [m].
+    """
+    step = np.searchsorted(times, way[:, 0], side='right') - 1
+    inside = (step >= 0) & (step < len(times) - 1)
+    knots, found = way[inside], np.zeros(len(times) - 1)
+    away = knots[:, 1:] - _on(np.column_stack([times, places]), knots[:, 0])
+    # Between two bends the distance of two points that keep their velocities is greatest at an end.
+    np.maximum.at(found, step[inside], np.hypot(away[:, 0], away[:, 1]))
+    return found
+
+
+@allocation_free
+def _along(
+    clearance: Array,
+    states: Array,
+    growth: float,
+    poses: Array,
+    twists: Array,
+    durations: Array,
+    times: Array,
+) -> None:
+    for k in range(durations.shape[0]):
+        length, turn = twists[k, 0] * durations[k], twists[k, 1] * durations[k]
+        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        for j in range(states.shape[0]):
+            u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
+            x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v
+            least = sweep_moving(arc, durations[k], x, y, u, v, growth, np.inf)
+            clearance[k, j] = least - (states[j, RADIUS] + growth * times[k])

@@ -1,0 +1,1 @@
+"""Roads: what the robot stays inside, and whose centre line it keeps to."""

@@ -1,0 +1,244 @@
+"""The road along a centre line that is given by points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.world.roads.center_line import CenterLine, Samples, fit, sample
+from cmpsp_ros.world.roads.road_space import CORRIDOR, PIECE, RoadSpace, road_space
+
+Array = NDArray[np.float64]
+
+_CLOSE = 1e-6
+_SHARPEST_TURN = math.radians(120.0)
+
+# Part of the radius of curvature that must be left beyond the edge on the inner side of a curve.
+_LEFT_OF_RADIUS = 0.1
+
+# Stations of the first search: so many in a width, or in a radius of curvature.
+_IN_A_WIDTH = 4.0
+_MOST_STATIONS = 20_000
+
+# What bounds from samples may be short of.
+_BETWEEN_SAMPLES = 1.05
+
+
+class RoadError(ValueError):
+    """A centre line that is none.
+
+    Attributes:
+        point: Number of the point, from 0.
+        found: What is there.
+        wanted: What should be.
+    """
+
+    def __init__(self, point: int, found: str, wanted: str) -> None:
+        super().__init__(f'point {point}: found {found}, wanted {wanted}')
+        self.point, self.found, self.wanted = point, found, wanted
+
+
+@dataclass(frozen=True)
+class Corridor:
+    """A smooth line through points, with a width to either side at each of them.
+
+    An open road goes on straight beyond its ends.
+
+    Attributes:
+        points: Of the centre line, in their order (x, y) [m].
+        left: Width to the left of each [m].
+        right: Width to the right of each [m].
+        closed: Whether the road goes on from the last point to the first.
+    """
+
+    edge_names: ClassVar = ('the left road edge', 'the right road edge')
+
+    points: tuple[tuple[float, float], ...]
+    left: tuple[float, ...]
+    right: tuple[float, ...]
+    closed: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the points.
+
+        Raises:
+            RoadError: Two neighbours are one point, a point is out of order, a width is not
+                positive, or a curve is too tight for the width; says which point.
+        """
+        self._check_points()
+        for widths in (self.left, self.right):
+            for point, width in enumerate(widths):
+                if width <= 0.0:
+                    raise RoadError(point, f'a width of {width:.9g} m', 'more than 0 m')
+        self._check_curves()
+
+    @cached_property
+    def width(self) -> float:
+        """From edge to edge where it is greatest [m]."""
+        return max(map(sum, zip(self.left, self.right, strict=True)))
+
+    @property
+    def length(self) -> float:
+        """Of the centre line [m]."""
+        return self._line.length
+
+    def space(self, distance: float) -> RoadSpace:
+        """Where the robot's centre is at least so far from both edges [m]."""
+        return self._space._replace(kept=np.full((1, 2), float(distance)))
+
+    def edges(self) -> list[Array]:
+        """Both edges, the left first, each of shape ``(K, 2)`` [m]."""
+        at = self._drawn
+        return [
+            np.column_stack([at.x - off * at.sine, at.y + off * at.cosine])
+            for off in (at.widths[0, 0], -at.widths[1, 0])
+        ]
+
+    def center_line(self) -> Array:
+        """The centre line, shape ``(K, 2)`` [m]."""
+        return np.column_stack([self._drawn.x, self._drawn.y])
+
+    def area(self) -> Array:
+        """The road as one polygon, which winds round twice where it crosses itself, ``(K, 2)``."""
+        left, right = self.edges()
+        return np.vstack([left, right[::-1]])
+
+    def middle(self) -> Array:
+        """A pose in the middle of the road, along it, shape ``(3,)`` [m, m, rad]."""
+        at, half = self._samples, len(self._samples.x) // 2
+        return np.array([at.x[half], at.y[half], math.atan2(at.sine[half], at.cosine[half])])
+
+    def beside(self) -> Array:
+        """A pose that is not on this part of the road, shape ``(3,)`` [m, m, rad]."""
+        x, y, heading = self.middle()
+        return np.array(
+            [x - self.width * math.sin(heading), y + self.width * math.cos(heading), 0.0]
+        )
+
+    def beyond(self, point: tuple[float, float]) -> float:
+        """How far a point lies beyond an end of the road, 0 where it does not [m]."""
+        at = self._drawn
+        if self.closed:
+            return 0.0
+        nearest = int(np.argmin((at.x - point[0]) ** 2 + (at.y - point[1]) ** 2))
+        if nearest not in (0, len(at.x) - 1):
+            return 0.0
+        along = (point[0] - at.x[nearest]) * at.cosine[nearest]
+        along += (point[1] - at.y[nearest]) * at.sine[nearest]
+        return max(0.0, float(-along if nearest == 0 else along))
+
+    @cached_property
+    def _line(self) -> CenterLine:
+        arrays = (np.array(each, dtype=float) for each in (self.points, self.left, self.right))
+        return fit(*arrays, closed=self.closed)
+
+    @cached_property
+    def _samples(self) -> Samples:
+        return sample(self._line, closed=self.closed)
+
+    @cached_property
+    def _drawn(self) -> Samples:
+        """The samples with the end of the road."""
+        at = self._samples
+        if self.closed:
+            return Samples(*(np.concatenate([each, each[..., :1]], axis=-1) for each in at))
+        line = self._line
+        # What goes on beyond the end begins where the road ends.
+        end = sample(CenterLine(line.knots[-2:], line.pieces[-1:], line.length), closed=True)
+        both = zip(at, end, strict=True)
+        return Samples(*(np.concatenate([a, b[..., :1]], axis=-1) for a, b in both))
+
+    @cached_property
+    def _space(self) -> RoadSpace:
+        line, at = self._line, self._samples
+        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
+        radius = 1.0 / max(float(np.abs(at.curvature).max()), 1e-9)
+        # At most halfway from an edge to the centre of curvature.
+        left = (1.0 - inside) / np.maximum(np.abs(at.curvature), 1e-9)
+        room = min(float(left.min()) / 2.0, float(at.widths[:, 0].min()) / 4.0)
+        bounds = [self._bounds(side, room) for side in range(2)]
+        spacing = min(float(at.widths[:, 0].min()), radius) / _IN_A_WIDTH
+        count = min(max(math.ceil(line.length / spacing), 2), _MOST_STATIONS)
+        places = np.arange(count) * (line.length / count)
+        stations = (np.interp(places, at.progress, each) for each in (at.x, at.y))
+        heading = np.interp(places, at.progress, np.unwrap(np.arctan2(at.sine, at.cosine)))
+        cells = np.linspace(line.knots[0], line.knots[-1], len(line.pieces), endpoint=False)
+        pieces = np.zeros(len(line.knots), PIECE)
+        pieces['begin'] = line.knots
+        pieces['curves'][:-1] = line.pieces.reshape(-1, 4, 4)
+        pieces['at_cell'][:-1] = np.searchsorted(line.knots, cells, side='right') - 1
+        return road_space(
+            CORRIDOR,
+            pieces=pieces,
+            stations=np.column_stack([*stations, np.cos(heading), np.sin(heading)]),
+            cells_in_metre=len(cells) / float(line.knots[-1] - line.knots[0]),
+            station_step=line.length / count,
+            closed=self.closed,
+            length=line.length,
+            stride=radius / 2.0,
+            room=room,
+            decides=float(at.widths[:, 0].max()),
+            part=[part for part, _ in bounds],
+            bend=[bend for _, bend in bounds],
+        )
+
+    def _bounds(self, side: int, room: float) -> tuple[float, float]:
+        """What a clearance from one edge counts, and its greatest second derivative [1/m].
+
+        With the distance ``e`` to the left of the centre line and the curvature ``c`` the progress
+        of a point changes ``q = 1 / (1 - c e)`` times as fast as the point moves along the road;
+        that factor's gradient and the curvature bound the second derivative of ``width - e``.
+        """
+        at = self._samples
+        _, slope, bend = np.abs(at.widths[side])
+        furthest = at.widths[:, 0].max(axis=0) + room
+        c = np.abs(at.curvature)
+        q = 1.0 / np.maximum(1.0 - c * furthest, _LEFT_OF_RADIUS / 2.0)
+        steep = np.hypot(1.0, slope * q)
+        second = q**3 * np.abs(at.curvature_slope) * furthest + 2.0 * q**2 * c
+        total = c * q + bend * q**2 + slope * second
+        part = 1.0 / float(steep.max())
+        if part == 1.0:
+            return 1.0, _BETWEEN_SAMPLES * float(total.max())
+        return part / _BETWEEN_SAMPLES, _BETWEEN_SAMPLES * float(total.max()) * part
+
+    def _check_points(self) -> None:
+        least = 3 if self.closed else 2
+        if len(self.points) < least:
+            raise RoadError(
+                len(self.points), 'the end of the list', f'{least} points or more in a road'
+            )
+        points = np.array([*self.points, self.points[0]] if self.closed else self.points)
+        steps = np.diff(points, axis=0)
+        for i, step in enumerate(np.hypot(*steps.T).tolist()):
+            if step < _CLOSE:
+                point = (i + 1) % len(self.points) or i
+                raise RoadError(point, 'the same place as its neighbour', 'another')
+        headings = np.arctan2(steps[:, 1], steps[:, 0])
+        for i, turn in enumerate(np.diff(headings, append=headings[:1]).tolist()):
+            point = (i + 1) % len(self.points)
+            is_end = not self.closed and i == len(headings) - 1
+            if not is_end and abs(math.remainder(turn, math.tau)) > _SHARPEST_TURN:
+                found = (
+                    f'a turn back by {math.degrees(abs(math.remainder(turn, math.tau))):.4g} deg'
+                )
+                wanted = 'points in order, with turns of 120 deg or less'
+                raise RoadError(point, found, wanted)
+
+    def _check_curves(self) -> None:
+        at = self._samples
+        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
+        worst = int(np.argmax(inside))
+        if inside[worst] > 1.0 - _LEFT_OF_RADIUS:
+            radius = 1.0 / abs(at.curvature[worst])
+            width = inside[worst] * radius
+            raise RoadError(
+                int(at.point[worst]),
+                f'a curve of radius {radius:.4g} m after it, and a width of {width:.4g} m inside',
+                f'a width of at most {1.0 - _LEFT_OF_RADIUS:.2g} of the radius',
+            )

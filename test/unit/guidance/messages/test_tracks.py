@@ -1,0 +1,203 @@
+"""Obstacles that move: what of a message is used, and what is known at a time."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.tracks import (
+    Track,
+    TrackError,
+    Tracks,
+    check_age,
+    read_keys,
+    tracks_of,
+    written_keys,
+)
+from cmpsp_ros.guidance.prediction.obstacle_tracker import Lookout
+from cmpsp_ros.guidance.settings import MovingObstacles
+
+KINDS = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
+FIELDS = {'x': 'f8', 'y': 'f8', 'vx': 'f8', 'vy': 'f8', 'radius': 'f8', 'id': 'i4'}
+ROWS = [(1.0, 2.0, 0.5, -0.5, 0.25, 7), (3.0, 4.0, 0.0, 0.0, 0.0, 2)]
+
+
+def cloud(rows=ROWS, fields=FIELDS, *, frame='odom', stamp=3.5, big=False, pad=0, **changes):
+    """A `sensor_msgs/PointCloud2` of these points, fields in this order, with bytes between."""
+    order, offsets, at = '>' if big else '<', [], 0
+    for kind in fields.values():
+        offsets.append(at)
+        at += np.dtype(kind).itemsize + pad
+    formats = [order + kind for kind in fields.values()]
+    layout = np.dtype(
+        {'names': list(fields), 'formats': formats, 'offsets': offsets, 'itemsize': at}
+    )
+    data = np.array([row[: len(fields)] for row in rows], dtype=layout).tobytes()
+    seconds = math.floor(stamp)
+    message = SimpleNamespace(
+        header=SimpleNamespace(
+            frame_id=frame,
+            stamp=SimpleNamespace(sec=seconds, nanosec=round((stamp - seconds) * NANOSECONDS)),
+        ),
+        height=1,
+        width=len(rows),
+        fields=[
+            SimpleNamespace(name=name, offset=offset, datatype=KINDS[kind], count=1)
+            for (name, kind), offset in zip(fields.items(), offsets, strict=True)
+        ],
+        is_bigendian=big,
+        point_step=at,
+        row_step=at * len(rows),
+        data=data,
+        is_dense=True,
+    )
+    vars(message).update(changes)
+    return message
+
+
+FIRST = Track(7, 3_500_000_000, 0.25, 1.0, 2.0, 0.5, -0.5)
+SECOND = Track(2, 3_500_000_000, 0.0, 3.0, 4.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize('big', [False, True])
+@pytest.mark.parametrize('pad', [0, 3])
+@pytest.mark.parametrize(
+    'fields',
+    [
+        FIELDS,
+        dict.fromkeys(('x', 'y', 'vx', 'vy', 'radius'), 'f4') | {'id': 'u2'},
+        FIELDS | {'intensity': 'f4'},
+    ],
+)
+def test_messages_of_any_layout(fields, pad, big):
+    rows = [(*row, 0.0) for row in ROWS]
+    assert tracks_of(cloud(rows, fields, pad=pad, big=big), 'odom') == [FIRST, SECOND]
+
+
+def test_a_message_of_none():
+    assert tracks_of(cloud([]), 'odom') == []
+
+
+def with_row(place, value):
+    row = list(ROWS[0])
+    row[place] = value
+    return cloud([ROWS[1], tuple(row)])
+
+
+@pytest.mark.parametrize(
+    ('message', 'reason'),
+    [
+        (cloud(frame='map'), "in frame 'map', wanted 'odom'"),
+        (with_row(0, math.nan), r'Obstacle 7 \(point 1\) has a number that is not finite'),
+        (with_row(3, math.inf), 'not finite'),
+        (with_row(4, -0.1), 'a radius of -0.1 m, wanted 0 or more'),
+        (with_row(1, 1e9), 'wanted one on Earth'),
+        (with_row(2, 1e5), 'a velocity of'),
+        (with_row(5, 2), 'Obstacle 2 is there twice'),
+        (cloud(fields={k: v for k, v in FIELDS.items() if k != 'id'}), "need a field 'id'"),
+        (cloud(fields=FIELDS | {'id': 'f4'}), "need a field 'id', an integer: found one of"),
+        (cloud(fields=FIELDS | {'vx': 'i4'}), "need a field 'vx', a float32 or float64"),
+        (cloud(width=3), 'do not fit their sizes'),
+        (cloud(point_step=4), 'do not fit their sizes'),
+        (cloud(data=b''), 'do not fit their sizes'),
+        (cloud(width=2**31, height=2**31), 'wanted 1000 at most'),
+    ],
+)
+def test_a_message_that_is_refused(message, reason):
+    with pytest.raises(TrackError, match=reason):
+        tracks_of(message, 'odom')
+
+
+def test_messages_of_other_things_are_refused_in_words(fault):
+    for message in (
+        with_row(1, 1e9),
+        with_row(2, 1e5),
+        with_row(5, 2),
+        cloud(fields=FIELDS | {'vx': 'i4'}),
+        cloud(width=3),
+        cloud(width=2**31, height=2**31),
+    ):
+        with pytest.raises(TrackError) as caught:
+            tracks_of(message, 'odom')
+        fault.assert_said('—', 1, str(caught.value))
+
+
+def test_age():
+    check_age(NANOSECONDS, 2 * NANOSECONDS, 1.0)
+    check_age(NANOSECONDS, 0, 0.1)
+    with pytest.raises(TrackError, match=r'1\.500 s old'):
+        check_age(NANOSECONDS, 2_500_000_000, 1.0)
+    with pytest.raises(TrackError, match=r'1\.500 s ahead of the clock'):
+        check_age(2_500_000_000, NANOSECONDS, 1.0)
+
+
+def seen(number, seconds, x=0.0):
+    return Track(number, round(seconds * NANOSECONDS), 0.1, x, 0.0, 1.0, 0.0)
+
+
+def at(tracks, seconds, timeout=1.0):
+    return tracks.at(round(seconds * NANOSECONDS), timeout)
+
+
+def test_what_is_known_goes_by_stamps_not_by_arrival():
+    messages = [seen(1, 1.0), seen(1, 1.2), seen(2, 1.1), seen(1, 1.4)]
+    for order in ((0, 1, 2, 3), (3, 2, 1, 0), (1, 3, 0, 2)):
+        tracks = Tracks()
+        for index in order:
+            tracks.hear([messages[index]])
+        assert at(tracks, 0.9) == ()
+        assert at(tracks, 1.0) == (seen(1, 1.0),)
+        assert at(tracks, 1.3) == (seen(1, 1.2), seen(2, 1.1))
+        assert at(tracks, 1.4) == (seen(1, 1.4), seen(2, 1.1))
+        assert at(tracks, 2.2) == (seen(1, 1.4),)
+        assert at(tracks, 2.5) == ()
+
+
+def test_of_two_at_one_time_the_greater_counts():
+    for pair in ((0.2, 0.3), (0.3, 0.2)):
+        tracks = Tracks()
+        tracks.hear([Track(1, 5, radius, 0.0, 0.0, 0.0, 0.0) for radius in pair])
+        assert tracks.at(5, 1.0)[0].radius == 0.3
+
+
+def test_time_that_jumps_back():
+    tracks = Tracks()
+    tracks.hear([seen(1, 1.0), seen(2, 9.0)])
+    tracks.forget_after(2 * NANOSECONDS)
+    assert at(tracks, 9.5, 100.0) == (seen(1, 1.0),)
+
+
+def test_keys_read_back():
+    assert read_keys(written_keys([FIRST, SECOND])) == [FIRST.key, SECOND.key]
+    assert read_keys('') == []
+    with pytest.raises(ValueError, match='wanted obstacles as id@stamp'):
+        read_keys('7@3 x')
+
+
+def looked(lookout, tracks, capacity=2, stamp=2 * NANOSECONDS):
+    return lookout.at(stamp, np.zeros(3), tracks, MovingObstacles(capacity, 5.0, 0.1))
+
+
+def test_brought_to_one_instant():
+    discs = looked(Lookout(), [seen(3, 1.5, x=4.0)])
+    np.testing.assert_allclose(discs.states, [[4.5, 0.0, 1.0, 0.0, 0.15]])
+    assert discs.names == ('moving obstacle 3',)
+    np.testing.assert_allclose(discs.after(1.0).states[0, [0, 4]], [5.5, 0.25])
+
+
+def test_slots_are_kept_and_the_nearest_have_them():
+    lookout = Lookout()
+    near, far, nearer = seen(1, 2.0, x=3.0), seen(2, 2.0, x=5.0), seen(9, 2.0, x=2.0)
+    assert looked(lookout, [near, far]).slots.tolist() == [0, 1]
+    assert lookout.surprised
+    assert looked(lookout, [near, far]).slots.tolist() == [0, 1]
+    assert not lookout.surprised
+    # The farther one gives way, and the one that stays keeps its slot.
+    assert looked(lookout, [near, far, nearer]).slots.tolist() == [0, -1, 1]
+    assert lookout.surprised
+    assert looked(lookout, [far, nearer]).slots.tolist() == [0, 1]
+    assert looked(lookout, []).slots.tolist() == []

@@ -1,0 +1,78 @@
+"""A road followed without end: steady speed, nothing touched, nothing that grows."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from endless import NOISE, drive, is_steady
+from scenarios import PERIOD
+from scenarios import drive as drive_law
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.goal_pose import GoalError
+from cmpsp_ros.guidance.mission.goals import Follow, Goal, line_ahead, way_along
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.road import Annulus
+
+
+@pytest.mark.parametrize('changes', [{}, NOISE])
+def test_rounds_are_alike(changes):
+    # Two rounds of 44 s; `endless.py` drives for an hour.
+    parts = list(drive(1.5, changes))
+    assert is_steady(parts, 1.2)
+    assert sum(part.rungs['nominal'] for part in parts) == 450
+
+
+def settings(speed, **changes):
+    robot = DifferentialDrive(max_wheel_speed=51.0)
+    follow = Follow(speed, 5.0)
+    return GuidanceSettings(
+        robot, Annulus(), (10.0, 0.0), final_time=math.inf, follow=follow, **changes
+    )
+
+
+@pytest.mark.parametrize('speed', [1.2, -1.2])
+def test_a_ring_is_followed_in_either_direction(speed):
+    given = settings(speed, obstacles=(Obstacle('a', (10.0, 0.3), 0.4),))
+    start = (0.0, -10.2, 0.0 if speed > 0.0 else math.pi)
+    law, steps = GuidanceLaw(given), 400
+    run = drive_law(law, given, [k * PERIOD for k in range(steps + 1)], start)
+    assert {decision.rung for decision in run.decisions} == {Rung.NOMINAL}
+    assert all(math.isinf(decision.time_left) for decision in run.decisions)
+    assert all(decision.goal is None for decision in run.decisions)
+    bearing = np.unwrap(np.arctan2(run.path[:, 1], run.path[:, 0]))
+    turned = (bearing[-1] - bearing[0]) * 10.0 / (steps * 0.2)
+    assert turned == pytest.approx(speed, rel=0.01)
+    assert np.linalg.norm(run.path[:, :2] - (10.0, 0.3), axis=1).min() >= 0.4 - 1e-9
+    # What is reached ahead is a line across the road: beside it no place is asked for.
+    assert np.median([decision.miss for decision in run.decisions]) < 1e-3
+
+
+def test_it_ends_at_the_final_time_where_there_is_one():
+    given = replace(settings(1.2), final_time=1.0)
+    law, start = GuidanceLaw(given), (0.0, -10.0, 0.0)
+    run = drive_law(law, given, [k * PERIOD for k in range(7)], start)
+    assert [decision.finished for decision in run.decisions] == [False] * 5 + [True] * 2
+    assert not run.decisions[-1].missed
+    assert run.decisions[0].time_left == 1.0
+
+
+def test_no_goal_is_taken():
+    law = GuidanceLaw(settings(1.2))
+    with pytest.raises(GoalError, match='follows the road'):
+        law.tell(0, Goal((10.0, 0.0), 0.0))
+
+
+def test_a_line_ahead_is_on_the_centre_line_in_the_direction_driven():
+    pose = np.array([9.5, 0.0, math.pi / 2.0])
+    for way in (5.0, -5.0):
+        (x, y), direction = line_ahead(Annulus(), pose, way)
+        assert math.hypot(x, y) == pytest.approx(10.0)
+        assert math.atan2(y, x) == pytest.approx(way / 10.0)
+        assert math.cos(direction - way / 10.0) == pytest.approx(0.0, abs=1e-9)
+        assert math.sin(direction - way / 10.0) == pytest.approx(math.copysign(1.0, way))
+        assert way_along(Annulus(), pose, (x, y)) == pytest.approx(way)

@@ -1,0 +1,220 @@
+"""Goals one after another, with headings; goals that are told; a goal that is held."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scenarios import PERIOD, drive
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.messages.key_values import facts, severity
+from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+
+def preset(name, **changes):
+    values = TABLE.resolve(load_parameter_file(name))
+    return replace(guidance_settings(values), **changes), values['initial_pose']
+
+
+def off(one, other):
+    return abs(math.remainder(one - other, math.tau))
+
+
+@pytest.fixture(scope='module')
+def goals_driven():
+    given, start = preset('goals')
+    return given, drive(GuidanceLaw(given), given, [k * PERIOD for k in range(301)], start)
+
+
+def test_every_goal_is_passed_at_its_time(goals_driven):
+    given, run = goals_driven
+    assert [goal.name for goal in given.goals] == ['a', 'b', 'c', 'd', 'e', 'goal']
+    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+    for goal in given.goals:
+        pose = run.decisions[round(goal.time * 1e9) // PERIOD - 1].plan.poses[-1]
+        assert math.dist(pose[:2], goal.position) < 1e-9
+        assert goal.heading is None or off(pose[2], goal.heading) < 1e-9
+    assert run.miss(given.goal) < 1e-9
+    assert run.decisions[-1].finished
+    assert not run.decisions[-1].missed
+
+
+def test_decisions_say_where_they_drive(goals_driven):
+    given, run = goals_driven
+    for decision in run.moves:
+        (goal,) = [goal for goal in given.goals if goal.time > decision.step * 0.2 + 1e-9][:1]
+        said = facts(decision)
+        assert said['goal'] == goal.name
+        assert [float(said[key]) for key in ('goal_x', 'goal_y')] == list(goal.position)
+        assert float(said['goal_time']) == goal.time
+        # Between two goals the robot goes along the road, whatever else is asked for.
+        assert ('goal_heading' in said) == (goal.name != 'goal')
+
+
+def test_the_change_from_goal_to_goal_is_no_dip(goals_driven):
+    given, run = goals_driven
+    speeds = [decision.twist[0] for decision in run.moves]
+    for begin, goal in zip((0.0, *(each.time for each in given.goals)), given.goals, strict=False):
+        leg = speeds[round(begin / 0.2) : round(goal.time / 0.2)]
+        assert min(leg) > 0.8 * np.mean(leg)
+
+
+def test_one_goal_is_told_as_ever():
+    given, start = preset('corridor')
+    decision = GuidanceLaw(given).update(0, np.array(start))
+    assert not {'goal', 'goal_x', 'heading_miss', 'told'} & set(facts(decision))
+
+
+@pytest.mark.parametrize('heading', [0.6, 3.0])
+def test_a_heading_is_met_exactly(heading):
+    given, start = preset('corridor', goal_heading=heading)
+    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(101)], start)
+    assert run.miss(given.goal) < 1e-6
+    assert off(run.pose[2], heading) < 1e-6
+    assert run.decisions[-1].heading_miss < 1e-6
+    assert not run.decisions[-1].missed
+
+
+def message(x=0.0, y=0.0, heading=0.0, frame='odom', length=1.0, stamp=0):
+    z, w = length * math.sin(heading / 2.0), length * math.cos(heading / 2.0)
+    seconds, rest = divmod(stamp, 1_000_000_000)
+    return SimpleNamespace(
+        header=SimpleNamespace(frame_id=frame, stamp=SimpleNamespace(sec=seconds, nanosec=rest)),
+        pose=SimpleNamespace(
+            position=SimpleNamespace(x=x, y=y, z=0.0),
+            orientation=SimpleNamespace(x=0.0, y=0.0, z=z, w=w),
+        ),
+    )
+
+
+def test_what_a_message_says():
+    stamp, goal = goal_of(message(1.0, 2.0, -2.5, stamp=1_500_000_000), 'odom')
+    assert stamp == 1_500_000_000
+    assert goal.position == (1.0, 2.0)
+    assert goal.heading == pytest.approx(-2.5)
+    assert goal_of(message(length=0.0), 'odom')[1].heading is None
+
+
+def assert_refused(fault, call, why):
+    """It is refused for this, and that is its row of doc/user/faults.md."""
+    with pytest.raises(GoalError, match=why) as caught:
+        call()
+    fault.assert_said('—', 1, str(caught.value))
+
+
+def without_heading():
+    broken = message()
+    broken.pose.orientation.z = math.nan
+    return broken
+
+
+def test_messages_that_are_refused(fault):
+    with pytest.raises(GoalError, match="in frame 'map', wanted 'odom'"):
+        goal_of(message(frame='map'), 'odom')
+    for broken, why in (
+        (message(x=math.nan), 'not finite'),
+        (without_heading(), 'not finite'),
+        (message(length=0.5), 'orientation of length 0.5'),
+        (message(y=1e9), 'wanted one on Earth'),
+    ):
+        assert_refused(fault, lambda broken=broken: goal_of(broken, 'odom'), why)
+
+
+def test_places_that_are_refused(fault):
+    given, start = preset('corridor')
+    for position, why in (
+        ((0.0, 3.0), 'inside or beyond'),
+        ((3.0, 3.3), 'inside or beyond obstacle a'),
+        ((-4.743, -3.62), 'beyond the end of the road'),
+    ):
+        law, goal = GuidanceLaw(given), Goal(position, 0.0)
+        before = law.update(0, np.array(start))
+        assert_refused(fault, lambda law=law, goal=goal: law.tell(0, goal), why)
+        after = law.update(PERIOD, before.plan.poses[1])
+        assert after.goal == before.goal
+        assert after.told == 1
+
+
+def test_where_a_road_is_followed_no_goal_is_taken(fault):
+    given, start = preset('endless')
+    law, twin = GuidanceLaw(given), GuidanceLaw(given)
+    pose = np.array(start)
+    place, goal = law.update(0, pose).plan.poses[1], Goal((start[0], start[1]), 0.0)
+    twin.update(0, pose)
+    assert_refused(fault, lambda: law.tell(0, goal), 'takes no goal')
+    for each in (law.update(PERIOD, place), twin.update(PERIOD, place)):
+        assert each.goal is None
+        assert each.wheel_speeds.any()
+
+
+def test_a_goal_of_a_time_that_is_not_is_refused_and_one_of_later_waits(fault):
+    given, start = preset('corridor')
+    law, goal = GuidanceLaw(given), Goal((0.939, 1.082), 0.0, None, 'goal_pose')
+    decision = law.update(0, np.array(start))
+    assert_refused(fault, lambda: law.tell(10 * PERIOD, goal), 'ahead of the last odometry')
+    law.tell(2 * PERIOD, goal)
+    names = []
+    for k in range(1, 4):
+        decision = law.update(k * PERIOD, decision.plan.poses[1])
+        names.append(decision.goal.name)
+    assert names == ['', 'goal_pose', 'goal_pose']
+
+
+def test_a_goal_is_driven_to_under_way_and_after_the_end():
+    given, start = preset('corridor')
+    law, reached = GuidanceLaw(given), []
+
+    def tell(run, stamp):
+        if stamp == 25 * PERIOD:
+            law.tell(0, Goal((0.939, 1.082), 0.0, 0.86, 'goal_pose'))
+        if run.decisions and run.decisions[-1].finished and len(reached) < 2:
+            reached.append((run.decisions[-1].miss, run.decisions[-1].heading_miss, stamp))
+            law.tell(stamp, Goal((4.243, 3.5), 0.0, None, 'goal_pose'))
+
+    run = drive(law, given, [k * PERIOD for k in range(120)], start, before=tell)
+    (first, first_heading, at), (second, _, _) = reached
+    assert max(first, second) < 1e-6
+    assert first_heading < 1e-6
+    # In a time that the way, the pace and two turns say.
+    assert at < 70 * PERIOD
+    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    # The second one is passed through and stopped at: nobody has told another since.
+    assert run.decisions[-1].told == 3
+
+
+@pytest.mark.parametrize('heading', [None, 2.2])
+def test_a_goal_is_held(fault, heading):
+    given, start = preset('corridor', hold=True, goal_heading=heading)
+    pushed = np.array([0.05, 0.08, 0.3])
+
+    def push(run, stamp):
+        if stamp == 110 * PERIOD:
+            run.pose = run.pose + pushed
+
+    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(160)], start, before=push)
+    assert run.decisions[105].finished
+    assert not run.decisions[111].finished
+    back = run.decisions[115]
+    fault.assert_said(back.rung.name.lower(), severity(back), back.reason)
+    assert run.decisions[-1].finished
+    assert run.miss(given.goal) < 1e-6
+    assert heading is None or off(run.pose[2], heading) < 1e-6
+
+
+def test_without_hold_the_robot_stays_where_it_was_moved():
+    given, start = preset('corridor')
+
+    def push(run, stamp):
+        if stamp == 110 * PERIOD:
+            run.pose = run.pose + np.array([0.05, 0.08, 0.3])
+
+    run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(130)], start, before=push)
+    assert all(decision.finished for decision in run.decisions[100:])
+    assert run.miss(given.goal) > 0.09

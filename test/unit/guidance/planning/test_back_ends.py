@@ -1,0 +1,98 @@
+"""Plans by compiled code and by the general iteration, side by side along the presets' drives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from general_iteration import improve
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
+
+from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.settings import SolverSettings, Weights
+from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+
+def assert_alike(compiled, general):
+    # Wheel speeds are about 50 rad/s.
+    np.testing.assert_allclose(compiled.plan.controls, general.plan.controls, rtol=0.0, atol=5e-8)
+    np.testing.assert_allclose(compiled.plan.poses, general.plan.poses, rtol=0.0, atol=1e-9)
+    for name in ('solved', 'elastic', 'slack_where', 'slack_terminal', 'iterations', 'active_rows'):
+        assert getattr(compiled, name) == getattr(general, name), name
+    assert compiled.slack == pytest.approx(general.slack, rel=1e-6, abs=1e-9)
+    assert compiled.reason == general.reason
+
+
+def side_by_side(given, start, steps=8, late=0):
+    """Drive by the compiled plans, and compare each of them with the other kind."""
+    compiled = Planner(given)
+    period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
+    pose, held = np.array(start, dtype=float), np.zeros(2)
+    horizon, seen = remaining(0, period, final), []
+    guess = initial_guess(given, pose, horizon.durations)
+    for step in range(steps):
+        one = compiled.improve(pose, held, guess, horizon)
+        other = improve(given, pose, held, guess, horizon)
+        assert_alike(one, other)
+        seen.append(other)
+        now = (step + 1) * period + late * (step % 3)
+        driven = np.array([(now - horizon.edges[0]) / 1e9])
+        pose = given.robot.roll_out(pose, one.plan.controls[:1], driven)[-1]
+        held, coming = one.plan.controls[0], remaining(now, period, final)
+        guess, horizon = shift(one.plan.controls, horizon, coming), coming
+    return seen
+
+
+@pytest.mark.parametrize('preset', preset_names())
+def test_presets(preset):
+    values = TABLE.resolve(load_parameter_file(preset))
+    seen = side_by_side(guidance_settings(values), values['initial_pose'])
+    assert all(improvement.solved for improvement in seen)
+
+
+@pytest.mark.parametrize('case', CASES)
+@pytest.mark.parametrize('hessian', ['gauss_newton', 'projected'])
+def test_hessians_wheels_without_limit_and_late_odometry(case, hessian):
+    solver = SolverSettings(hessian=hessian, iterations_per_step=3)
+    side_by_side(replace(CASES[case], solver=solver), START, late=15 * MS)
+
+
+# One worker compiles the iteration for this class of data, for all tests that need it.
+@pytest.mark.xdist_group('control_rate')
+@pytest.mark.timeout(600)
+def test_a_price_on_changes_of_the_command():
+    given = replace(CASES['case 3'], weights=Weights(control_rate=1.0))
+    side_by_side(given, START, steps=5)
+
+
+def test_a_road_that_is_blocked():
+    wall = Obstacle('wall', (7.07, -7.07), 1.5)
+    solver = SolverSettings(iterations_per_step=6)
+    seen = side_by_side(settings((FIRST, wall), 51.0, ROAD, solver=solver), START, steps=3)
+    assert any(improvement.elastic for improvement in seen)
+
+
+@pytest.mark.parametrize('changes', [{'hessian': 'exact'}, {'qp': 'daqp'}], ids=str)
+def test_back_ends_by_name_and_the_exact_hessian(changes):
+    solver = SolverSettings(**changes)
+    seen = side_by_side(replace(CASES['case 3'], solver=solver), START, steps=4)
+    assert all(improvement.solved for improvement in seen)
+
+
+def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():
+    """Work for a single iteration of the solver, and none for the back end either."""
+    given, horizon = CASES['case 3'], remaining(0, PERIOD, 50 * PERIOD)
+    pose, held = np.array(START), np.zeros(2)
+    guess = initial_guess(given, pose, horizon.durations)
+    planner = Planner(given)
+    assert not planner.improve(pose, held, guess, horizon, work_limit=60).solved
+    wanted = improve(given, pose, held, guess, horizon)
+    planner._driver._solve = lambda *_: ITERATION_LIMIT
+    found = planner.improve(pose, held, guess, horizon)
+    assert_alike(found, wanted)
+    assert found.work > 10_000 * 51

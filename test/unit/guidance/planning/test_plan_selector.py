@@ -1,0 +1,325 @@
+"""Several plans side by side: what is tried when, and which one is followed."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import (
+    CASES,
+    FIRST,
+    PAPER,
+    PERIOD,
+    ROAD,
+    SECOND,
+    START,
+    clearance,
+    closed_loop,
+    drive,
+    settings,
+    with_plans,
+)
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.formulation.ocp_formulation import Task
+from cmpsp_ros.guidance.horizon import remaining, shift
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.homotopy.path_search import ways_through
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import InitialGuess
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import OpenFloor
+
+ON_TIME = [k * PERIOD for k in range(51)]
+BOTH = (FIRST, SECOND)
+
+
+def cost(run, given):
+    radius = np.linalg.norm(run.path[::40, :2] - given.road.center, axis=1)
+    return given.weights.road_center / 2.0 * float(((radius - 10.0) ** 2).sum())
+
+
+def assert_arrives(run, given):
+    assert run.miss(given.goal) < 1e-6
+    assert clearance(run.path, given) >= -1e-9
+    assert len(run.moves) == 50
+
+
+def counted(monkeypatch):
+    """How many plans were improved, a number for each control step."""
+    improve, counts = Planner.improve, {}
+
+    def count(planner, pose, held, guess, horizon, **rest):
+        steps = len(horizon.durations)
+        counts[steps] = counts.get(steps, 0) + 1
+        return improve(planner, pose, held, guess, horizon, **rest)
+
+    monkeypatch.setattr(Planner, 'improve', count)
+    return counts
+
+
+# Guesses and headings of the paper's Tables 1 and 2.
+GUESSES = [(45.0, 44.5), (45.0, 45.0), (18.0, 15.0), (44.5, 44.5)]
+HEADINGS = [60.0, 0.0, -60.0]
+
+
+@pytest.mark.parametrize('limit', [45.0, 51.0])
+@pytest.mark.parametrize('guess', [*GUESSES, (45.13, 44.63)])
+def test_no_guess_is_a_trap(guess, limit):
+    given = settings(BOTH, limit, InitialGuess('constant', guess))
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+
+
+@pytest.mark.parametrize('limit', [45.0, 51.0])
+@pytest.mark.parametrize('guess', [ROAD, PAPER])
+@pytest.mark.parametrize('heading', HEADINGS)
+def test_no_heading_is_a_trap(heading, guess, limit):
+    given = settings(BOTH, limit, guess)
+    run = closed_loop(given, (*START[:2], math.radians(heading)))
+    assert_arrives(run, given)
+
+
+def test_a_poor_plan_is_left_for_a_better_one():
+    """From this guess the first plan meets every constraint, and keeps swinging to the end."""
+    given = settings((), math.inf, InitialGuess('constant', (45.0, 45.0)))
+    alone = drive(GuidanceLaw(with_plans(given, 1, 2)), given, ON_TIME)
+    run = closed_loop(given)
+    assert_arrives(run, given)
+    assert cost(alone, given) > 30.0
+    assert cost(run, given) < 15.0
+    assert 'It is the best of 2 plans.' in run.decisions[0].reason
+    assert not any('Changed over' in decision.reason for decision in run.decisions)
+
+
+@pytest.mark.parametrize('limit', [51.0, math.inf])
+@pytest.mark.parametrize('steps', [3, 5, 8])
+@pytest.mark.parametrize('radius', [0.2, 0.4])
+def test_an_obstacle_put_in_the_middle_of_the_plan_is_passed(steps, radius, limit):
+    given = settings((), limit, ROAD)
+    law = GuidanceLaw(given)
+    before = drive(law, given, ON_TIME[:16])
+    wheels = before.decisions[-1].wheel_speeds[None]
+    pose = given.robot.roll_out(before.pose, wheels, np.array([0.2]))[-1]
+    center = tuple(before.decisions[-1].plan.poses[1 + steps, :2].tolist())
+    blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
+    law.reconfigure(blocked)
+    run = drive(law, blocked, ON_TIME[16:], start=pose)
+    assert clearance(run.path, blocked) >= -1e-9
+    if steps > 3 or radius < 0.4:
+        assert run.miss() < 1e-6
+
+
+def test_a_plan_that_ends_in_the_middle_of_an_obstacle_is_left():
+    """Both sides pull alike there: no iteration gets away from it."""
+    place = (10.0 * math.cos(-0.8), 10.0 * math.sin(-0.8))
+    given = settings((Obstacle('post', place, 0.4),), 51.0, ROAD)
+    start = (10.0 * math.cos(-1.5), 10.0 * math.sin(-1.5), math.pi / 2.0 - 1.5)
+    run = closed_loop(given, start)
+    assert_arrives(run, given)
+    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+
+
+def test_without_obstacles_one_plan_is_improved(monkeypatch):
+    counts = counted(monkeypatch)
+    closed_loop(settings((), 51.0, ROAD))
+    assert {counts[steps] for steps in range(1, 49)} == {1}
+
+
+def test_behind_the_last_obstacle_one_plan_is_improved(monkeypatch):
+    counts = counted(monkeypatch)
+    closed_loop(settings(BOTH, 51.0, ROAD))
+    assert {counts[steps] for steps in range(1, 5)} == {1}
+    assert max(counts[steps] for steps in range(1, 50)) <= 4
+
+
+def test_no_more_plans_than_candidates(monkeypatch):
+    given = settings(BOTH, 51.0, ROAD)
+    counts = counted(monkeypatch)
+    for candidates in (2, 8):
+        counts.clear()
+        solver = replace(given.solver, candidates=candidates)
+        run = drive(GuidanceLaw(replace(given, solver=solver)), given, ON_TIME)
+        assert_arrives(run, given)
+        assert max(counts[steps] for steps in range(1, 50)) <= candidates
+
+
+def test_where_new_plans_do_not_help_they_are_made_ever_more_seldom(monkeypatch):
+    given = settings((), 20.0, ROAD)  # Far too slow to arrive in time.
+    counts = counted(monkeypatch)
+    closed_loop(given)
+    tried = [51 - steps for steps in range(50, 0, -1) if counts[steps] > 1]
+    # At the first step there is nothing but the road to try.
+    assert tried[:5] == [6, 10, 18, 26, 34]
+
+
+def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
+    given = replace(settings(BOTH, 51.0, ROAD), failure_tolerance=50)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:6])
+    improve, guesses = Planner.improve, []
+
+    def fail(planner, pose, held, guess, horizon, **rest):
+        guesses.append(guess)
+        improvement = improve(planner, pose, held, guess, horizon, **rest)
+        return improvement._replace(solved=False, reason='No.')
+
+    monkeypatch.setattr(Planner, 'improve', fail)
+    pose = run.pose
+    for k in range(6, 12):
+        guesses.clear()
+        law.update(k * PERIOD, pose)
+        durations = np.full(50 - k, 0.2)
+        space = Task(given).space(along_road(given, pose, durations), durations)
+        fresh = ways_through(given, space, pose, durations)[0].guess
+        assert any(np.array_equal(guess, fresh) for guess in guesses)
+        assert len(guesses) <= 4
+
+
+def test_the_reason_names_the_way():
+    first = GuidanceLaw(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    assert 'the best of 4 plans, ' in first.reason
+    assert ' of first and ' in first.reason
+    assert first.reason.endswith(' of second.')
+
+
+def test_late_odometry_uses_up_no_more_time_than_there_is():
+    """Each delay costs a little of what the wheels have to spare; fresh plans win it back."""
+    given, misses = settings(BOTH, 51.0, ROAD), []
+    for seed in range(20):
+        late = np.random.default_rng(seed).integers(0, 90, size=51) * 1_000_000
+        late[[0, 50]] = 0
+        stamps = [int(stamp) for stamp in np.array(ON_TIME) + late]
+        run = drive(GuidanceLaw(given), given, stamps)
+        assert clearance(run.path, given) >= -1e-9
+        misses.append(run.miss())
+    assert np.count_nonzero(np.array(misses) > 1e-3) <= 3
+    assert max(misses) < 0.1
+
+
+def test_plans_that_are_as_good_do_not_take_turns():
+    """A robot that comes straight at the middle of an obstacle, seen a little off to and fro."""
+    place = (10.0 * math.cos(-0.7), 10.0 * math.sin(-0.7))
+    given = settings((Obstacle('post', place, 0.4),), 51.0, ROAD)
+    law, rng = GuidanceLaw(given), np.random.default_rng(1)
+    pose = np.array([10.0 * math.cos(-1.4), 10.0 * math.sin(-1.4), math.pi / 2.0 - 1.4])
+    changes = 0
+    for k in range(30):
+        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.01, 0.01, 0.01]))
+        changes += 'Changed over' in decision.reason
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
+    assert changes <= 1
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
+    """The same loop in a few lines, bit for bit."""
+    given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
+    given = with_plans(given, 1, 2)
+    law, audit = GuidanceLaw(given), Audit(given)
+    warm, second = Planner(given), Planner(given)
+    pose, held, plan = np.array(START), np.zeros(2), None
+
+    def improved(planner, guess):
+        improvement = planner.improve(pose, held, guess, horizon)
+        verdict = audit.check(pose, improvement.plan.controls, horizon.durations)
+        return Candidate(improvement, verdict)
+
+    for now in ON_TIME[:-1]:
+        horizon = remaining(now, PERIOD, 10_000_000_000)
+        if plan is None:
+            guess = initial_guess(given, pose, horizon.durations)
+        else:
+            guess = shift(plan.controls, plan.horizon, horizon)
+        candidate = improved(warm, guess)
+        if not candidate.flawless:
+            second.forget()
+            fresh = improved(second, along_road(given, pose, horizon.durations))
+            if fresh.beats(candidate):
+                warm, second, candidate = second, warm, fresh
+        decision = law.update(now, pose)
+        plan = candidate.plan
+        np.testing.assert_array_equal(decision.plan.controls, plan.controls)
+        assert 'best of' not in decision.reason
+        held = decision.wheel_speeds
+        pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]
+
+
+LINE = Corridor(((0.0, 0.0), (10.0, 0.0)), left=(1.0, 1.0), right=(1.0, 1.0))
+
+
+@pytest.mark.parametrize('road', [LINE, OpenFloor()])
+def test_ways_are_looked_for_on_an_annulus_only(road):
+    given = settings((Obstacle('post', (5.0, 0.05), 0.3),), 51.0, ROAD, road=road, goal=(9.0, 0.0))
+    alone = replace(given, solver=replace(given.solver, candidates=1))
+    runs = [closed_loop(each, (0.0, 0.0, 0.0)) for each in (given, alone)]
+    np.testing.assert_array_equal(runs[0].controls, runs[1].controls)
+    assert not any('plans' in decision.reason for decision in runs[0].decisions)
+    assert runs[0].miss(given.goal) < 1e-6
+    away = np.linalg.norm(runs[0].path[:, :2] - given.obstacles[0].center, axis=1)
+    assert away.min() >= 0.3
+
+
+@pytest.mark.parametrize('gap', [0.01, 0.03, 0.05])
+def test_a_stop_is_no_trap(gap):
+    """Right before an obstacle whatever moves ahead comes too close at first."""
+    given = settings((Obstacle('rock', (0.5 + gap, -10.0), 0.5),), 51.0, ROAD)
+    assert_arrives(closed_loop(given, (0.0, -10.0, 0.0)), given)
+
+
+def test_a_robot_that_gets_no_nearer_waits():
+    """Before a rock as wide as the road, and a little wider."""
+    given = settings((Obstacle('rock', (7.0, -7.2), 1.1),), 51.0, ROAD)
+    run = closed_loop(given)
+    waits = [decision for decision in run.moves if decision.reason.startswith('The robot waits')]
+    assert len(waits) > 5
+    assert {decision.rung for decision in waits} == {Rung.STOP}
+    assert clearance(run.path, given) >= -1e-9
+
+
+# Between an obstacle and the inner edge, facing the edge; and before two obstacles that overlap.
+POCKETS = [
+    ((6.316, 6.504, -2.021), (((7.123, 6.173), 0.612), ((5.013, 8.098), 0.292))),
+    ((8.044, 4.351, -1.945), (((8.592, 3.801), 0.714), ((8.556, 5.973), 0.159))),
+    ((5.180, 7.455, -1.578), (((5.764, 7.542), 0.502), ((2.940, 8.725), 0.589))),
+    ((7.083, 6.039, 0.062), (((7.914, 6.150), 0.553), ((7.558, 5.268), 0.715))),
+]
+
+
+@pytest.mark.parametrize(('start', 'discs'), POCKETS)
+def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_first(start, discs):
+    found = tuple(Obstacle(f'o{i}', center, radius) for i, (center, radius) in enumerate(discs))
+    given = settings(found, 51.0, ROAD)
+    run = closed_loop(given, start)
+    assert_arrives(run, given)
+    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+
+
+def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):
+    counts = counted(monkeypatch)
+    GuidanceLaw(settings(BOTH, 51.0, ROAD)).update(0, np.array(START))
+    # Four plans, and one of them again.
+    assert counts == {50: 5}
+
+
+def test_where_hardly_any_time_is_left_a_plan_cuts_short():
+    """Of 17.85 m that the wheels turn in ten seconds 17.36 m are needed; an obstacle is beside."""
+    given = settings((Obstacle('beside', (10.054, 0.630), 0.131),), 51.0, ROAD)
+    assert_arrives(closed_loop(given, (-2.914, 9.282, 1.117)), given)
+
+
+@pytest.mark.parametrize('seed', [0, 2])
+def test_a_plan_that_may_be_followed_is_given_time_to_mend_a_flaw(seed):
+    """Odometry that is a little off puts a flaw into plans; seldom is one changed for it."""
+    given, rng = settings(BOTH, 51.0, ROAD), np.random.default_rng(seed)
+    law, pose, changes = GuidanceLaw(given), np.array(START), 0
+    for k in range(45):
+        decision = law.update(k * PERIOD, pose + rng.normal(0.0, [0.03, 0.03, 0.03]))
+        changes += 'Changed over' in decision.reason
+        pose = given.robot.roll_out(pose, decision.wheel_speeds[None], np.array([0.2]))[-1]
+    assert changes <= 2

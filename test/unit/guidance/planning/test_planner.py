@@ -1,0 +1,83 @@
+"""Plans improved by the iterations of one control step."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import CASES, FIRST, PERIOD, ROAD, START, settings
+
+from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.settings import SolverSettings, Weights
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+HORIZON = remaining(0, PERIOD, 50 * PERIOD)
+POSE = np.array(START)
+
+
+def improve(given, guess=None, held=(0.0, 0.0)):
+    if guess is None:
+        guess = initial_guess(given, POSE, HORIZON.durations)
+    return Planner(given).improve(POSE, np.array(held), guess, HORIZON)
+
+
+@pytest.mark.parametrize('iterations', [1, 2, 7])
+def test_iterations_are_as_many_as_asked_for(iterations):
+    solver = SolverSettings(iterations_per_step=iterations)
+    improvement = improve(replace(CASES['case 3'], solver=solver))
+    assert improvement.iterations == iterations
+    assert improvement.solved
+
+
+def test_plan_is_the_path_of_its_controls():
+    given = CASES['case 3']
+    plan = improve(given).plan
+    np.testing.assert_array_equal(plan.horizon.edges, HORIZON.edges)
+    assert plan.controls.shape == (51, 2)
+    assert np.abs(plan.controls).max() <= 51.0
+    path = given.robot.roll_out(POSE, plan.controls, HORIZON.durations)
+    np.testing.assert_array_equal(plan.poses, path)
+
+
+@pytest.mark.xdist_group('control_rate')
+def test_plan_with_a_control_rate_has_poses_alone():
+    given = replace(CASES['case 3'], weights=Weights(control_rate=1.0))
+    plan = improve(given).plan
+    assert plan.poses.shape == (51, 3)
+    path = given.robot.roll_out(POSE, plan.controls, HORIZON.durations)
+    np.testing.assert_array_equal(plan.poses, path)
+
+
+@pytest.mark.xdist_group('control_rate')
+def test_control_rate_counts_from_the_command_held_until_now():
+    given = replace(CASES['case 1'], weights=Weights(control_rate=100.0))
+    held = improve(given, held=(45.0, 45.0)).plan.controls[0]
+    rest = improve(given, held=(0.0, 0.0)).plan.controls[0]
+    assert (rest < held - 1.0).all()
+
+
+def test_guess_is_left_as_it_was():
+    given = CASES['case 3']
+    guess = initial_guess(given, POSE, HORIZON.durations)
+    before = guess.copy()
+    improve(given, guess)
+    np.testing.assert_array_equal(guess, before)
+
+
+def test_slack_says_where():
+    # The road is blocked from edge to edge.
+    wall = Obstacle('wall', (7.07, -7.07), 1.5)
+    solver = SolverSettings(iterations_per_step=8)
+    improvement = improve(settings((FIRST, wall), 51.0, ROAD, solver=solver))
+    assert improvement.elastic
+    assert improvement.slack > 0.01
+    assert improvement.slack_where or improvement.slack_terminal
+    assert set(improvement.slack_where) <= {0, 1, 2, 3}
+
+
+def test_goal_out_of_reach_shows_in_the_terminal_slack():
+    improvement = improve(settings(limit=20.0, guess=ROAD))
+    assert improvement.elastic
+    assert improvement.slack_terminal
+    assert improvement.slack > 1.0

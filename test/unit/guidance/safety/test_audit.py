@@ -1,0 +1,158 @@
+"""The audit refuses each thing it is there to refuse, and nothing else."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import FIRST, SECOND, clearance, settings
+
+from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+HERE = np.array([0.0, -10.0, 0.0])
+GIVEN = settings((FIRST, SECOND), 51.0)
+TIMES = np.full(5, 0.2)
+
+
+def controls(right, left, steps=5):
+    return np.tile([float(right), float(left)], (steps + 1, 1))
+
+
+def test_a_clear_plan_passes():
+    verdict = Audit(GIVEN).check(HERE, controls(45, 44.5), TIMES)
+    assert verdict.passed
+    assert verdict.reason == ''
+    path = GIVEN.robot.roll_out(HERE, controls(45, 44.5, 1000), np.full(1000, 1e-3))
+    assert verdict.margin == pytest.approx(clearance(path[:201], GIVEN), abs=1e-6)
+    assert verdict.worst_margin == pytest.approx(clearance(path, GIVEN), abs=1e-6)
+    assert verdict.worst_margin <= verdict.margin
+
+
+@pytest.mark.parametrize('bad', [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize('place', [(0, 0), (3, 1), (5, 0)])
+def test_not_finite(bad, place):
+    plan = controls(45, 45)
+    plan[place] = bad
+    for given in (GIVEN, replace(GIVEN, robot=settings().robot)):
+        verdict = Audit(given).check(HERE, plan, TIMES)
+        assert not verdict.passed
+        assert 'not a finite number' in verdict.reason
+
+
+@pytest.mark.parametrize('pose', [[math.nan, -10.0, 0.0], [0.0, -10.0, math.inf]])
+def test_a_pose_that_is_not_finite(pose):
+    with np.errstate(invalid='ignore'):
+        verdict = Audit(GIVEN).check(np.array(pose), controls(45, 45), TIMES)
+    assert not verdict.passed
+
+
+def test_wheel_limits():
+    for place in ((0, 0), (4, 1), (5, 1)):
+        plan = controls(51, -51)
+        assert 'limit' not in Audit(GIVEN).check(HERE, plan, TIMES).reason
+        plan[place] = -np.nextafter(51.0, 52.0)
+        verdict = Audit(GIVEN).check(HERE, plan, TIMES)
+        assert not verdict.passed
+        assert '51.00000000000001 rad/s, the limit is 51.0 rad/s' in verdict.reason
+
+
+@pytest.mark.parametrize(
+    ('pose', 'named'),
+    [
+        ((0.0, -10.9, -math.pi / 2), 'the outer road edge'),
+        ((0.0, -9.1, math.pi / 2), 'the inner road edge'),
+        ((7.2, -6.0, 0.0), 'obstacle first'),
+        ((10.0, -2.6, math.pi / 2), 'obstacle second'),
+    ],
+)
+def test_what_the_next_period_would_hit_is_named(pose, named):
+    verdict = Audit(GIVEN).check(np.array(pose), controls(45, 45), TIMES)
+    assert not verdict.passed
+    assert named in verdict.reason
+    assert 'next 0.2 s' in verdict.reason
+    assert verdict.margin < 0.0
+
+
+def test_what_comes_later_is_reported_but_not_refused():
+    pose = np.array([7.3 - 0.4, -6.0, 0.0])
+    assert 45.0 * 0.035 * 0.2 < 0.4
+    verdict = Audit(GIVEN).check(pose, controls(45, 45), TIMES)
+    assert verdict.passed
+    assert verdict.margin > 0.0
+    assert verdict.worst_margin < -0.5
+    assert verdict.nearest == 'obstacle first'
+
+
+def test_path_is_swept_between_samples():
+    # Both ends of the first period are clear of a pole in the middle of it.
+    pole = Obstacle('pole', (0.1575, -10.0), 0.1)
+    given = replace(GIVEN, obstacles=(pole,))
+    plan = controls(45, 45)
+    swept = Audit(given).check(HERE, plan, TIMES)
+    assert not swept.passed
+    assert swept.margin == pytest.approx(-0.1, abs=1e-9)
+    sampled = Audit(replace(given, safety=Safety(between_samples=False))).check(HERE, plan, TIMES)
+    assert sampled.passed
+
+
+def test_duration_of_the_first_period_counts():
+    given = replace(GIVEN, obstacles=(Obstacle('ahead', (0.6, -10.0), 0.2),))
+    assert Audit(given).check(HERE, controls(45, 45, 2), np.array([0.2, 0.2])).passed
+    assert not Audit(given).check(HERE, controls(45, 45, 2), np.array([0.29, 0.2])).passed
+
+
+def test_radius_of_the_robot_counts_and_the_margin_does_not():
+    pose = np.array([0.0, -10.85, 0.0])
+    wide = replace(GIVEN, robot_radius=0.2)
+    assert Audit(GIVEN).check(pose, controls(1, 1), TIMES).passed
+    assert Audit(GIVEN).at(pose)[0] == pytest.approx(0.15)
+    assert Audit(wide).at(pose)[0] == pytest.approx(-0.05)
+    careful = replace(GIVEN, safety=Safety(margin=0.2))
+    assert Audit(careful).check(pose, controls(1, 1), TIMES).passed
+
+
+@pytest.mark.parametrize('between', [True, False])
+def test_outside_the_road_it_may_come_back_but_not_get_further_out(between):
+    given = replace(GIVEN, safety=Safety(between_samples=between))
+    audit = Audit(given)
+    out = np.array([0.0, -11.3, math.pi / 2])
+    assert audit.check(out, controls(20, 20), TIMES).passed
+    assert not audit.check(out, controls(-20, -20), TIMES).passed
+    assert audit.check(out, controls(0, 0), TIMES).passed
+    assert audit.check(out, controls(5, -5), TIMES).passed
+    assert 'the outer road edge' in audit.check(out, controls(-20, -20), TIMES).reason
+
+
+def test_inside_an_obstacle_it_may_come_out_but_not_get_deeper():
+    audit = Audit(GIVEN)
+    inside = np.array([7.5, -6.0, 0.0])
+    assert audit.at(inside)[2] == pytest.approx(-0.2)
+    assert audit.check(inside, controls(-20, -20), TIMES).passed
+    assert not audit.check(inside, controls(20, 20), TIMES).passed
+    # What it is not inside of may still not be touched on the way out.
+    pole = Obstacle('pole', (7.35, -6.0), 0.05)
+    hemmed = Audit(replace(GIVEN, obstacles=(FIRST, pole)))
+    assert not hemmed.check(inside, controls(-20, -20), TIMES).passed
+
+
+def test_at_gives_every_clearance_and_names_go_with_them():
+    audit = Audit(GIVEN)
+    np.testing.assert_allclose(
+        audit.at(HERE), [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5]
+    )
+    assert audit.names([0, 3]) == 'the outer road edge, obstacle second'
+    assert audit.names([]) == ''
+
+
+def test_standing_still_always_passes():
+    for pose in ([0.0, -10.0, 0.3], [0.0, -11.5, 0.3], [8.0, -6.0, 1.0], [0.0, 0.0, 0.0]):
+        assert Audit(GIVEN).check(np.array(pose), controls(0, 0), TIMES).passed, pose
+
+
+def test_no_obstacles_and_a_single_step():
+    verdict = Audit(settings()).check(HERE, controls(45, 45, 1), np.array([0.2]))
+    assert verdict.passed
+    assert verdict.margin == verdict.worst_margin
+    assert verdict.nearest in {'the outer road edge', 'the inner road edge'}

@@ -1,0 +1,211 @@
+"""What the law falls back on when no new plan will do, and when it stops."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import (
+    CASES,
+    PERIOD,
+    ROAD,
+    START,
+    clearance,
+    drive,
+    settings,
+)
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+ON_TIME = [k * PERIOD for k in range(51)]
+SETTLED = {Rung.NOMINAL, Rung.ELASTIC}
+
+
+def broken(monkeypatch):
+    """From here on no subproblem is solved."""
+    improve = Planner.improve
+
+    def fail(*arguments, **rest):
+        return improve(*arguments, **rest)._replace(solved=False, reason='No.')
+
+    monkeypatch.setattr(Planner, 'improve', fail)
+
+
+def test_the_ladder_when_the_solver_fails(monkeypatch):
+    given = replace(CASES['case 3'], failure_tolerance=3)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    good = run.decisions[-1]
+    broken(monkeypatch)
+    rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
+    rungs = [decision.rung for decision in rest.decisions]
+    assert rungs[:3] == [Rung.SHIFTED] * 3
+    assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
+    # The shifted plan is the last good one, exactly.
+    for k, decision in enumerate(rest.decisions[:3], start=1):
+        np.testing.assert_array_equal(decision.plan.controls, good.plan.controls[k:])
+        assert decision.reason.startswith('No.')
+        assert 'last audited plan' in decision.reason
+        assert decision.miss < 1e-2
+    # Then it is thrown away, and there is nothing left to fall back on.
+    assert rungs[3:] == [Rung.STOP] * 3
+    for decision in rest.decisions[3:]:
+        assert not decision.wheel_speeds.any()
+        assert not decision.twist.any()
+        assert decision.plan is None
+        assert decision.reason == 'No.'
+    assert clearance(rest.path, given) >= 0.0
+
+
+def _after(run, given):
+    wheels = run.decisions[-1].wheel_speeds[None]
+    return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
+
+
+def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
+    given = replace(CASES['case 1'], failure_tolerance=5)
+    law = GuidanceLaw(given)
+
+    def disturb(run, stamp):
+        if stamp == 20 * PERIOD:
+            broken(monkeypatch)
+        if stamp == 22 * PERIOD:
+            monkeypatch.undo()
+
+    run = drive(law, given, ON_TIME, before=disturb)
+    rungs = [decision.rung for decision in run.moves]
+    assert rungs[20:22] == [Rung.SHIFTED] * 2
+    assert set(rungs[:20] + rungs[22:]) <= SETTLED
+    assert run.decisions[21].failures == 2
+    assert run.decisions[22].failures == 0
+    assert run.miss() < 1e-6
+
+
+def test_failure_at_the_very_first_step_stops(monkeypatch):
+    law = GuidanceLaw(CASES['case 1'])
+    broken(monkeypatch)
+    decision = law.update(0, np.array(START))
+    assert decision.rung is Rung.STOP
+    assert decision.failures == 1
+    assert decision.miss == pytest.approx(math.hypot(10.0, 9.25))
+
+
+@pytest.mark.parametrize('ahead', [0.45, 0.7, 1.0, 1.5])
+@pytest.mark.parametrize('radius', [0.1, 0.3, 1.2])
+@pytest.mark.parametrize('limit', [math.inf, 51.0])
+def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
+    given = settings(limit=limit)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    pose = _after(run, given)
+    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    # Its edge is `ahead` of the robot, straight on.
+    center = tuple(pose[:2] + (ahead + radius) * forward)
+    blocked = replace(given, obstacles=(Obstacle('sudden', center, radius),))
+    law.reconfigure(blocked)
+    rest = drive(law, blocked, ON_TIME[21:], start=pose)
+    assert clearance(rest.path, blocked) >= -1e-9
+    assert np.abs(rest.controls).max() <= limit
+    for decision in rest.moves:
+        if decision.rung is Rung.STOP:
+            assert decision.plan is None
+            assert not decision.wheel_speeds.any()
+            why = 'too close to obstacle sudden', 'The robot waits: no plan'
+            assert any(each in decision.reason for each in why) or decision.failures
+
+
+def test_an_obstacle_at_the_very_nose_makes_it_stop():
+    given = CASES['case 1']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:21])
+    pose = _after(run, given)
+    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * forward), 1.0)
+    blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
+    law.reconfigure(blocked)
+    decision = law.update(21 * PERIOD, pose)
+    if decision.rung in SETTLED:
+        assert decision.margin >= 0.0
+    else:
+        assert decision.rung is Rung.STOP
+        assert 'too close to obstacle wall' in decision.reason
+        assert decision.failures == 1
+
+
+def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
+    given = replace(settings(guess=ROAD), failure_tolerance=2)
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:11])
+    warm = run.decisions[-1].plan.controls
+    guesses = {}
+    improve = Planner.improve
+
+    def fail(planner, pose, held, guess, horizon, **rest):
+        # The first one of a step; others may be tried beside it.
+        guesses.setdefault(len(horizon.durations), guess)
+        improvement = improve(planner, pose, held, guess, horizon, **rest)
+        return improvement._replace(solved=False, reason='No.')
+
+    monkeypatch.setattr(Planner, 'improve', fail)
+    drive(law, given, ON_TIME[11:14], start=_after(run, given))
+    np.testing.assert_array_equal(guesses[39], warm[1:])
+    np.testing.assert_array_equal(guesses[38], warm[2:])
+    assert guesses[37].shape == warm[3:].shape
+    assert not np.array_equal(guesses[37], warm[3:])
+
+
+def test_after_the_final_time_it_stays_stopped():
+    given = CASES['case 1']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME)
+    last = run.decisions[-1]
+    assert last.finished
+    assert last.rung is Rung.STOP
+    assert last.reason == 'The final time has passed.'
+    assert last.time_left == 0.0
+    assert last.miss < 1e-6
+    assert law.update(50 * PERIOD + 1, run.pose) is None
+    again = law.update(52 * PERIOD, run.pose)
+    assert again.finished
+    assert not again.wheel_speeds.any()
+
+
+def test_odometry_that_first_comes_back_after_the_final_time():
+    law = GuidanceLaw(CASES['case 1'])
+    assert not law.update(0, np.array(START)).finished
+    late = law.update(99 * PERIOD, np.array(START))
+    assert late.finished
+    assert late.rung is Rung.STOP
+
+
+def test_halt():
+    given = CASES['case 3']
+    law = GuidanceLaw(given)
+    early = law.halt(5, 'Nothing heard yet.')
+    assert early.rung is Rung.STOP
+    assert early.reason == 'Nothing heard yet.'
+    run = drive(law, given, ON_TIME[:11])
+    stop = law.halt(10 * PERIOD + 5, 'Odometry is stale.')
+    assert stop.rung is Rung.STOP
+    assert stop.reason == 'Odometry is stale.'
+    assert not stop.wheel_speeds.any()
+    assert not stop.twist.any()
+    assert stop.plan is None
+    assert not stop.finished
+    assert stop.time_left == pytest.approx(8.0, abs=1e-6)
+    # It goes on from where it stands, from a fresh guess.
+    onward = law.update(12 * PERIOD, run.pose)
+    assert onward.rung in SETTLED
+    assert onward.step == 11
+
+
+def test_odometry_from_before_a_halt_is_not_decided_on():
+    given = CASES['case 3']
+    law = GuidanceLaw(given)
+    run = drive(law, given, ON_TIME[:11])
+    law.halt(10 * PERIOD + 5, 'Odometry is stale.')
+    assert law.update(8 * PERIOD, run.pose) is None
+    assert law.update(10 * PERIOD, run.pose) is None

@@ -1,0 +1,118 @@
+"""After the preparation nothing is compiled, nor loaded, whatever a run may bring."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from dataclasses import replace
+
+import pytest
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+PERIOD = 200_000_000
+
+# In a process of its own: nothing that other tests have run may be there already.
+PROGRAM = """
+import gc
+import math
+from itertools import product
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.warmup import prepare
+from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+
+def code():
+    dispatchers = [each for each in gc.get_objects() if isinstance(each, Dispatcher)]
+    ours = [each for each in dispatchers if each.__module__.startswith('cmpsp_ros')]
+    return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
+
+
+values = TABLE.resolve(load_parameter_file('case3') | {'solver.candidates': 1})
+prepare(guidance_settings(values))
+before = code()
+assert before
+
+START, PERIOD = np.array([0.0, -9.25, 0.0]), 200_000_000
+JUMPS = {
+    'none': np.zeros(3),
+    'off the road': np.array([4.0, 0.0, 0.0]),
+    'into an obstacle': np.array([8.0, 3.25, 0.0]),
+    'about': np.array([0.0, 0.0, math.pi]),
+}
+rungs = set()
+changes = product(
+    ('gauss_newton', 'projected', 'exact'),
+    (0.0, 30.0, 51.0),
+    (True, False),
+    (0.0, 0.13),
+)
+for hessian, limit, between, delay in changes:
+    changed = {
+        'solver.hessian': hessian,
+        'robot.max_wheel_speed': limit,
+        'safety.between_samples': between,
+        'command_delay': delay,
+        'obstacles.a.radius': 1.0,
+        'solver.candidates': 4,
+    }
+    law = GuidanceLaw(guidance_settings(values))
+    law.update(0, START)
+    law.reconfigure(guidance_settings(TABLE.reconfigure(values, changed)))
+    for step, jump in enumerate(JUMPS.values(), 1):
+        for stamp in (3 * step * PERIOD, (3 * step + 1) * PERIOD + PERIOD // 3):
+            rungs.add(law.update(stamp, START + jump).rung.name)
+    law.halt(20 * PERIOD, 'Enough.')
+    law.update(50 * PERIOD - PERIOD // 2, START)
+    assert law.update(50 * PERIOD, START).finished
+assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
+
+# Where the active set gives up, the general iteration has Clarabel's answers.
+def general(radius):
+    changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
+    law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))
+    found = [law.update(step * PERIOD, START) for step in range(2)]
+    return [each.rung.name for each in found], [each.wheel_speeds for each in found]
+
+
+own = [general(radius) for radius in (1.0, 2.0)]
+asked = []
+riccati_backend.solve_program = lambda *_: asked.append(1) or ITERATION_LIMIT
+for radius, (rungs, speeds) in zip((1.0, 2.0), own, strict=True):
+    found = general(radius)
+    assert found[0] == rungs, (found, rungs)
+    np.testing.assert_allclose(found[1], speeds, atol=1e-5)
+assert asked
+print(*sorted(code() - before), sep='\\n')
+"""
+
+
+@pytest.mark.slow
+def test_no_code_is_missing_after_it():
+    done = subprocess.run(
+        [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == []
+
+
+def test_a_solver_that_rounding_leads_round_comes_to_an_end():
+    """Off the road, with the exact Hessian and no wheel limit, hundreds of rows are active."""
+    given = guidance_settings(TABLE.resolve(load_parameter_file('case1')))
+    solver = replace(given.solver, hessian='exact')
+    robot = replace(given.robot, max_wheel_speed=math.inf)
+    law = GuidanceLaw(replace(given, solver=solver, robot=robot))
+    poses = (given.road.middle(), given.road.middle(), given.road.beside(), given.road.beside())
+    decisions = [law.update(step * PERIOD, pose) for step, pose in enumerate(poses)]
+    assert all(each.reason for each in decisions)

@@ -1,0 +1,202 @@
+"""The line search on problems in Python, its merit against difference quotients."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from problems import LinearQuadratic, VanDerPol
+from reference_merit import Merit
+
+from cmpsp_ros.mpsp.problem import Evaluation
+from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.riccati.fill import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.sqp.line_search import (
+    GOES_ON,
+    WANTS_CORRECTION,
+    begin_search,
+    go_on,
+    go_on_corrected,
+)
+from cmpsp_ros.mpsp.sqp.merit import merit, predicted_reduction, update_penalties
+from cmpsp_ros.mpsp.sqp.workspace import workspace
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('riccati')
+
+
+@dataclass
+class Search:
+    """A search from some controls, whose merit has one weight for outputs and one for paths."""
+
+    problem: object
+    start: np.ndarray
+    terminal: float = 7.0
+    path: float = 11.0
+
+    def __post_init__(self):
+        size = self.problem.size
+        n, r = compiled_size(size.state, size.control)
+        self.ws = workspace(
+            replace(size, state=n, control=r),
+            np.full(size.output, self.terminal),
+            np.full(size.path, self.path),
+            np.full(n, np.inf),
+        )
+        X = self.problem.predict(self.start)
+        linearisation = self.problem.linearise(X, self.start, 'exact')
+        free = np.full(self.start.shape, 50.0)
+        self.subproblem = Subproblem(linearisation, -free, free, np.full(size.state, np.inf))
+        p = self.ws.program
+        put_derivatives(p.stages, p.path, p.terminal, linearisation)
+        self.ws.lower[:, : size.control] = self.problem.control_lower
+        self.ws.upper[:, : size.control] = self.problem.control_upper
+        self.before = self._put(self.ws.now, self.start)
+        self.ws.run['cost'] = self.before.cost
+        update_penalties(p)
+
+    def _put(self, there, U):
+        size, X = self.problem.size, self.problem.predict(U)
+        found = self.problem.evaluate(X, U)
+        there.U[:, : size.control], there.X[:, : size.state] = U, X
+        there.output_error[:], there.g[:] = found.output_error, found.g
+        return found
+
+    def value(self, U):
+        cost = self._put(self.ws.trial, U).cost
+        return merit(self.ws.program, self.ws.trial, cost)
+
+    def predicted(self, dU):
+        size, stages = self.problem.size, self.ws.program.stages
+        dX = self.subproblem.propagate(dU)
+        stages['dU'][:, : size.control], stages['dX'][:, : size.state] = dU, dX
+        return predicted_reduction(self.ws.program, self.ws.slack)
+
+    def run(self, dU, promised=None):
+        """The step length, and the controls it ends at."""
+        run, size = self.ws.run[0], self.problem.size
+        predicted = self.predicted(dU)
+        run['predicted'] = predicted if promised is None else promised
+        self.ws.program.stages['correction_U'] = 0.0
+        begin_search(self.ws, 0.0)
+        length = GOES_ON
+        while length in {GOES_ON, WANTS_CORRECTION}:
+            if length == WANTS_CORRECTION:
+                length = go_on_corrected(self.ws)
+                continue
+            tried = self.ws.trial.U[:, : size.control].copy()
+            run['trial_cost'] = self._put(self.ws.trial, tried).cost
+            length = go_on(self.ws)
+        return length, self.ws.now.U[:, : size.control].copy()
+
+    @property
+    def slope(self):
+        """Gradient of the cost in the controls."""
+        return self.subproblem.condensed.c.reshape(self.start.shape)
+
+
+def test_value_by_hand():
+    exact = Merit(np.array([2.0, 3.0]), np.array([[1.0, 4.0], [5.0, 6.0]]))
+    g = np.array([[-np.inf, 0.5], [-1.0, 2.0]])
+    value = exact.value(Evaluation(10.0, np.array([-1.0, 2.0]), g))
+    assert value == 10.0 + (2.0 + 6.0) + (2.0 + 12.0)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_predicted_reduction_is_the_slope_of_the_merit(seed):
+    rng = np.random.default_rng(seed)
+    search = Search(VanDerPol(horizon=10, floor=0.2, mixed=0.8), rng.normal(size=(11, 1)))
+    assert (search.before.g > 0.0).any()
+    direction, before = rng.normal(size=(11, 1)), search.value(search.start)
+    for length in (1e-4, 1e-5, 1e-6):
+        actual = before - search.value(search.start + length * direction)
+        promised = search.predicted(length * direction)
+        assert actual == pytest.approx(promised, abs=2e3 * length**2 + 1e-11)
+
+
+def test_predicted_reduction_is_exact_in_the_constraints_of_a_linear_problem():
+    rng = np.random.default_rng(1)
+    search = Search(LinearQuadratic(rng), rng.normal(size=(6, 2)))
+    dU = rng.normal(size=(6, 2))
+    quadratic = 0.5 * dU.ravel() @ search.subproblem.condensed.H @ dU.ravel()
+    promised = search.predicted(dU) - quadratic
+    decrease = search.value(search.start) - search.value(search.start + dU)
+    assert decrease == pytest.approx(promised, rel=1e-9)
+
+
+def test_no_step_promises_nothing():
+    search = Search(VanDerPol(horizon=5, floor=0.2), np.ones((6, 1)))
+    assert search.predicted(np.zeros((6, 1))) == 0.0
+
+
+def test_above_its_multipliers_the_merit_falls_along_the_solution():
+    search = Search(LinearQuadratic(np.random.default_rng(3)), np.zeros((6, 2)), 1e-3, 1e-3)
+    solution = solve_qp(search.subproblem, 'daqp')
+    assert solution.status is QPStatus.SOLVED
+    assert solution.path.any()
+    p = search.ws.program
+    p.terminal['multiplier'], p.path['multiplier'] = solution.terminal, solution.path
+    update_penalties(p)
+    assert (p.terminal['merit'] > np.abs(solution.terminal)).all()
+    pulls = solution.path > 1e-3
+    assert (p.path['merit'][pulls] > solution.path[pulls]).all()
+    np.testing.assert_array_equal(p.path['merit'][~(solution.path > 0.0)], 1e-3)
+    assert search.predicted(solution.dU) > 0.0
+    p.terminal['weight'] = p.path['weight'] = 1e6
+    update_penalties(p)
+    assert (p.terminal['merit'] == 1e6).all()
+    assert (p.path['merit'] == 1e6).all()
+
+
+def test_the_full_step_is_taken_where_it_is_good():
+    search = Search(LinearQuadratic(np.random.default_rng(4)), np.zeros((6, 2)), 1e3, 1e3)
+    solution = solve_qp(search.subproblem, 'daqp')
+    assert solution.status is QPStatus.SOLVED
+    length, U = search.run(solution.dU)
+    assert length == 1.0
+    np.testing.assert_array_equal(U, search.start + solution.dU)
+    np.testing.assert_array_equal(
+        search.ws.now.X[:, : search.problem.size.state], search.problem.predict(U)
+    )
+    assert search.value(U) < search.value(search.start)
+
+
+def test_nothing_moves_where_nothing_is_lower():
+    search = Search(VanDerPol(horizon=8), np.zeros((9, 1)), terminal=0.0)
+    length, U = search.run(search.slope)
+    assert length == 0.0
+    np.testing.assert_array_equal(U, search.start)
+
+
+def test_a_step_that_is_too_long_is_shortened():
+    lengths = set()
+    for factor in (0.05, 0.5, 1.0, 2.0):
+        search = Search(VanDerPol(horizon=8), np.ones((9, 1)), terminal=0.0)
+        length, U = search.run(-factor * search.slope)
+        lengths.add(length)
+        if length:
+            assert search.value(U) < search.value(search.start)
+    assert 1.0 in lengths
+    assert lengths & {0.5, 0.25, 0.125, 0.0625}
+
+
+def test_the_best_that_is_lower_is_taken_where_none_keeps_its_promise():
+    search = Search(VanDerPol(horizon=8), np.ones((9, 1)), terminal=0.0)
+    downhill = -0.05 * search.slope
+    _, U = search.run(downhill, promised=1e12)
+    tried = [search.value(search.start + 0.5**halvings * downhill) for halvings in range(5)]
+    assert search.value(U) == min(tried)
+
+
+def test_bounds_hold():
+    search = Search(VanDerPol(horizon=8, limit=0.5), np.full((9, 1), 0.5), terminal=0.0)
+    # Rounding alone can carry a step past its bound.
+    length, U = search.run(-3.0 * search.slope, promised=0.0)
+    assert length > 0.0
+    assert np.abs(U).max() <= 0.5
+
+
+def test_what_is_not_finite_is_never_taken():
+    search = Search(VanDerPol(horizon=8), np.zeros((9, 1)))
+    length, _ = search.run(np.full((9, 1), 1e200), promised=0.0)
+    assert length == 0.0

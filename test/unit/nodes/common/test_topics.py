@@ -1,0 +1,109 @@
+"""The table of topics is what the nodes really open, and what its page says."""
+
+import gc
+from pathlib import Path
+
+import pytest
+import rclpy
+
+from cmpsp_ros.nodes.common.topics import TOPICS, with_table
+from cmpsp_ros.nodes.guidance.node import GuidanceNode
+from cmpsp_ros.nodes.recording.options import own_topics
+from cmpsp_ros.nodes.recording.recorder import Recorder
+from cmpsp_ros.nodes.sim.node import SimNode
+
+PAGE = Path(__file__).parents[4] / 'doc' / 'reference' / 'topics.md'
+OF_ROS = {'/rosout', '/parameter_events'}
+
+
+@pytest.fixture
+def make(monkeypatch):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF')
+    made = []
+
+    def make(node_type, *parameters):
+        arguments = [part for each in parameters for part in ('-p', each)]
+        rclpy.init(args=['--ros-args', *arguments] if arguments else [])
+        made.append(node_type())
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    rclpy.try_shutdown()
+
+
+FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
+
+
+def opened(node, direction):
+    listed = {
+        'out': node.get_publisher_names_and_types_by_node,
+        'in': node.get_subscriber_names_and_types_by_node,
+    }[direction](node.get_name(), '/')
+    return {
+        (name, kind)
+        for name, kinds in listed
+        for kind in kinds
+        if name not in OF_ROS and 'transition_event' not in name
+    }
+
+
+def in_table(node, direction, *, stamped=False, clock=True):
+    found = set()
+    for each in TOPICS:
+        if (each.node, each.direction) != (node.get_name(), direction):
+            continue
+        if each.name == 'cmd_vel' and (each.type.__name__ == 'TwistStamped') != stamped:
+            continue
+        if each.name == '/clock' and not clock:
+            continue
+        full = each.name.replace('~', f'/{node.get_name()}').replace('<namespace>', '/r2')
+        package = each.type.__module__.partition('.')[0]
+        found.add((full if full[0] == '/' else f'/{full}', f'{package}/msg/{each.type.__name__}'))
+    return found
+
+
+@pytest.mark.parametrize('stamped', [False, True])
+def test_guidance_opens_what_the_table_says(make, stamped):
+    more = ('moving_obstacles.capacity:=2', "others.namespaces:=['/r2']", *FROM_TOPIC)
+    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', *more)
+    for direction in ('in', 'out'):
+        assert opened(node, direction) == in_table(node, direction, stamped=stamped)
+
+
+def test_an_active_node_that_is_destroyed_gives_the_collector_back(make):
+    node = make(GuidanceNode)
+    assert not gc.isenabled()
+    node.destroy_node()
+    assert gc.isenabled()
+
+
+@pytest.mark.parametrize('clock', [False, True])
+def test_simulator_opens_what_the_table_says(make, clock):
+    moves = (
+        'moving_obstacles.names:=[cart]',
+        'moving_obstacles.cart.center:=[1.0, 2.0]',
+        'moving_obstacles.cart.velocity:=[0.5, 0.0]',
+        'moving_obstacles.cart.radius:=0.3',
+    )
+    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *moves, *FROM_TOPIC)
+    for direction in ('in', 'out'):
+        assert opened(node, direction) == in_table(node, direction, clock=clock)
+
+
+def test_the_recorder_opens_what_the_table_says(make, tmp_path):
+    node = make(Recorder, f'output:={tmp_path / "bag"}')
+    assert opened(node, 'out') == in_table(node, 'out')
+    node.stop()
+
+
+def test_readme_holds_the_table():
+    text = PAGE.read_text(encoding='utf-8')
+    assert with_table(text) == text
+
+
+def test_what_only_repeats_other_topics_is_not_recorded():
+    recorded = own_topics('/r1')
+    assert {'/r1/odom', '/r1/guidance/predicted_path', '/r1/sim/truth', '/diagnostics'} <= recorded
+    assert '/r1/guidance/plan_markers' not in recorded

@@ -1,0 +1,157 @@
+"""Decisions to messages that are filled again and again."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.nodes.guidance.messages import (
+    DecisionMessage,
+    PathMessage,
+    fill_wheels,
+    level_of,
+    set_stamp,
+)
+
+FLOATS = st.floats() | st.sampled_from([5e-324, -0.0, 0.1 + 0.2, 1e308, math.inf, math.nan])
+NUMBERS = ('time_left', 'miss', 'margin', 'worst_margin', 'slack')
+
+
+def bits(number):
+    return b'nan' if math.isnan(number) else struct.pack('d', number)
+
+
+def decision(**changes):
+    values = {
+        'stamp': 12_345_678_901_234_567,
+        'step': 7,
+        'rung': Rung.NOMINAL,
+        'reason': 'Well.',
+        'wheel_speeds': np.array([45.1, 44.2]),
+        'twist': np.array([1.5, 0.1 + 0.2]),
+        'time_left': 8.6,
+        'plan': None,
+        'miss': 1e-9,
+        'margin': 0.1,
+        'worst_margin': 0.05,
+    }
+    return Decision(**{**values, **changes})
+
+
+def values_of(message):
+    return {each.key: each.value for each in message.values}
+
+
+@given(numbers=st.tuples(*[FLOATS] * 5), wheels=st.tuples(FLOATS, FLOATS), phase=FLOATS)
+def test_every_number_of_a_decision_reads_back_bit_for_bit(numbers, wheels, phase):
+    given_ = dict(zip(NUMBERS, numbers, strict=True))
+    made = decision(**given_, wheel_speeds=np.array(wheels), phases={'solve': phase})
+    message = DecisionMessage('/guidance: decision').fill(made)
+    values = values_of(message)
+    for key, number in given_.items():
+        assert bits(float(values[key])) == bits(number)
+    assert bits(float(values['wheel_speed_right'])) == bits(wheels[0])
+    assert bits(float(values['wheel_speed_left'])) == bits(wheels[1])
+    assert bits(float(values['solve_ms'])) == bits(phase)
+    assert int(values['stamp']) == made.stamp
+    assert int(values['step']) == 7
+
+
+def test_numpy_numbers_are_written_as_plain_ones():
+    made = decision(slack=np.float64(0.1) + 0.2, active_rows=np.int64(3), qp_iterations=np.int32(4))
+    values = values_of(DecisionMessage('').fill(made))
+    assert (values['slack'], values['active_rows']) == ('0.30000000000000004', '3')
+    assert values['qp_iterations'] == '4'
+
+
+def test_a_decision_carries_its_name_level_and_reason():
+    made = decision(rung=Rung.ELASTIC, reason='Tight.')
+    message = DecisionMessage('/r1/guidance: it').fill(made)
+    assert (message.name, message.message) == ('/r1/guidance: it', 'Tight.')
+    assert message.level == DiagnosticStatus.WARN
+    assert values_of(message)['rung'] == 'elastic'
+    assert values_of(message)['finished'] == 'false'
+
+
+@pytest.mark.parametrize(
+    ('rung', 'level'),
+    [
+        (Rung.NOMINAL, DiagnosticStatus.OK),
+        (Rung.ELASTIC, DiagnosticStatus.WARN),
+        (Rung.SHIFTED, DiagnosticStatus.WARN),
+        (Rung.STOP, DiagnosticStatus.ERROR),
+    ],
+)
+def test_a_stop_is_an_error_unless_the_run_is_over(rung, level):
+    assert level_of(decision(rung=rung)) == level
+    assert level_of(decision(rung=rung, finished=True)) == DiagnosticStatus.OK
+
+
+def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
+    refilled = DecisionMessage('it')
+    first = decision(rung=Rung.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
+    second = decision(step=8, finished=True)
+    for made in (first, second, first):
+        assert refilled.fill(made) == DecisionMessage('it').fill(made)
+    assert 'solve_ms' in values_of(refilled.fill(first))
+    assert 'solve_ms' not in values_of(refilled.fill(second))
+
+
+def test_wheel_speeds_are_the_decision_s():
+    joints = JointState(name=['right', 'left'])
+    fill_wheels(joints, decision())
+    assert joints.name == ['right', 'left']
+    assert joints.velocity.tolist() == [45.1, 44.2]
+
+
+@pytest.mark.parametrize('stamp', [0, 999_999_999, 1_700_000_000_123_456_789])
+def test_a_stamp_reads_back(stamp):
+    header = Header()
+    set_stamp(header, stamp)
+    assert Time.from_msg(header.stamp).nanoseconds == stamp
+
+
+def plan(edges, begin=0.0):
+    count = len(edges)
+    poses = np.column_stack(
+        [begin + np.arange(count), -np.arange(count), np.linspace(0.0, 7.0, count)]
+    )
+    return Plan(Horizon.between(np.array(edges)), np.zeros((count, 2)), poses)
+
+
+def test_every_pose_of_a_path_has_the_time_when_the_robot_should_be_there():
+    made = plan([1_010_000_000, 1_200_000_000, 1_400_000_000, 1_500_000_000])
+    stamp = 1_700_000_000_123_456_789
+    path = PathMessage('odom').fill(made, stamp)
+    assert path.header.frame_id == 'odom'
+    assert Time.from_msg(path.header.stamp).nanoseconds == stamp
+    times = [Time.from_msg(each.header.stamp).nanoseconds for each in path.poses]
+    assert times == [stamp, stamp + 190_000_000, stamp + 390_000_000, stamp + 490_000_000]
+    for each, (x, y, heading) in zip(path.poses, made.poses.tolist(), strict=True):
+        assert each.header.frame_id == 'odom'
+        assert (each.pose.position.x, each.pose.position.y) == (x, y)
+        turn = each.pose.orientation
+        assert (turn.x, turn.y) == (0.0, 0.0)
+        assert math.cos(2.0 * math.atan2(turn.z, turn.w) - heading) == pytest.approx(1.0)
+        numbers = (each.pose.position.x, turn.z, turn.w)
+        assert all(type(number) is float for number in numbers)
+
+
+def test_a_path_filled_again_is_as_long_as_its_plan():
+    refilled, second = PathMessage('odom'), 1_000_000_000
+    for edges, begin in (([0, second, 2 * second], 0.0), ([0, second], 5.0), ([0] * 4, 9.0)):
+        made = plan(edges, begin)
+        path = refilled.fill(made, 3 * second)
+        assert path == PathMessage('odom').fill(made, 3 * second)
+        assert [each.pose.position.x for each in path.poses] == made.poses[:, 0].tolist()

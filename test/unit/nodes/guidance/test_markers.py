@@ -1,0 +1,152 @@
+"""Road, obstacles and goal as markers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from rclpy.time import Time
+from visualization_msgs.msg import Marker
+
+from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.nodes.guidance.markers import marker_array
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.obstacles.shapes import Capsule, convex
+
+STAMP = Time(nanoseconds=3_000_000_005).to_msg()
+
+
+def settings(preset='case3', **changes):
+    return guidance_settings(TABLE.resolve({**load_parameter_file(preset), **changes}))
+
+
+@pytest.fixture
+def markers():
+    return marker_array(settings(), STAMP).markers
+
+
+def of(markers, namespace):
+    return [each for each in markers if each.ns == namespace]
+
+
+def test_old_markers_are_removed_first_and_every_new_one_has_an_identity(markers):
+    assert markers[0].action == Marker.DELETEALL
+    assert all(each.action == Marker.ADD for each in markers[1:])
+    keys = [(each.ns, each.id) for each in markers]
+    assert len(set(keys)) == len(keys)
+
+
+@pytest.mark.parametrize('frame_id', ['odom', 'map'])
+def test_all_are_in_the_frame_of_the_settings(frame_id):
+    made = marker_array(settings(frame_id=frame_id), STAMP).markers
+    assert {each.header.frame_id for each in made} == {frame_id}
+    assert all(each.header.stamp == STAMP for each in made[1:])
+    assert all(each.pose.orientation.w == 1.0 for each in made[1:])
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {},
+        {'obstacles.a.center': [8, -6], 'obstacles.a.radius': 1, 'goal.position': [10, 0]},
+        {'road.center': [0, 0], 'road.inner_radius': 9, 'road.outer_radius': 11},
+    ],
+)
+def test_every_number_is_a_plain_float(changes):
+    for each in marker_array(settings(**changes), STAMP).markers:
+        place, turn, size, color = each.pose.position, each.pose.orientation, each.scale, each.color
+        numbers = [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+        numbers += [size.x, size.y, size.z, color.r, color.g, color.b, color.a]
+        numbers += [number for point in each.points for number in (point.x, point.y, point.z)]
+        assert {type(number) for number in numbers} == {float}
+        assert all(math.isfinite(number) for number in numbers)
+
+
+def test_everything_is_seen(markers):
+    for each in markers[1:]:
+        assert each.color.a > 0.0
+        scale = (each.scale.x, each.scale.y, each.scale.z)
+        assert max(scale) > 0.0
+
+
+def test_rings_have_the_radii_of_what_they_show(markers):
+    def radii(namespace, center):
+        for ring in of(markers, namespace):
+            assert ring.type == Marker.LINE_STRIP
+            assert ring.points[0].x == pytest.approx(ring.points[-1].x)
+            distances = [math.dist((each.x, each.y), center) for each in ring.points]
+            assert max(distances) == pytest.approx(min(distances))
+            yield distances[0]
+
+    assert list(radii('road', (0.0, 0.0))) == pytest.approx([9.0, 11.0])
+    assert list(radii('centre_line', (0.0, 0.0))) == pytest.approx([10.0])
+    kept = at_samples(settings()).radii
+    rings = of(markers, 'margins')
+    for ring, radius, center in zip(rings, kept, [(8.0, -6.0), (10.0, -2.0)], strict=True):
+        point = ring.points[17]
+        assert math.dist((point.x, point.y), center) == pytest.approx(radius)
+    assert all(kept > [0.7, 0.5])
+
+
+def test_discs_and_names_stand_where_the_obstacles_are(markers):
+    discs, names = of(markers, 'obstacles'), of(markers, 'obstacle_names')
+    assert [each.text for each in names] == ['a', 'b']
+    assert [each.scale.x for each in discs] == [1.4, 1.0]
+    for marker, center in zip([*discs, *names], [(8.0, -6.0), (10.0, -2.0)] * 2, strict=True):
+        assert (marker.pose.position.x, marker.pose.position.y) == center
+
+
+def test_the_goal_has_its_tolerance_and_can_be_seen():
+    (goal,) = of(marker_array(settings(), STAMP).markers, 'goal')
+    assert (goal.pose.position.x, goal.pose.position.y) == (10.0, 0.0)
+    assert goal.scale.x == 0.2
+    wide = settings(**{'goal.tolerance': 0.5})
+    (goal,) = of(marker_array(wide, STAMP).markers, 'goal')
+    assert goal.scale.x == 1.0
+
+
+def test_goals_show_their_headings_and_those_that_are_passed_are_paler():
+    course = settings('goals')
+    made = marker_array(course, STAMP).markers
+    goals = of(made, 'goal')
+    assert len(goals) == len(course.goals) == 6
+    assert len({each.color.a for each in goals}) == 1
+    markers = marker_array(course, STAMP, replace(course.goals[2], heading=0.5)).markers
+    alphas = [each.color.a for each in of(markers, 'goal')]
+    assert alphas[0] == alphas[1] < alphas[2] == alphas[5] == goals[0].color.a
+    # Only the second has a heading.
+    (arrow,), goal = of(made, 'goal_headings'), course.goals[1]
+    tail, tip = arrow.points
+    assert (tail.x, tail.y) == goal.position
+    assert math.atan2(tip.y - tail.y, tip.x - tail.x) == pytest.approx(goal.heading)
+    assert of(markers, 'goal_headings') == []
+
+
+def test_a_goal_that_was_told_is_ahead():
+    told = Goal((7.0, -7.0), 12.0, 0.8)
+    (goal,) = of(marker_array(settings().towards(told), STAMP, told).markers, 'goal')
+    assert goal.color.a > 0.5
+
+
+def test_no_obstacles_no_limit():
+    made = marker_array(settings('case1'), STAMP).markers
+    assert {each.ns for each in made[1:]} == {'road', 'centre_line', 'goal'}
+
+
+def test_walls_and_polygons_are_drawn_by_their_edges():
+    wall = Capsule('wall', (4.0, -9.5), (5.0, -9.5), 0.1)
+    crate = convex('crate', [(9.5, -3.0), (10.5, -3.0), (10.5, -2.0), (9.5, -2.0)])
+    found = marker_array(replace(settings(), obstacles=(wall, crate)), STAMP).markers
+    edges, rings = of(found, 'obstacles'), of(found, 'margins')
+    assert [each.type for each in (*edges, *rings)] == [Marker.LINE_STRIP] * 4
+    assert [(each.x, each.y) for each in edges[1].points] == [*crate.vertices, crate.vertices[0]]
+    assert max(each.y for each in edges[0].points) == pytest.approx(-9.4)
+    assert max(each.y for each in rings[0].points) > -9.4
+    names = of(found, 'obstacle_names')
+    assert [(each.pose.position.x, each.pose.position.y) for each in names] == [
+        (4.5, -9.5), (10.0, -2.5),
+    ]  # fmt: skip

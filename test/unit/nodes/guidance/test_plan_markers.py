@@ -1,0 +1,165 @@
+"""The plan in the colours of rung and clearance, the sentence beside the robot, what moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from visualization_msgs.msg import Marker
+
+from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.safety.plan_clearance import Room
+from cmpsp_ros.nodes.guidance.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+
+def settings_of(preset='case3', **changes):
+    return guidance_settings(TABLE.resolve({**load_parameter_file(preset), **changes}))
+
+
+@pytest.fixture(scope='module')
+def settings():
+    return settings_of(frame_id='map')
+
+
+@pytest.fixture(scope='module')
+def law(settings):
+    return GuidanceLaw(settings)
+
+
+@pytest.fixture(scope='module')
+def decision(law):
+    """The first of case 3."""
+    return law.update(3_000_000_005, np.array([0.0, -9.25, 0.0]))
+
+
+@pytest.fixture
+def fill(settings):
+    """Fill the message; band, line and sentence, and what moves."""
+    message = PlanMarkers(settings)
+    return lambda decision: message.fill(decision).markers
+
+
+def test_the_plan_is_drawn_from_the_robot_to_the_goal(fill, decision):
+    plan, line, rung = fill(decision)
+    assert [plan.action, line.action, rung.action] == [Marker.ADD] * 3
+    assert len(plan.points) == 51
+    assert line.points == plan.points
+    assert line.scale.x < plan.scale.x
+    assert line.pose.position.z > plan.pose.position.z
+    assert (plan.points[0].x, plan.points[0].y) == (0.0, -9.25)
+    assert (plan.points[-1].x, plan.points[-1].y) == pytest.approx((10.0, 0.0), abs=1.0)
+    assert (rung.pose.position.x, rung.pose.position.y) == (0.0, -9.25)
+    assert rung.text == f'{decision.rung.name.lower()}: {decision.reason}'
+
+
+def test_they_are_where_and_when_the_decision_is_and_vanish_by_themselves(fill, decision):
+    for each in fill(decision):
+        assert each.header.frame_id == 'map'
+        assert (each.header.stamp.sec, each.header.stamp.nanosec) == (3, 5)
+        assert each.lifetime.sec == 1
+        assert each.pose.orientation.w == 1.0
+        assert max(each.scale.x, each.scale.z) > 0.0
+
+
+def test_every_rung_has_its_colour(fill, decision):
+    def color(**changes):
+        plan, _, rung = fill(decision._replace(**changes))
+        assert plan.color == rung.color
+        assert plan.color.a == 1.0
+        return plan.color.r, plan.color.g, plan.color.b
+
+    colors = {rung: color(rung=rung) for rung in Rung}
+    assert len(set(colors.values())) == len(Rung)
+    assert colors[Rung.NOMINAL] == pytest.approx((0.0, 158 / 255, 115 / 255))
+    # Having arrived is no stop that should worry anybody.
+    assert color(rung=Rung.STOP, finished=True) != colors[Rung.STOP]
+
+
+def rgb(color):
+    return color.r, color.g, color.b
+
+
+def test_the_line_goes_from_red_at_the_margin_to_green(fill, decision):
+    # Case 3 begins in the middle of its road, passes two obstacles and ends amid the road again.
+    _, line, _ = fill(decision)
+    assert len(line.colors) == len(line.points)
+    assert {each.a for each in line.colors} == {1.0}
+    spare = np.linspace(0.0, PLENTY, 9)
+    greens = [color_of(each).g for each in spare[:5]]
+    reds = [color_of(each).r for each in spare[4:]]
+    assert greens == sorted(greens)
+    assert reds == sorted(reds, reverse=True)
+    assert (color_of(-1.0), color_of(0.0)) == (NEAR, NEAR)
+    assert (color_of(PLENTY), color_of(9.0)) == (FAR, FAR)
+
+
+def test_each_stage_has_the_colour_of_its_own_clearance(decision):
+    settings = settings_of(**{'safety.margin': 0.05})
+    law = GuidanceLaw(settings)
+    made = law.update(0, np.array([0.0, -9.25, 0.0]))
+    room = Room(settings).along(made)
+    _, line, _ = PlanMarkers(settings).fill(made).markers
+    assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
+    assert len(set(map(rgb, line.colors))) > 5
+
+
+def test_another_course_is_taken(law, decision):
+    message = PlanMarkers(settings_of())
+    before = list(message.fill(decision).markers[1].colors)
+    message.take(settings_of('case1'))
+    assert before != message.fill(decision).markers[1].colors
+
+
+def test_without_a_plan_the_line_goes_and_the_sentence_stays(law, decision, settings):
+    message = PlanMarkers(settings)
+    halted = law.halt(4_000_000_000, 'No odometry.')
+    assert [each.action for each in message.fill(halted).markers] == [Marker.DELETE] * 3
+    before = [(each.ns, each.id) for each in message.fill(decision).markers]
+    plan, line, rung = message.fill(halted).markers
+    assert [(each.ns, each.id) for each in (plan, line, rung)] == before
+    assert [plan.action, line.action, rung.action] == [Marker.DELETE, Marker.DELETE, Marker.ADD]
+    assert (plan.points, line.points, line.colors) == ([], [], [])
+    assert rung.text == 'stop: No odometry.'
+    assert (rung.pose.position.x, rung.pose.position.y) == (0.0, -9.25)
+
+
+def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(decision):
+    settings = settings_of(
+        frame_id='map',
+        **{'robot.radius': 0.1, 'safety.margin': 0.05, 'moving_obstacles.growth': 0.2},
+    )
+    seen = Track(7, decision.stamp - 500_000_000, 0.3, 5.0, -9.0, -0.5, 0.25)
+    message = PlanMarkers(settings)
+    markers = message.fill(decision._replace(tracks=(seen,))).markers
+    disc, arrow, now, later = markers[3:]
+    assert [(each.ns, each.id) for each in (disc, arrow, now, later)] == [
+        ('moving_obstacles', 7), ('moving_velocities', 7), ('moving_margins', 7),
+        ('moving_foreseen', 7),
+    ]  # fmt: skip
+    assert (disc.pose.position.x, disc.pose.position.y) == (4.75, -8.875)
+    assert (disc.scale.x, disc.scale.y) == (0.6, 0.6)
+    assert [(each.x, each.y) for each in arrow.points] == [(4.75, -8.875), (4.25, -8.625)]
+    # Its radius, half a second's growth or one and a half's, the robot's radius and the margin.
+    for ring, center, radius in ((now, (4.75, -8.875), 0.55), (later, (4.25, -8.625), 0.75)):
+        assert len(ring.points) > 20
+        for point in ring.points:
+            assert math.dist((point.x, point.y), center) == pytest.approx(radius)
+    for each in markers:
+        assert each.header.frame_id == 'map'
+        assert each.lifetime.sec + each.lifetime.nanosec > 0
+    assert len(message.fill(decision).markers) == 3
+
+
+def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
+    _, before, _ = fill(decision)
+    x, y = decision.plan.poses[25, :2].tolist()
+    standing = Track(7, decision.stamp, 0.0, x, y, 0.0, 0.0)
+    _, line, *_ = fill(decision._replace(tracks=(standing,)))
+    assert line.colors[25] == NEAR
+    assert line.colors[:15] == before.colors[:15]

@@ -1,0 +1,46 @@
+"""Obstacles that the simulator moves, and the message that tells of them."""
+
+import pytest
+
+from cmpsp_ros.guidance.messages.tracks import Track, tracks_of
+from cmpsp_ros.nodes.sim.moving_obstacles import Traffic, cloud_of
+from cmpsp_ros.parameters.catalogue import TABLE
+
+SECOND = 1_000_000_000
+VALUES = TABLE.resolve(
+    {
+        'moving_obstacles.names': ['cart', 'dog'],
+        'moving_obstacles.cart.center': [1.0, 2.0],
+        'moving_obstacles.cart.velocity': [0.5, -0.25],
+        'moving_obstacles.cart.radius': 0.3,
+        'moving_obstacles.dog.center': [-4.0, 0.0],
+        'moving_obstacles.dog.velocity': [0.0, 1.0],
+        'moving_obstacles.dog.radius': 0.2,
+    }
+)
+
+
+def test_they_stand_until_they_are_told_to_move_and_after_a_reset():
+    traffic = Traffic(VALUES)
+    assert len(traffic) == 2
+    cart, dog = traffic.at(3 * SECOND)
+    assert cart == Track(0, 3 * SECOND, 0.3, 1.0, 2.0, 0.0, 0.0)
+    assert (dog.id, dog.x, dog.y) == (1, -4.0, 0.0)
+    traffic.begin(3 * SECOND)
+    traffic.begin(4 * SECOND)
+    cart, dog = traffic.at(5 * SECOND)
+    assert cart == Track(0, 5 * SECOND, 0.3, 2.0, 1.5, 0.5, -0.25)
+    assert (dog.y, dog.vy) == (2.0, 1.0)
+    traffic.reset()
+    assert traffic.at(6 * SECOND)[0] == Track(0, 6 * SECOND, 0.3, 1.0, 2.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize('count', [0, 1, 2])
+def test_what_is_written_reads_back_bit_for_bit(count):
+    tracks = Traffic(VALUES).at(SECOND // 3)[:count]
+    message = cloud_of(tracks, SECOND // 3, 'map')
+    assert tracks_of(message, 'map') == tracks
+
+
+def test_no_obstacles_without_names():
+    assert len(Traffic(TABLE.resolve({}))) == 0

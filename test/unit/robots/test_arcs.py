@@ -1,0 +1,91 @@
+"""Exact distances of arcs from points, against dense sampling."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+
+SAMPLES = 4001
+unhurried = hypothesis_settings(deadline=None, max_examples=150)
+places = st.floats(-3.0, 3.0)
+
+
+def reach(pose, twist, duration, points):
+    """Least and greatest distance of an arc from each point."""
+    arc = arc_from(*map(float, pose), float(twist[0] * duration), float(twist[1] * duration))
+    found = [reach_of(arc, float(x), float(y)) for x, y in points]
+    return np.array(found).reshape(-1, 2).T
+
+
+def sampled(pose, twist, duration, points):
+    """Least and greatest distance over points of the arc, sample by sample."""
+    speed, turn_rate = twist
+    times = np.linspace(0.0, duration, SAMPLES)
+    middle = pose[2] + turn_rate * times / 2.0
+    chord = speed * times * np.sinc(turn_rate * times / (2.0 * math.pi))
+    path = pose[:2] + chord[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    distance = np.linalg.norm(path[:, None] - points, axis=2)
+    return distance.min(axis=0), distance.max(axis=0)
+
+
+def check(pose, twist, duration, points):
+    pose, points = np.array(pose), np.array(points)
+    least, greatest = reach(pose, twist, duration, points)
+    expected = sampled(pose, twist, duration, points)
+    # Sampling misses an extreme by at most half a step of path; and the centre of an arc that is
+    # almost straight is so far away that its distance is rounded to this much.
+    rounding = 1e-9 + 1e-15 * abs(twist[0]) / max(abs(twist[1]), 1e-8)
+    gap = abs(twist[0]) * duration / (SAMPLES - 1) / 2.0 + rounding
+    assert (least <= expected[0] + rounding).all()
+    assert (least >= expected[0] - gap).all()
+    assert (greatest >= expected[1] - rounding).all()
+    assert (greatest <= expected[1] + gap).all()
+
+
+@unhurried
+@given(
+    pose=st.tuples(places, places, st.floats(-10.0, 10.0)),
+    twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)),
+    duration=st.floats(0.0, 0.5),
+    points=st.lists(st.tuples(places, places), min_size=1, max_size=4),
+)
+def test_reach_anywhere(pose, twist, duration, points):
+    check(pose, twist, duration, points)
+
+
+@pytest.mark.parametrize('turn', [0.0, 1e-12, 1e-9, 1e-7, 1e-4, 1.0, 3.0, math.pi, 6.0, 7.0, 20.0])
+@pytest.mark.parametrize('direction', [1.0, -1.0])
+@pytest.mark.parametrize('length', [1.5, -1.5, 0.0])
+def test_reach_of_arcs_of_every_kind(turn, direction, length):
+    rng = np.random.default_rng(1)
+    points = np.vstack([rng.uniform(-2.0, 2.0, size=(30, 2)), [[0.3, 0.4]]])
+    for heading in (0.0, 1.0, -2.0, math.pi):
+        check([0.3, 0.4, heading], [2.0 * length, 2.0 * direction * turn], 0.5, points)
+
+
+def test_reach_of_a_quarter_circle_by_hand():
+    # From (1, 0) to (0, 1) about the origin.
+    pose, twist = (1.0, 0.0, math.pi / 2), (math.pi / 2, math.pi / 2)
+    points = [(2.0, 2.0), (-1.0, -1.0), (0.0, 0.0), (3.0, 0.0)]
+    least, greatest = reach(pose, twist, 1.0, points)
+    root = math.sqrt(2.0)
+    np.testing.assert_allclose(least, [2 * root - 1, math.sqrt(5.0), 1.0, 2.0], atol=1e-12)
+    np.testing.assert_allclose(
+        greatest, [math.sqrt(5.0), root + 1, 1.0, math.sqrt(10.0)], atol=1e-12
+    )
+
+
+@unhurried
+@given(twist=st.tuples(st.floats(-2.0, 2.0), st.floats(-40.0, 40.0)), duration=st.floats(0.0, 0.5))
+def test_ends_are_those_of_the_robot(twist, duration):
+    robot = DifferentialDrive()
+    pose, twist = np.array([1.0, 2.0, 0.3]), np.array([twist])
+    path = robot.roll_out(pose, robot.wheel_speeds(twist), np.array([duration]))
+    end = arc_ends(pose[None], twist, np.array([duration]))
+    np.testing.assert_allclose(end, path[1:], atol=1e-12)

@@ -17,8 +17,8 @@ from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
-from cmpsp_ros.mpsp.qp.riccati.scratch import room_for
 
 _SMALLEST_PIVOT = 1e-14
 # What a stage of each sweep costs beside one of `recover_step`.

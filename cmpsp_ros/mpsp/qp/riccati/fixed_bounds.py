@@ -19,7 +19,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     FIRST,
     ActiveSet,
     Indices,
-    leave_warm_start,
     saturated_multiplier,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import (
@@ -31,6 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     product,
     set_multiplier,
 )
+from cmpsp_ros.mpsp.qp.riccati.warm_start import leave_warm_start
 
 MANY: Final = 12
 """Active bounds from which on holding them is cheaper than to have them in the basis."""

@@ -12,8 +12,8 @@ from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
-from cmpsp_ros.mpsp.qp.riccati.scratch import room_for
 
 
 @allocation_free

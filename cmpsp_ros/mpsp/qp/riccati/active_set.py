@@ -1,4 +1,4 @@
-"""What the active-set method knows while it is at work, and what it leaves for the next program."""
+"""What the active-set method knows while it is at work, and how rounding is taken out of it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove
-from cmpsp_ros.mpsp.qp.riccati.factorisation import transform_row
+from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove, solve, solve_transposed
+from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step, transform_row
 from cmpsp_ros.mpsp.qp.riccati.program import (
-    BOUND,
     Program,
     count_rows,
     limit,
     load_row,
-    locate,
-    rows_per_stage,
+    row_value,
 )
 
 Indices = NDArray[np.int64]
@@ -28,6 +26,9 @@ CAPACITY = 400
 
 TOLERANCE = 1e-11
 """Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
+
+# Rows off by more than this, relative to 1 plus their right-hand side, are refined.
+_OFF = 1e-12
 
 FIRST = 35
 """Where in a warm start the rows begin, after room for a proof (see `empty_warm_start`)."""
@@ -197,48 +198,38 @@ def saturated_multiplier(p: Program, at: ActiveSet, row: int) -> float:
 
 
 @allocation_free
-def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
-    """Note the active rows, those at their penalty, and the bounds that are held."""
-    head, found = p.head[0], FIRST
-    warm[1] = head.begun
-    for j in range(head.active):
-        warm[found] = at.rows[j]
-        found += 1
-    if head.saturated > 0:
-        for row in range(at.states.shape[0]):
-            state = at.states[row]
-            if state in (AT_PENALTY, AT_MINUS_PENALTY):
-                warm[found] = -1 - row - (AT_LOWER if state == AT_MINUS_PENALTY else 0)
-                found += 1
-    warm[0] = found - FIRST
-    if head.fixed > 0:
-        for row in range(p.terminal.shape[0], at.states.shape[0]):
-            kind, k, a, sign = locate(p, row)
-            if kind == BOUND and p.stages[k].fixed[a] == sign:
-                warm[found] = row
-                found += 1
-        warm[0] = found - FIRST
+def iterative_refinement(p: Program, at: ActiveSet) -> None:
+    """Take rounding out of the active rows: one step of iterative refinement."""
+    count, is_off = p.head[0].active, False
+    for j in range(count):
+        bound, _ = limit(p, at.rows[j])
+        at.inside[j] = row_value(p, at.rows[j]) - bound
+        is_off = is_off or abs(at.inside[j]) > _OFF * (1.0 + abs(bound))
+    if not is_off:
+        return
+    solve_transposed(at.basis, count, at.inside, at.dependence)
+    for j in range(count):
+        at.inside[j] = at.dependence[j]
+        Q = at.basis.Q[j]
+        for i in range(at.v.shape[0]):
+            at.v[i] -= at.inside[j] * Q[i]
+    solve(at.basis, count, at.inside, at.dependence)
+    for j in range(count):
+        at.multipliers[j] += at.dependence[j]
+    recover_step(p, at.v)
 
 
 @allocation_free
-def shift_warm_start(p: Program, warm: Indices) -> None:
-    """Move a warm start to the present horizon, which begins at a later stage."""
-    terminal, last, kept = p.terminal.shape[0], count_rows(p), 0
-    over = (p.head[0].begun - warm[1]) * rows_per_stage(p)
-    if over == 0:
-        return
-    for i in range(3, 3 + 2 * warm[2], 2):
-        # A row that is over has a number that no row has.
-        if warm[i] >= terminal:
-            warm[i] = warm[i] - over if warm[i] - over >= terminal else -1
-    for i in range(FIRST, FIRST + warm[0]):
-        row, saturated = warm[i], warm[i] < 0
-        if saturated:
-            row = -1 - row
-        if row >= terminal:
-            row -= over
-            if not terminal <= row < last:
-                continue
-        warm[FIRST + kept] = -1 - row if saturated else row
-        kept += 1
-    warm[0], warm[1] = kept, p.head[0].begun
+def recompute_primal(p: Program, at: ActiveSet) -> None:
+    """``v`` from the multipliers, without the rounding of the way to it."""
+    head, r = p.head[0], p.stages[0].B.shape[1]
+    for k in range(head.horizon + 1):
+        for a in range(r):
+            at.v[k * r + a] = p.stages[k].optimum[a]
+    for j in range(head.active):
+        apply_multiplier(p, at, at.rows[j], at.multipliers[j])
+    if head.saturated > 0:
+        for row in range(at.states.shape[0]):
+            multiplier = saturated_multiplier(p, at, row)
+            if multiplier != 0.0:
+                apply_multiplier(p, at, row, multiplier)

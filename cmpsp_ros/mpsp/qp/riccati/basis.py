@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 
 # Fraction of its length that a row must have outside the basis to count as independent.
 _INDEPENDENT = 1e-10
@@ -80,9 +80,9 @@ def split(
 def append(basis: Basis, count: int, inside: Array, outside: Array, sign: float) -> None:
     """Add a row, given by its `split` times a sign."""
     length = math.sqrt(dot(outside, outside, outside.shape[0]))
-    Q = basis.Q[count]
+    Q, scale = basis.Q[count], 1.0 / length
     for i in range(outside.shape[0]):
-        Q[i] = outside[i] / length
+        Q[i] = scale * outside[i]
     for j in range(count):
         basis.R[j, count] = sign * inside[j]
     basis.R[count, count] = sign * length

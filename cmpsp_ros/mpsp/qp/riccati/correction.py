@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     row_in_v,
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import append, solve_transposed, split
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, recover_step
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, TRUST, Program, locate, row_number
 
@@ -48,7 +48,12 @@ def correct(p: Program, whole: ActiveSet, output_error: Array, g: Array) -> None
         Q = at.basis.Q[j]
         for i in range(at.row.shape[0]):
             at.row[i] -= at.dependence[j] * Q[i]
-    _recover_correction(p, at.row)
+    _swap(p)
+    # As a difference it does not move what is held.
+    fixed, head.fixed = head.fixed, 0
+    recover_step(p, at.row)
+    head.fixed = fixed
+    _swap(p)
 
 
 @allocation_free
@@ -109,27 +114,11 @@ def _excess(p: Program, row: int, output_error: Array, g: Array) -> float:
 
 
 @inner
-def _recover_correction(p: Program, v: Array) -> None:
-    """The controls of a change of ``v``; the states that go with it are of no use to anyone."""
-    n, r = p.stages[0].B.shape
-    for i in range(n):
-        p.stages[0].correction_X[i] = 0.0
+def _swap(p: Program) -> None:
+    """Exchange step and correction."""
     for k in range(p.head[0].horizon + 1):
-        stage, at = p.stages[k], k * r
-        for a in range(r):
-            total = 0.0
-            for b in range(a, r):
-                total += stage.L_inv[b, a] * v[at + b]
-            for j in range(n):
-                total -= stage.K[a, j] * stage.correction_X[j]
-            stage.correction_U[a] = total
-        if k == p.head[0].horizon:
-            break
-        following = p.stages[k + 1]
-        for i in range(n):
-            total = 0.0
-            for j in range(n):
-                total += stage.A_cl[i, j] * stage.correction_X[j]
-            for a in range(r):
-                total += stage.B_cl[i, a] * v[at + a]
-            following.correction_X[i] = total
+        stage = p.stages[k]
+        for a in range(stage.dU.shape[0]):
+            stage.dU[a], stage.correction_U[a] = stage.correction_U[a], stage.dU[a]
+        for i in range(stage.dX.shape[0]):
+            stage.dX[i], stage.correction_X[i] = stage.correction_X[i], stage.dX[i]

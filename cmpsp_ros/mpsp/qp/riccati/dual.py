@@ -26,19 +26,20 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     IS_OFF,
     TOLERANCE,
     ActiveSet,
+    iterative_refinement,
+    recompute_primal,
 )
 from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step, row_norm
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import MANY
 from cmpsp_ros.mpsp.qp.riccati.program import Program, is_bound, load_row, product
-from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement, recompute_primal
-from cmpsp_ros.mpsp.qp.riccati.step import CROWDED, DONE, meet
+from cmpsp_ros.mpsp.qp.riccati.step import CROWDED, DONE, active_set_step
 
 # After so many steps the point is found again from the multipliers: rounding has added up.
 _MANY = 64
 
 
 @allocation_free
-def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
+def add_violated_rows(p: Program, at: ActiveSet, may_crowd: bool) -> int:
     """Meet one violated row after the other, from where the method has begun.
 
     Args:
@@ -47,7 +48,7 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
         may_crowd: Whether to stop where many bounds have become active.
 
     Returns:
-        An outcome of `step.meet`; `DONE` where nothing is violated any more.
+        An outcome of `step.active_set_step`; `DONE` where nothing is violated any more.
     """
     head, bounds = p.head[0], 0
     outcome, looked_at, recovered_at = DONE, -1, head.iterations
@@ -63,7 +64,7 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
             if not _find_violated(p, at):
                 break
             row = _furthest(at)
-        outcome = meet(p, at, row)
+        outcome = active_set_step(p, at, row)
         if outcome == DONE and may_crowd and is_bound(p, row):
             bounds += 1
             if bounds > MANY and 2 * _bounds_in_basis(p, at) > head.active:

@@ -17,6 +17,7 @@ from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 
 _SMALLEST_PIVOT = 1e-14
@@ -28,51 +29,135 @@ _FACTORISE, _COVARIANCE = 4, 2
 def factorise(p: Program) -> bool:
     """Sweep backward over all stages.
 
+    The Hessian of a stage is split as ``C D C'`` with ones on the diagonal of ``C``: the next stage
+    need not wait for roots.
+
     Returns:
         Whether the condensed Hessian is positive definite; else the factorisation is of no use.
     """
-    head, N = p.head[0], p.head[0].horizon
-    n, r = p.stages[0].B.shape
+    head, first = p.head[0], p.stages[0]
+    n, r = first.B.shape
+    N, has_fixed = head.horizon, head.fixed > 0
     head.work += _FACTORISE * (N + 1)
-    head.is_factorised = 0
-    head.has_covariance = 0
-    if not _eliminate(p.stages[N], head, False):
-        return False
-    _update_cost_to_go(p.stages[N], head, False)
-    for k in range(N - 1, -1, -1):
+    head.is_factorised = head.has_covariance = 0
+    # Hessian and gradient of the cost to go, and their products with the dynamics.
+    P, PA, PB = room_for(first.A), room_for(first.A), room_for(first.B)
+    costate, gradient = room_for(first.L_X), room_for(first.L_X)
+    # Of the controls: Hessian, coupling with the states, gradient, and 1 / D.
+    S, G = room_for(first.L_UU), room_for(first.L_UX)
+    h, inverse = room_for(first.L_U), room_for(first.L_U)
+    for k in range(N, -1, -1):
         stage = p.stages[k]
-        A, B = stage.A, stage.B
-        for i in range(n):
+        A, B, K, L_inv = stage.A, stage.B, stage.K, stage.L_inv
+        for a in range(r):
+            h[a] = stage.L_U[a]
             for j in range(n):
-                total = 0.0
-                for q in range(n):
-                    total += head.P[i, q] * A[q, j]
-                head.PA[i, j] = total
-            for a in range(r):
-                total = 0.0
-                for q in range(n):
-                    total += head.P[i, q] * B[q, a]
-                head.PB[i, a] = total
-        if head.fixed > 0:
-            _add_drift(stage, head)
-        if not _eliminate(stage, head, True):
-            return False
-        K, L_inv, A_cl, B_cl = stage.K, stage.L_inv, stage.A_cl, stage.B_cl
-        for i in range(n):
-            for j in range(n):
-                total = A[i, j]
+                G[a, j] = stage.L_UX[a, j]
+            for b in range(a + 1):
+                S[a, b] = stage.L_UU[a, b]
+        if k < N:
+            for i in range(n):
+                for j in range(n):
+                    PA[i, j] = P[i, 0] * A[0, j]
+                    for q in range(1, n):
+                        PA[i, j] += P[i, q] * A[q, j]
                 for a in range(r):
-                    total -= B[i, a] * K[a, j]
-                A_cl[i, j] = total
+                    PB[i, a] = P[i, 0] * B[0, a]
+                    for q in range(1, n):
+                        PB[i, a] += P[i, q] * B[q, a]
+            if has_fixed:
+                _add_drift(stage, P, costate)
             for a in range(r):
-                total = 0.0
-                for b in range(a + 1):
-                    total += B[i, b] * L_inv[a, b]
-                B_cl[i, a] = total
-        if k:
-            _update_cost_to_go(stage, head, True)
+                for i in range(n):
+                    h[a] += B[i, a] * costate[i]
+                    for j in range(n):
+                        G[a, j] += B[i, a] * PA[i, j]
+                    for b in range(a + 1):
+                        S[a, b] += B[i, a] * PB[i, b]
+        if has_fixed:
+            _take_out_fixed(stage, S, G, h)
+        for a in range(r):
+            whole = S[a, a]
+            for b in range(a):
+                for q in range(b):
+                    S[a, b] -= S[a, q] * S[b, q]
+            for b in range(a):
+                scaled = S[a, b] * inverse[b]
+                S[a, a] -= S[a, b] * scaled
+                S[a, b] = scaled
+            if not S[a, a] > _SMALLEST_PIVOT * whole:
+                return False
+            inverse[a] = 1.0 / S[a, a]
+            for b in range(a):
+                h[a] -= S[a, b] * h[b]
+                for j in range(n):
+                    G[a, j] -= S[a, b] * G[b, j]
+        if k > 0:
+            for i in range(n):
+                gradient[i] = stage.L_X[i]
+                for j in range(i + 1):
+                    P[i, j] = stage.L_XX[i, j]
+            if k < N:
+                for i in range(n):
+                    for q in range(n):
+                        gradient[i] += A[q, i] * costate[q]
+                        for j in range(i + 1):
+                            P[i, j] += A[q, i] * PA[q, j]
+            for i in range(n):
+                if has_fixed:
+                    for a in range(r):
+                        gradient[i] += stage.L_UX[a, i] * fixed_control(stage, a)
+                for a in range(r):
+                    scaled = G[a, i] * inverse[a]
+                    gradient[i] -= scaled * h[a]
+                    for j in range(i + 1):
+                        P[i, j] -= scaled * G[a, j]
+                for j in range(i):
+                    P[j, i] = P[i, j]
+            for i in range(n):
+                costate[i] = gradient[i]
+        for a in range(r - 1, -1, -1):
+            root = math.sqrt(inverse[a])
+            stage.optimum[a] = -root * h[a]
+            for j in range(n):
+                total = inverse[a] * G[a, j]
+                for b in range(a + 1, r):
+                    total -= S[b, a] * K[b, j]
+                K[a, j] = total
+        for a in range(r):
+            root = math.sqrt(inverse[a])
+            for b in range(a):
+                total = -S[a, b]
+                for q in range(b + 1, a):
+                    total -= S[a, q] * L_inv[q, b]
+                L_inv[a, b] = total
+            L_inv[a, a] = 1.0
+        for a in range(r):
+            root = 0.0 if stage.fixed[a] != 0.0 else math.sqrt(inverse[a])
+            for b in range(a + 1):
+                L_inv[a, b] *= root
+        if k < N:
+            _close_loop(stage)
     head.is_factorised = 1
     return True
+
+
+@inner
+def _close_loop(stage: Any) -> None:
+    """``A_cl = A - B K`` and ``B_cl = B L^-T``."""
+    n, r = stage.B.shape
+    B, K, L_inv, A_cl, B_cl = stage.B, stage.K, stage.L_inv, stage.A_cl, stage.B_cl
+    for i in range(n):
+        for j in range(n):
+            total = stage.A[i, j]
+            for a in range(r):
+                total -= B[i, a] * K[a, j]
+            A_cl[i, j] = total
+        for a in range(r):
+            total = 0.0
+            for b in range(a + 1):
+                total += B[i, b] * L_inv[a, b]
+            B_cl[i, a] = total
 
 
 @allocation_free
@@ -84,7 +169,7 @@ def fixed_control(stage: Any, a: int) -> float:
 
 
 @inner
-def _add_drift(stage: Any, head: Any) -> None:
+def _add_drift(stage: Any, P: Array, costate: Array) -> None:
     """What the fixed controls do to the next state, and its part in the cost to go's gradient."""
     n, r = stage.B.shape
     for i in range(n):
@@ -94,122 +179,26 @@ def _add_drift(stage: Any, head: Any) -> None:
         stage.drift[i] = total
     for i in range(n):
         for j in range(n):
-            head.p[i] += head.P[i, j] * stage.drift[j]
+            costate[i] += P[i, j] * stage.drift[j]
 
 
 @inner
-def _eliminate(stage: Any, head: Any, coupled: bool) -> bool:
-    """Minimise over the controls of a stage: `K`, `L_inv` and ``v*_k``, and `G` as ``L^-1 G``."""
-    n, r = stage.B.shape
-    L, G, h, fixed = head.L, head.G, head.U, head.fixed > 0
-    for a in range(r):
-        total = stage.L_U[a]
-        if coupled:
-            for i in range(n):
-                total += stage.B[i, a] * head.p[i]
-        if fixed:
-            for b in range(r):
-                total += stage.L_UU[a, b] * fixed_control(stage, b)
-        h[a] = total
-        for j in range(n):
-            total = stage.L_UX[a, j]
-            if coupled:
-                for i in range(n):
-                    total += stage.B[i, a] * head.PA[i, j]
-            G[a, j] = total
-        for b in range(a + 1):
-            total = stage.L_UU[a, b]
-            if coupled:
-                for i in range(n):
-                    total += stage.B[i, a] * head.PB[i, b]
-            L[a, b] = total
-    if fixed:
-        _take_out_fixed(stage, head)
-    L_inv = stage.L_inv
-    for a in range(r):
-        whole = L[a, a]
-        for b in range(a):
-            for q in range(b):
-                L[a, b] -= L[a, q] * L[b, q]
-            L[a, b] *= L_inv[b, b]
-            L[a, a] -= L[a, b] * L[a, b]
-        if not L[a, a] > _SMALLEST_PIVOT * whole:
-            return False
-        L_inv[a, a] = 1.0 / math.sqrt(L[a, a])
-    for b in range(r):
-        for a in range(b + 1, r):
-            total = 0.0
-            for q in range(b, a):
-                total -= L[a, q] * L_inv[q, b]
-            L_inv[a, b] = total * L_inv[a, a]
-    # From the last row on, each row needs only those above it: in place.
-    for a in range(r - 1, -1, -1):
-        total = 0.0
-        for b in range(a + 1):
-            total += L_inv[a, b] * h[b]
-        h[a] = total
-        stage.optimum[a] = -total
-        for j in range(n):
-            total = 0.0
-            for b in range(a + 1):
-                total += L_inv[a, b] * G[b, j]
-            G[a, j] = total
-    for a in range(r):
-        for j in range(n):
-            total = 0.0
-            for b in range(a, r):
-                total += L_inv[b, a] * G[b, j]
-            stage.K[a, j] = total
-    if fixed:
-        for a in range(r):
-            if stage.fixed[a] != 0.0:
-                L_inv[a, a] = 0.0
-    return True
-
-
-@inner
-def _take_out_fixed(stage: Any, head: Any) -> None:
+def _take_out_fixed(stage: Any, S: Array, G: Array, h: Array) -> None:
     """Decouple the fixed controls from all else, with a pivot of 1."""
     n, r = stage.B.shape
     for a in range(r):
+        for b in range(r):
+            h[a] += stage.L_UU[a, b] * fixed_control(stage, b)
+    for a in range(r):
         if stage.fixed[a] != 0.0:
-            head.U[a] = 0.0
+            h[a] = 0.0
             for j in range(n):
-                head.G[a, j] = 0.0
+                G[a, j] = 0.0
             for b in range(a):
-                head.L[a, b] = 0.0
+                S[a, b] = 0.0
             for b in range(a + 1, r):
-                head.L[b, a] = 0.0
-            head.L[a, a] = 1.0
-
-
-@inner
-def _update_cost_to_go(stage: Any, head: Any, coupled: bool) -> None:
-    """``P = L_XX + A' P A - Y' Y`` and its gradient, with ``Y`` in `G` and ``L^-1 h`` in `U`."""
-    n, r = stage.B.shape
-    P, p, Y, h, gradient = head.P, head.p, head.G, head.U, head.X
-    for i in range(n):
-        total = stage.L_X[i]
-        if coupled:
-            for q in range(n):
-                total += stage.A[q, i] * p[q]
-        if head.fixed > 0:
-            for a in range(r):
-                total += stage.L_UX[a, i] * fixed_control(stage, a)
-        for a in range(r):
-            total -= Y[a, i] * h[a]
-        gradient[i] = total
-        for j in range(i + 1):
-            total = stage.L_XX[i, j]
-            if coupled:
-                for q in range(n):
-                    total += stage.A[q, i] * head.PA[q, j]
-            for a in range(r):
-                total -= Y[a, i] * Y[a, j]
-            P[i, j] = total
-            P[j, i] = total
-    for i in range(n):
-        p[i] = gradient[i]
+                S[b, a] = 0.0
+            S[a, a] = 1.0
 
 
 @allocation_free
@@ -270,33 +259,37 @@ def recover_step(p: Program, v: Array) -> None:
     """The step ``dU``, ``dX`` of a point ``v``, shape ``((N + 1) r,)``."""
     head = p.head[0]
     n, r = p.stages[0].B.shape
-    N, drifts = head.horizon, head.fixed > 0
+    N, has_fixed = head.horizon, head.fixed > 0
     head.work += N + 1
+    # States at this stage and the next.
+    X, following = room_for(p.stages[0].L_X), room_for(p.stages[0].L_X)
     for i in range(n):
-        p.stages[0].dX[i] = 0.0
+        X[i] = 0.0
     for k in range(N + 1):
         stage, at = p.stages[k], k * r
+        for i in range(n):
+            stage.dX[i] = X[i]
         for a in range(r):
-            total = 0.0
-            for b in range(a, r):
+            total = stage.L_inv[a, a] * v[at + a]
+            for b in range(a + 1, r):
                 total += stage.L_inv[b, a] * v[at + b]
             for j in range(n):
-                total -= stage.K[a, j] * stage.dX[j]
+                total -= stage.K[a, j] * X[j]
             stage.dU[a] = total
-        if drifts:
+        if has_fixed:
             for a in range(r):
                 if stage.fixed[a] != 0.0:
                     stage.dU[a] = fixed_control(stage, a)
-        if k == N:
-            break
-        following = p.stages[k + 1]
-        for i in range(n):
-            total = stage.drift[i] if drifts else 0.0
-            for j in range(n):
-                total += stage.A_cl[i, j] * stage.dX[j]
-            for a in range(r):
-                total += stage.B_cl[i, a] * v[at + a]
-            following.dX[i] = total
+        if k < N:
+            # What does not wait for the states comes first.
+            for i in range(n):
+                following[i] = stage.drift[i] if has_fixed else 0.0
+                for a in range(r):
+                    following[i] += stage.B_cl[i, a] * v[at + a]
+                for j in range(n):
+                    following[i] += stage.A_cl[i, j] * X[j]
+            for i in range(n):
+                X[i] = following[i]
 
 
 @allocation_free
@@ -327,9 +320,12 @@ def transform_row(p: Program, k: int, row: Array) -> int:
     Returns:
         How many leading entries may be other than 0.
     """
-    stage, X, X_next, U = p.stages[k], p.head[0].X, p.head[0].X_next, p.head[0].U
+    stage, given, U = p.stages[k], p.head[0].X, p.head[0].U
     n, r = stage.B.shape
     p.head[0].work += k + 1
+    X, before = room_for(stage.L_X), room_for(stage.L_X)
+    for i in range(n):
+        X[i] = given[i]
     for a in range(r):
         total = 0.0
         for b in range(a + 1):
@@ -340,14 +336,14 @@ def transform_row(p: Program, k: int, row: Array) -> int:
     for j in range(k - 1, -1, -1):
         stage = p.stages[j]
         for a in range(r):
-            total = 0.0
-            for i in range(n):
+            total = stage.B_cl[0, a] * X[0]
+            for i in range(1, n):
                 total += stage.B_cl[i, a] * X[i]
             row[j * r + a] = total
         for i in range(n):
-            total = 0.0
-            for q in range(n):
-                total += stage.A_cl[q, i] * X[q]
-            X_next[i] = total
-        X, X_next = X_next, X
+            before[i] = stage.A_cl[0, i] * X[0]
+            for q in range(1, n):
+                before[i] += stage.A_cl[q, i] * X[q]
+        for i in range(n):
+            X[i] = before[i]
     return (k + 1) * r

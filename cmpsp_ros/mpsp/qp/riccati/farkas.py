@@ -167,7 +167,7 @@ def still_contradicts(p: Program, at: ActiveSet, warm: Indices) -> bool:
         if upper < math.inf or abs(bound) == math.inf:
             return False
         set_multiplier(p, row, float(warm[4 + 2 * i]))
-    if contradicts(p, at, recover_bound_multipliers(p, 0.0)):
-        return True
-    warm[2] = 0
-    return False
+    p.head[0].is_proved = int(contradicts(p, at, recover_bound_multipliers(p, 0.0)))
+    if p.head[0].is_proved == 0:
+        warm[2] = 0
+    return bool(p.head[0].is_proved == 1)

@@ -19,7 +19,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     FIRST,
     ActiveSet,
     Indices,
-    leave_warm_start,
     saturated_multiplier,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import (
@@ -31,6 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     product,
     set_multiplier,
 )
+from cmpsp_ros.mpsp.qp.riccati.warm_start import leave_warm_start
 
 MANY: Final = 12
 """Active bounds from which on holding them is cheaper than to have them in the basis."""
@@ -206,22 +206,39 @@ def release(p: Program, tolerance: float) -> int:
 
 @allocation_free
 def hold_violated(p: Program) -> int:
-    """Hold the controls that the step has beyond a bound, if they are many; returns how many."""
+    """Hold the controls that the step has beyond a bound, if they are many; returns how many.
+
+    Where more path rows are violated the basis will be large whatever is held, and would be made
+    again with each guess.
+    """
+    found = _hold_beyond(p, False)
+    if found < MANY or found + p.head[0].fixed < _violated_path_rows(p):
+        return 0
+    return _hold_beyond(p, True)
+
+
+@inner
+def _hold_beyond(p: Program, holds: bool) -> int:
+    """Count, or hold, the controls beyond a bound."""
     found = 0
-    for attempt in range(2):
-        found, others = 0, 0
-        for k in range(p.head[0].horizon + 1):
-            stage = p.stages[k]
-            for j in range(p.path.shape[1]):
-                others += int(p.path[k, j].value + product(p.path[k, j], stage) > 0.0)
-            for a in range(stage.fixed.shape[0]):
-                above = stage.dU[a] > stage.upper[a]
-                if stage.fixed[a] == 0.0 and (above or stage.dU[a] < stage.lower[a]):
-                    found += 1
-                    if attempt == 1:
-                        _hold(p, k, a, 1.0 if above else -1.0)
-        if found < MANY or found + p.head[0].fixed < others:
-            return 0
+    for k in range(p.head[0].horizon + 1):
+        stage = p.stages[k]
+        for a in range(stage.fixed.shape[0]):
+            above = stage.dU[a] > stage.upper[a]
+            if stage.fixed[a] == 0.0 and (above or stage.dU[a] < stage.lower[a]):
+                found += 1
+                if holds:
+                    _hold(p, k, a, 1.0 if above else -1.0)
+    return found
+
+
+@inner
+def _violated_path_rows(p: Program) -> int:
+    found = 0
+    for k in range(p.head[0].horizon + 1):
+        for j in range(p.path.shape[1]):
+            row = p.path[k, j]
+            found += int(row.value + product(row, p.stages[k]) > 0.0)
     return found
 
 

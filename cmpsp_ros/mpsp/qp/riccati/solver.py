@@ -9,12 +9,10 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     IS_OFF,
     ActiveSet,
     Indices,
-    leave_warm_start,
     on_horizon,
-    shift_warm_start,
 )
-from cmpsp_ros.mpsp.qp.riccati.dual import meet_all
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin, recover_step
+from cmpsp_ros.mpsp.qp.riccati.dual import add_violated_rows
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin
 from cmpsp_ros.mpsp.qp.riccati.farkas import leave_proof, still_contradicts
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
     fix_from,
@@ -32,7 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
-from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
+from cmpsp_ros.mpsp.qp.riccati.warm_start import begin, leave_warm_start, shift_warm_start
 
 TOLERANCE: Final = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""
@@ -72,7 +70,6 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
             return NO_CURVATURE
         keep_origin(p, at.v)
         begin(p, at, warm)
-        recover_step(p, at.v)
         # After so many sweeps bounds are only let go, which happens a finite number of times.
         sweeps += 1
         guesses = sweeps <= _SWEEPS and in_vain < _PATIENCE
@@ -86,7 +83,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
                 fewest = min(fewest, changed)
                 restart_from(p, at, warm, guesses)
                 continue
-        outcome = meet_all(p, at, guesses)
+        outcome = add_violated_rows(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
         if outcome == FULL and head.fixed > 0 and head.work <= head.work_limit:

@@ -15,6 +15,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     TOLERANCE,
     ActiveSet,
     add_constraint,
+    iterative_refinement,
     remove_constraint,
     row_in_v,
 )
@@ -22,7 +23,7 @@ from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
 from cmpsp_ros.mpsp.qp.riccati.farkas import bounds_cross, contradicts, name_rows
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers, release
-from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
     Program,
     clear_multipliers,
@@ -31,7 +32,6 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_value_at_origin,
     set_multiplier,
 )
-from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement
 
 DONE, CONTRADICTION, FULL, RELEASED, CROWDED = 0, 1, 2, 3, 4
 """Outcomes of a step: the row is met; it contradicts the others; there is no room or work left;
@@ -48,7 +48,7 @@ _NO_DIRECTION = 1e-9
 
 
 @allocation_free
-def meet(p: Program, at: ActiveSet, row: int) -> int:
+def active_set_step(p: Program, at: ActiveSet, row: int) -> int:
     """Move along one row's multiplier until the row is met or its multiplier is at an end."""
     head = p.head[0]
     length = row_in_v(p, row, at.row)

@@ -29,14 +29,16 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
-from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
     Program,
+    count_rows,
     limit,
     locate,
     row_value,
     row_value_at_origin,
+    rows_per_stage,
 )
 
 # Fraction of its length, squared, that a row must have outside the span of those before it. What is
@@ -48,7 +50,7 @@ _PASSES: Final = 3
 
 @allocation_free
 def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
-    """Begin at the terminal rows and those of the warm start.
+    """Begin at the terminal rows and those of the warm start, and recover the step there.
 
     Args:
         p: The program, factorised.
@@ -65,29 +67,33 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
             at.v[k * r + a] = p.stages[k].optimum[a]
     _rest_at_penalty(p, at, warm)
     for row in range(terminal):
-        _meet(p, at, row)
+        _add_violated(p, at, row)
         if at.states[row] == IS_OFF:
             kind = at.distances.shape[0] - terminal + row
             at.distances[kind] = math.inf
             at.furthest[kind] = row
-    before = head.active
     for i in range(FIRST, FIRST + warm[0]):
-        _meet(p, at, warm[i])
+        _add_violated(p, at, warm[i])
+    before, is_current = -1, False
     for _ in range(_PASSES):
         # What was met before others joined may be violated after.
         if head.active == before:
             break
-        before = head.active
+        before, is_current = head.active, True
         recover_step(p, at.v)
         for i in range(FIRST, FIRST + warm[0]):
             if _is_violated(p, at, warm[i]):
-                _meet(p, at, warm[i])
+                _add_violated(p, at, warm[i])
+                is_current = False
     while True:
         solve(at.basis, head.active, at.multipliers, at.dependence)
         if not (_drop(p, at) or _saturate(p, at)):
             break
+        is_current = False
     for j in range(head.active):
         at.multipliers[j] = at.dependence[j]
+    if not is_current:
+        recover_step(p, at.v)
 
 
 @inner
@@ -110,7 +116,7 @@ def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
 
 
 @inner
-def _meet(p: Program, at: ActiveSet, row: int) -> None:
+def _add_violated(p: Program, at: ActiveSet, row: int) -> None:
     """Move the point onto a row that is violated; `multipliers` gets its entry of ``y``."""
     head = p.head[0]
     count = head.active
@@ -185,3 +191,51 @@ def _saturate(p: Program, at: ActiveSet) -> bool:
             at.multipliers[i] -= upper * at.inside[i]
         return True
     return False
+
+
+@allocation_free
+def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Note the active rows, those at their penalty, and the bounds that are held."""
+    head, found = p.head[0], FIRST
+    warm[1] = head.begun
+    for j in range(head.active):
+        warm[found] = at.rows[j]
+        found += 1
+    if head.saturated > 0:
+        for row in range(at.states.shape[0]):
+            state = at.states[row]
+            if state in (AT_PENALTY, AT_MINUS_PENALTY):
+                warm[found] = -1 - row - (AT_LOWER if state == AT_MINUS_PENALTY else 0)
+                found += 1
+    warm[0] = found - FIRST
+    if head.fixed > 0:
+        for row in range(p.terminal.shape[0], at.states.shape[0]):
+            kind, k, a, sign = locate(p, row)
+            if kind == BOUND and p.stages[k].fixed[a] == sign:
+                warm[found] = row
+                found += 1
+        warm[0] = found - FIRST
+
+
+@allocation_free
+def shift_warm_start(p: Program, warm: Indices) -> None:
+    """Move a warm start to the present horizon, which begins at a later stage."""
+    terminal, last, kept = p.terminal.shape[0], count_rows(p), 0
+    over = (p.head[0].begun - warm[1]) * rows_per_stage(p)
+    if over == 0:
+        return
+    for i in range(3, 3 + 2 * warm[2], 2):
+        # A row that is over has a number that no row has.
+        if warm[i] >= terminal:
+            warm[i] = warm[i] - over if warm[i] - over >= terminal else -1
+    for i in range(FIRST, FIRST + warm[0]):
+        row, saturated = warm[i], warm[i] < 0
+        if saturated:
+            row = -1 - row
+        if row >= terminal:
+            row -= over
+            if not terminal <= row < last:
+                continue
+        warm[FIRST + kept] = -1 - row if saturated else row
+        kept += 1
+    warm[0], warm[1] = kept, p.head[0].begun

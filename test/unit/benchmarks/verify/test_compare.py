@@ -162,6 +162,8 @@ def test_active_set_is_right_with_and_without_hints(family):
 @pytest.mark.parametrize(
     'name',
     [
+        'infeasible/1/7',
+        'infeasible/15/5',
         'infeasible/86/1',
         'infeasible/92/8',
         'infeasible/158/6',

@@ -211,3 +211,19 @@ def test_nothing_stays_held_in_memory_that_is_borrowed_again(monkeypatch):
     assert is_positive_definite(first)
     solution = riccati_backend.solve(staged(other), None)
     np.testing.assert_allclose(solution.dU, run(other).dU, atol=1e-10)
+
+
+def test_bounds_that_fill_the_basis_are_let_go():
+    qp = random_program(np.random.default_rng(20), 340, bound=0.5)
+    found = run(qp)
+    assert (found.outcome, found.fixed) == (SOLVED, 0)
+    assert 200 < found.active < CAPACITY
+
+
+@pytest.mark.parametrize('seed', [1, 4, 6])
+def test_bounds_among_many_violated_path_rows_are_not_held(seed):
+    """The basis, which these rows make large, would be made again with each guess."""
+    found = run(random_program(np.random.default_rng(seed), 60, bound=0.5, l=4, m=1))
+    assert (found.outcome, found.fixed) == (SOLVED, 0)
+    assert np.count_nonzero(found.multipliers.bounds) > 15
+    assert found.iterations < 2 * found.active

@@ -15,6 +15,7 @@ from stage_programs import (
 )
 
 from cmpsp_ros.mpsp.qp import clarabel_backend, daqp_backend
+from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.solution import QPStatus
 
@@ -264,6 +265,52 @@ def test_the_warm_start_left_is_the_shortest_way_to_the_same_answer(weight):
     again = run(qp, penalties, alone.warm.copy())
     np.testing.assert_allclose(again.dU, alone.dU, atol=1e-11)
     assert again.iterations <= alone.active + alone.saturated
+
+
+@pytest.mark.parametrize('side', [1.0, -1.0])
+def test_an_output_at_either_penalty_stays_there(side):
+    qp = chain(2, 3.0 * side)
+    alone = run(qp, relaxed(qp, terminal=1.0))
+    assert (alone.outcome, alone.saturated) == (SOLVED, 1)
+    again = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy())
+    assert (again.outcome, again.saturated, again.iterations) == (SOLVED, 1, 0)
+    np.testing.assert_allclose(again.dU, alone.dU, atol=1e-14)
+
+
+def test_a_proof_goes_along_to_the_next_program():
+    qp = chain(8, 3.0)
+    qp.upper[:, 0], qp.L_U[:] = 0.3, 0.01
+    warm = run(qp).warm
+    later = chain(7, 2.8)
+    later.upper[:, 0] = 0.3
+    found = run(later, None, warm, begun=1)
+    assert (found.outcome, found.iterations, found.is_proved) == (INFEASIBLE, 0, 1)
+    assert found.conflict == {0, *(place(later, 'bound', k, 0) for k in range(7))}
+    assert_certifies(later, found.conflict)
+    # It proves nothing where the output may be missed, or can be reached.
+    weights = relaxed(later, terminal=5.0)
+    assert run(later, weights, warm.copy(), begun=1).outcome == SOLVED
+    later.upper[3, 0] = 1.3
+    found = run(later, None, warm, begun=1)
+    assert found.outcome == SOLVED
+    np.testing.assert_allclose(found.dU, run(later).dU, atol=1e-12)
+
+
+@pytest.mark.parametrize('apart', [3e-8, 3e-9, 3e-10])
+def test_rows_almost_parallel_are_met_all(apart):
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        qp = random_program(rng, bound=rng.choice([0.5, 2.0, np.inf]))
+        qp.g[:] += rng.choice([0.0, 0.3])
+        qp.L_U[:] *= 30.0
+        twice = {
+            name: np.concatenate([rows, rows * (1.0 + apart * rng.normal(size=rows.shape))], axis=1)
+            for name, rows in (('g', qp.g), ('g_X', qp.g_X), ('g_U', qp.g_U))
+        }
+        found = run(qp._replace(**twice))
+        assert found.outcome in (SOLVED, INFEASIBLE)
+        if found.outcome == SOLVED:
+            assert kkt_residual(found.space.program) < 2e-9
 
 
 @pytest.mark.parametrize('stages', [1, 4, 30])

@@ -1,9 +1,12 @@
-"""Inner products in vector registers, in an order that is the same on every machine.
+"""What numba does not offer: inner products in vector registers, and small arrays on the stack.
 
 A compiler may not reorder a sum without changing its bits, so it adds the products one by one. Here
 the order is laid down: eight sums run side by side, those of the entries ``i``, ``i + 8``, ``i +
 16`` and so on, as two vectors of four. Where registers are shorter the compiler takes more of them
 for the same sums.
+
+What a sweep hands from stage to stage would be written to memory and read again, which takes longer
+than the arithmetic between. An array on the stack can stay in registers.
 """
 
 from __future__ import annotations
@@ -63,3 +66,31 @@ def _load(builder: Any, row: Any, begin: Any) -> Any:
     """Four entries of a row; rows begin anywhere."""
     place = builder.bitcast(builder.gep(row, [begin]), _FOUR.as_pointer())
     return builder.load(place, align=8)
+
+
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+def room_for(_context: Any, like: Any) -> Any:
+    """An array of the type and shape of a record's, with anything in it.
+
+    It is gone when the function returns that asked for it.
+    """
+    if not isinstance(like, types.NestedArray):
+        raise TypingError(f'found {like}, wanted an array in a record')
+    return like(like), _on_stack
+
+
+def _on_stack(context: Any, builder: Any, signature: Any, _arguments: Any) -> Any:
+    kind = signature.return_type
+    array = context.make_array(kind)(context, builder)
+    element = context.get_data_type(kind.dtype)
+    memory = cgutils.alloca_once(builder, element, kind.nitems)
+    sizes = [
+        [context.get_constant(types.intp, each) for each in of] for of in (kind.shape, kind.strides)
+    ]
+    array.data = memory
+    array.shape, array.strides = (cgutils.pack_array(builder, each) for each in sizes)
+    array.nitems = context.get_constant(types.intp, kind.nitems)
+    array.itemsize = context.get_constant(types.intp, kind.size // kind.nitems)
+    array.meminfo = cgutils.get_null_value(array.meminfo.type)
+    array.parent = cgutils.get_null_value(array.parent.type)
+    return array._getvalue()  # noqa: SLF001 (numba's way)

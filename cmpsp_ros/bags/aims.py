@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from cmpsp_ros.bags.decisions import Said
-from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 

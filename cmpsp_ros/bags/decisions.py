@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Recorded
-from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.guidance.goals import Goal
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Said:
         step: Number of the control step in its run.
         run: How often the law had been reset before it; 0 where that was not recorded.
         revision: How often the law had been given new settings; 0 where that was not recorded.
-        rung: Rung of the ladder, in lower case.
+        rung: FallbackLevel of the ladder, in lower case.
         reason: Why, in a sentence.
         finished: Whether the final time had passed.
         halted: Whether it answers no odometry.

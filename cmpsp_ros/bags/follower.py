@@ -7,8 +7,8 @@ from contextlib import suppress
 
 from cmpsp_ros.bags.inputs import Began, Changed, Halted, Heard, Input, Reset, Told
 from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import GoalError
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.table import Values
 

@@ -15,9 +15,9 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.node_parameters import NodeParameters
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recording import Names, Odometry, Recorded, Recording
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.parameters.table import Values
 
 

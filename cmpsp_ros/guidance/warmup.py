@@ -10,22 +10,30 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
-from cmpsp_ros.guidance.mission.goals import line_ahead, place_of, way_along
-from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import signature_of
-from cmpsp_ros.guidance.planning.homotopy.path_search import ways_through
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road, ways_left
+from cmpsp_ros.guidance.planning.candidate import Candidate, SolveResult
+from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
+from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.ranking import Judge
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.planning.ranking import Ranking
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.roads.arc_length import (
+    arc_length_to,
+    lookahead_point,
+    project_on_path,
+    remaining_arc_length,
+)
 from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.roads.road import Annulus
 
@@ -53,7 +61,7 @@ def prepare(settings: GuidanceSettings) -> None:
     _meet_trouble(settings)
     _meet_difficulties(settings)
     circular = _on_annulus(settings)
-    _look_for_ways(circular)
+    _search_paths(circular)
     _compare_plans(circular)
     for each in _reachable(settings):
         if each != settings:
@@ -68,17 +76,18 @@ def run_kernels(settings: GuidanceSettings) -> None:
     """
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
     on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
-    on_road.model.roll_out(pose, controls, durations)
+    on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)
-    Audit(on_road).check(pose, controls, durations, _A_DISC)
-    along_road(on_road, pose, durations)
-    ways_left(on_road, pose[None])
-    way_along(_A_ROAD, pose, on_road.goal)
-    line_ahead(_A_ROAD, pose, 1.0)
-    place_of(_A_ROAD, pose, math.nan)
+    start = PlanStart(pose, on_road.robot, _A_DISC)
+    Audit(on_road).check(start, controls, durations)
+    along_road(on_road, start, on_road.target, durations)
+    remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
+    arc_length_to(_A_ROAD, pose, on_road.goal)
+    lookahead_point(_A_ROAD, pose, 1.0)
+    project_on_path(_A_ROAD, pose, math.nan)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
@@ -122,12 +131,16 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
     """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
-    road = settings.road
-    planner = Planner(replace(settings, solver=replace(settings.solver, qp=CLARABEL)))
+    _improved(replace(settings, solver=replace(settings.solver, qp=CLARABEL)))
+
+
+def _improved(settings: GuidanceSettings) -> tuple[PlanningContext, SolveResult]:
+    """A plan of one iteration."""
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    horizon, pose = remaining(0, period, final), road.middle()
-    guess = along_road(settings, pose, horizon.durations)
-    planner.improve(pose, np.zeros(2), guess, horizon, iterations=1)
+    horizon, pose = remaining(0, period, final), settings.road.middle()
+    context = PlanningContext.at_pose(settings, pose, horizon, np.zeros(2))
+    planner = Planner(OcpFormulation(settings))
+    return context, planner.improve(context, context.center_line_guess, iterations=1)
 
 
 def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:
@@ -137,23 +150,24 @@ def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:
     return replace(settings, road=Annulus(), goal=(10.0, 0.0))
 
 
-def _look_for_ways(settings: GuidanceSettings) -> None:
+def _search_paths(settings: GuidanceSettings) -> None:
     """Search as far as from one side of a road to the other, wherever the goal is at present."""
     road = settings.annulus
-    pose, durations = road.middle(), np.full(_STEPS_ACROSS, settings.control_period)
-    opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
-    space = Task(opposite).space(along_road(opposite, pose, durations), durations)
-    ways_through(opposite, space, pose, durations)
+    start, durations = (
+        PlanStart(road.middle(), settings.robot),
+        np.full(_STEPS_ACROSS, settings.control_period),
+    )
+    opposite = Target((2.0 * road.center[0] - float(start.pose[0]), road.center[1]))
+    guess = along_road(settings, start, opposite, durations)
+    space = OcpFormulation(settings).static_free_space(guess, durations, opposite)
+    guide_paths(settings, space, start, opposite, durations)
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:
-    """Tell a plan's way and its merit, which is done where there are several."""
-    road = settings.annulus
-    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    horizon, pose, held = remaining(0, period, final), road.middle(), np.zeros(2)
-    guess = along_road(settings, pose, horizon.durations)
-    improvement = Planner(settings).improve(pose, held, guess, horizon, iterations=1)
-    plan = improvement.plan
-    verdict = Audit(settings).check(pose, plan.controls, horizon.durations)
-    Judge(settings).merit(Candidate(improvement, verdict), held)
-    signature_of(road, pose[None, :2].copy(), plan.poses, settings.goal)
+    """Find a plan's homotopy class and its score, which is done where there are several."""
+    context, result = _improved(settings)
+    start, plan = context.start, result.plan
+    verdict = Audit(settings).check(start, plan.controls, context.horizon.durations)
+    candidate = Candidate.of(result, verdict, context.goal)
+    Ranking(settings, settings.annulus).score(candidate, context.previous_control)
+    class_of(settings.annulus, start.pose[None, :2].copy(), plan.poses, settings.goal)

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'doc' / 'stops.md').read_text(encoding='utf-8')
 
 # What is told before a run is on another page; these are no answer to odometry.
-ELSEWHERE = {'prospects.py'}
+ELSEWHERE = {'feasibility_precheck.py'}
 ANSWERS = {'Time 0 is the next odometry.', '… The node goes on without.', 'A rehearsal.'}
 
 SENTENCE = re.compile(r'[A-Z… ].* [a-z].*([.?]|: …)')

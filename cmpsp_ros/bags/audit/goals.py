@@ -6,8 +6,8 @@ from dataclasses import replace
 from itertools import zip_longest
 
 from cmpsp_ros.bags.audit.record import Record, Run
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.mission.goals import Goal
 
 
 def goals_of(record: Record, run: Run) -> list[Goal]:

@@ -16,9 +16,9 @@ from cmpsp_ros.bags.audit.record import Leg, Record
 from cmpsp_ros.bags.encounters import Encounter
 from cmpsp_ros.bags.passing import Passing
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
@@ -124,7 +124,7 @@ def commanded(record: Record) -> Verdict:
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
                 period = min(max(held, 0.0), period)
-            near = place_of(settings.road, pose, near)
+            near = project_on_path(settings.road, pose, near)
             spare = _spare(settings, pose, twist, period, near)
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp

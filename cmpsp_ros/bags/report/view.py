@@ -43,7 +43,7 @@ class Band:
     """Control steps in a row of the same kind.
 
     Attributes:
-        rung: Rung of the ladder, or `arrived`.
+        rung: FallbackLevel of the ladder, or `arrived`.
         begin: From when on [s].
         end: Until when [s].
         steps: How many.
@@ -227,5 +227,5 @@ def _shown(said: Said) -> str:
 
 
 def _kind(said: Said) -> tuple[str, str]:
-    """Rung and sentence, without the figures in it."""
+    """FallbackLevel and sentence, without the figures in it."""
     return _shown(said), re.sub(r'[-+]?\d[\d.e+-]*', '#', said.reason)

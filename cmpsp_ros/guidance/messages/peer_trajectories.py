@@ -1,4 +1,4 @@
-"""Plans of other robots, as the guidance law is told of them: by what they publish of their own.
+"""Trajectories of other robots, as they publish them.
 
 A plan comes as `nav_msgs/Path`, as `~/predicted_path` is: each pose with the time when the robot
 should be there. A robot that stands publishes one pose.
@@ -25,7 +25,7 @@ MOST: Final = 10_000
 
 
 @dataclass(frozen=True, order=True)
-class OtherPlan:
+class PeerTrajectory:
     """Where another robot intends to be.
 
     Attributes:
@@ -74,11 +74,11 @@ class OtherPlan:
         return x, y
 
 
-Seen = Track | OtherPlan
+Seen = Track | PeerTrajectory
 """Something that moves, as it is known."""
 
 
-def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
+def plan_of(message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
     """The plan in a message.
 
     Args:
@@ -114,4 +114,9 @@ def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
         (x, y), (next_x, next_y) = places[:2]
         stamps.insert(0, stamp)
         places.insert(0, (x - part * (next_x - x), y - part * (next_y - y)))
-    return OtherPlan(namespace, stamp, tuple(stamps), tuple(places))
+    return PeerTrajectory(namespace, stamp, tuple(stamps), tuple(places))
+
+
+def plan_topic(namespace: str) -> str:
+    """Where a robot publishes its plans."""
+    return f'{namespace}/guidance/predicted_path'

@@ -185,13 +185,13 @@ class Tracks(Generic[Item]):
         self._known = {number: known for number, known in kept.items() if known}
 
 
-def written_keys(tracks: Iterable[Known]) -> str:
+def track_keys(tracks: Iterable[Known]) -> str:
     """Which tracks, as text."""
     return ' '.join(f'{each.id}@{each.stamp}' for each in tracks)
 
 
 def read_keys(text: str) -> list[tuple[int | str, int]]:
-    """Numbers or namespaces, and stamps, of what `written_keys` wrote.
+    """Numbers or namespaces, and stamps, of what `track_keys` wrote.
 
     Raises:
         ValueError: It did not write this.

@@ -1,4 +1,4 @@
-"""How much room a plan leaves, stage by stage."""
+"""Clearance along a plan, stage by stage."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.prediction.obstacle_tracker import Lookout
+from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
 
-class Room:
-    """Clearance along plans, for those who look on; it decides nothing."""
+class PlanClearance:
+    """Clearance along plans, for displays; it decides nothing."""
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles and robot from the settings."""
@@ -46,7 +46,7 @@ class Room:
         twists = (1.0 - decision.wheel_slip) * settings.robot.twist(plan.controls)
         clearance = self._space.along(plan.poses, twists, durations)
         if decision.tracks:
-            moving = Lookout().at(
+            moving = ObstacleTracker().update(
                 decision.stamp, plan.poses[0], decision.tracks, settings.moving_obstacles
             )
             times = plan.delay / NANOSECONDS + np.cumsum(durations) - durations

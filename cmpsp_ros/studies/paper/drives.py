@@ -108,7 +108,7 @@ class Drive:
         experiment: Which run of the paper.
         between_samples: Whether the path between samples was kept clear too.
         path: What was driven.
-        rungs: Rung of the ladder at each control step.
+        rungs: FallbackLevel of the ladder at each control step.
         step_times: Computing time of each control step [ms].
     """
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
 from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
@@ -92,7 +93,9 @@ def _visits(scenario: Scenario, rng: Rng) -> Iterator[Visit]:
         late = int(rng.uniform(0.0, 0.2) * period) if rng.random() < 0.3 else 0
         coming = remaining(min(step * period + late, final - 1), period, final)
         if horizon is None:
-            guess = initial_guess(settings, pose, coming.durations)
+            guess = initial_guess(
+                settings, PlanStart(pose, settings.robot), settings.target, coming.durations
+            )
         else:
             guess = shift(U, horizon, coming)
         horizon = coming
@@ -134,7 +137,7 @@ def _pose_problem(
         weights.control_change,
         weights.control_effort,
     )
-    space = at_samples(settings, float(durations.max()))
+    space = sample_space(settings, float(durations.max()))
     problem = GuidanceProblem(settings.robot, space, cost, pose, np.array(settings.goal), durations)
     if weights.control_rate > 0.0:
         return ControlRateProblem(problem, weights.control_rate, held[0])

@@ -3,6 +3,7 @@
 PYTHON ?= python3
 PRESET ?= case3
 PYTEST_ARGS ?=
+BENCH_ARGS ?=
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -19,19 +20,20 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ifeq ($(ROS_DISTRO),jazzy)
 ROS := jazzy
 VENV_OPTIONS := --system-site-packages
-REQUIREMENTS := requirements/lock.txt
+REQUIREMENTS := requirements/runtime.txt
 WITHOUT := numpy
 CHECK := true
 else
 ROS := wheels
 VENV_OPTIONS :=
-REQUIREMENTS := requirements/ros-wheels.txt requirements/lock.txt
+REQUIREMENTS := requirements/ros-wheels.txt requirements/runtime.txt
 WITHOUT := nothing
 CHECK := $(BIN)/python -m pip check --quiet
 endif
 
 # Stamps are written last and in one move: what was interrupted is begun again.
 ENVIRONMENT := $(VENV)/.environment
+DEVELOPMENT := $(VENV)/.development
 PACKAGE := $(VENV)/.package
 KERNELS := $(VENV)/.kernels
 DEMO_KERNELS := $(KERNELS)-$(subst /,_,$(PRESET))
@@ -95,24 +97,24 @@ test: setup  ## run the tests that take minutes together; more options for pytes
 	$(RUN_TESTS)
 
 test-all: WHICH :=
-test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/testing.md)
+test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/reference/testing.md)
 	$(RUN_TESTS)
 
-lint: check-ros $(PACKAGE)  ## ruff, mypy, and who may import whom
+lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, and who may import whom
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
 
-setup: check-ros $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
+setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 
-bench: setup  ## time the control steps
-	$(BIN)/cmpsp bench
+bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/reference/performance.md has a run
+	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
-docs: setup  ## write the tables of topics and parameters into README.md, and config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.nodes.common.topics README.md
+docs: setup  ## write doc/reference/topics.md and parameters.md, and config/cmpsp.policy.xml
+	$(BIN)/python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
-	$(BIN)/python -m cmpsp_ros.parameters.documentation --write README.md
+	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
 
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)
@@ -132,7 +134,8 @@ check-ros:
 	    echo "       Source Jazzy, or use a shell without any ROS: the wheels do then." >&2; exit 1; fi
 
 # Same pins as in the environment that is there: a new date on the files is no reason to begin again.
-$(ENVIRONMENT): $(wildcard requirements/*.txt) | check-ros
+# Nothing is compiled that is not imported: that would take half of the time.
+$(ENVIRONMENT): $(REQUIREMENTS) | check-ros
 	@if [ "$$(cat $(VENV)/.made-for 2>/dev/null)" = '$(MADE_FOR)' ] && [ '$(filter FORCE,$^)' = '' ] \
 	    && cat $(REQUIREMENTS) | cmp -s - $@; then touch $@; \
 	else \
@@ -144,11 +147,18 @@ $(ENVIRONMENT): $(wildcard requirements/*.txt) | check-ros
 	    $(PYTHON) -m venv $(VENV_OPTIONS) $(VENV); \
 	    cat $(REQUIREMENTS) > $(VENV)/.requirements; \
 	    grep -v '^$(WITHOUT)==' $(VENV)/.requirements > $(VENV)/requirements.txt; \
-	    $(BIN)/python -m pip install --quiet --no-deps -r $(VENV)/requirements.txt; \
+	    $(BIN)/python -m pip install --quiet --no-deps --no-compile -r $(VENV)/requirements.txt; \
 	    $(CHECK); \
 	    echo '$(MADE_FOR)' > $(VENV)/.made-for; \
 	    mv $(VENV)/.requirements $@; \
 	fi
+
+# What only tests, linters and benchmarks need.
+$(DEVELOPMENT): $(ENVIRONMENT) requirements/development.txt
+	@rm -f $@
+	@$(BIN)/python -m pip install --quiet --no-deps --no-compile -r requirements/development.txt
+	@$(CHECK)
+	@touch $@
 
 # Editable; needs no network. The build tools are in the lock.
 $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg

@@ -14,12 +14,17 @@ HERE = Path(__file__).resolve().parent
 
 HEADERS = {
     'ros-wheels.txt': '# ROS 2 Jazzy as wheels. Not installed where a ROS 2 Jazzy is sourced.',
-    'lock.txt': '# Everything but ROS: what the package needs, its tests, its linters, its build.',
+    'runtime.txt': '# What the package needs on a robot and for its reports, and its build.',
+    'development.txt': '# What tests it, lints it and times it.',
 }
+BUILD = {'setuptools', 'wheel'}
 
 
-def resolve() -> dict[str, str]:
-    """Asks pip for the full set.
+def resolve(extras: str) -> dict[str, str]:
+    """Asks pip what it would install.
+
+    Args:
+        extras: Of setup.py, separated by commas.
 
     Returns:
         Versions by canonical package name, without the package of this tree.
@@ -28,7 +33,7 @@ def resolve() -> dict[str, str]:
         report = Path(folder) / 'report.json'
         command = [sys.executable, '-m', 'pip', 'install', '--quiet', '--dry-run']
         command += ['--ignore-installed', '--report', str(report)]
-        command += [f'{HERE.parent}[ros,test,lint]']
+        command += [f'{HERE.parent}[{extras}]']
         subprocess.run(command, check=True)
         items = json.loads(report.read_text(encoding='utf-8'))['install']
     versions = {}
@@ -40,14 +45,16 @@ def resolve() -> dict[str, str]:
 
 
 def main() -> None:
-    """Resolves, checks and writes both files."""
-    versions = resolve()
+    """Resolves, checks and writes the files."""
+    versions = resolve('ros,report,test,lint')
+    runtime = BUILD | set(resolve('ros,report'))
     if 'lark' in versions:
         sys.exit('lock: lark overwrites lark-parser, which ROS needs: drop what asks for it')
     texts = {name: [header, '# Written by `make lock`.'] for name, header in HEADERS.items()}
     for name in sorted(versions):
         ros = name.startswith('ros-') or name == 'lark-parser'
-        texts['ros-wheels.txt' if ros else 'lock.txt'].append(f'{name}=={versions[name]}')
+        file = 'ros-wheels.txt' if ros else 'runtime.txt' if name in runtime else 'development.txt'
+        texts[file].append(f'{name}=={versions[name]}')
     for name, lines in texts.items():
         (HERE / name).write_text('\n'.join(lines) + '\n', encoding='utf-8')
 

@@ -57,7 +57,7 @@ def _part(text):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Mark what is slow by rule (doc/testing.md), and leave out all but one part."""
+    """Mark what is slow by rule (doc/reference/testing.md), and leave out all but one part."""
     for item in items:
         if _is_slow(item):
             item.add_marker(pytest.mark.slow)
@@ -127,7 +127,7 @@ def interruptible():
 
 @dataclass(frozen=True)
 class Fault:
-    """A row of doc/faults.md.
+    """A row of doc/user/faults.md.
 
     Attributes:
         rung: What is commanded; a dash where only diagnostics tell.
@@ -162,7 +162,7 @@ class Faults:
 
 
 def _rows():
-    for line in (ROOT / 'doc' / 'faults.md').read_text(encoding='utf-8').splitlines():
+    for line in (ROOT / 'doc' / 'user' / 'faults.md').read_text(encoding='utf-8').splitlines():
         cells = [cell.strip() for cell in line.strip('|').split('|')]
         if line.startswith('|') and cells[-1].startswith('`test/'):
             _, _, rung, level, says, test = cells
@@ -171,13 +171,13 @@ def _rows():
 
 @pytest.fixture(scope='session')
 def faults():
-    """All rows of doc/faults.md."""
+    """All rows of doc/user/faults.md."""
     return list(_rows())
 
 
 @pytest.fixture
 def fault(request, faults):
-    """The rows of doc/faults.md that name this test; it must compare all of them."""
+    """The rows of doc/user/faults.md that name this test; it must compare all of them."""
     name = f'{request.path.relative_to(ROOT).as_posix()}::{request.function.__name__}'
     mine = Faults([row for row in faults if row.test == name])
     yield mine

@@ -43,7 +43,12 @@ for _command in (
     viewing.view,
     studies.warmup,
 ):
-    app.command()(_command)
+    # The benchmarks have options of their own.
+    passes_on = _command is studies.bench
+    app.command(
+        add_help_option=not passes_on,
+        context_settings={'allow_extra_args': passes_on, 'ignore_unknown_options': passes_on},
+    )(_command)
 
 
 def main() -> None:

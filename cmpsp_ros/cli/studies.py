@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -10,82 +12,24 @@ from typing import Annotated
 import typer
 
 from cmpsp_ros.cli.console import complain, console, errors, exit_on, progress_bar, say
-from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.parameters.errors import ParameterError
 
 
-def bench(
-    presets: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar='PRESET', help="Presets, or parameter files; none: all, and the paper's runs."
-        ),
-    ] = None,
-    runs: Annotated[int, typer.Option(min=1, help='Runs of each preset and of each method.')] = 20,
-    peers: Annotated[
-        bool, typer.Option('--peers', help='Time solvers of CasADi and acados as well.')
-    ] = False,
-    latency: Annotated[
-        bool, typer.Option('--latency', help='Time the node over DDS, in real time.')
-    ] = False,
-    tail: Annotated[
-        int, typer.Option(min=1, metavar='COUNT', help='Steps of which the longest are shown.')
-    ] = 20_000,
-    output: Annotated[
-        Path | None, typer.Option(help='New file ending in .json, or new or empty folder.')
-    ] = None,
-    verify: Annotated[
-        int | None,
-        typer.Option(min=1, metavar='COUNT', help='Instead, check a QP back end on as many QPs.'),
-    ] = None,
-    verify_case: Annotated[
-        str | None, typer.Option(metavar='ID', help='Instead, check it on the one of that name.')
-    ] = None,
-    qp: Annotated[
-        str | None, typer.Option(metavar='NAME', help="The back end checked; without: guidance's.")
-    ] = None,
-    workers: Annotated[int, typer.Option(min=1, help='Processes that check.')] = 1,
-    obstacles: Annotated[
-        bool, typer.Option('--obstacles', help='Instead, time steps past 0 to 64 obstacles.')
-    ] = False,
-    robots: Annotated[
-        int | None,
-        typer.Option(min=1, max=50, metavar='COUNT', help='Instead, so many robots at once.'),
-    ] = None,
-) -> None:
-    """Time control steps, alone and beside other solvers."""
-    if robots is not None:
-        _many_robots(robots)
-        return
-    if obstacles:
-        from cmpsp_ros.studies.bench import many_obstacles  # noqa: PLC0415 (compiles kernels)
+def bench(context: typer.Context) -> None:
+    """Time control steps, alone and beside other solvers; from a clone of the repository.
 
-        console().print(many_obstacles.table(many_obstacles.measure(runs)).rich())
-        return
-    if verify is not None or verify_case is not None:
-        from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
+    Exit code 1 where there is none.
+    """
+    root = Path(__file__).parents[2]
+    if not (root / 'benchmarks' / '__main__.py').is_file():
+        complain('bench: found no benchmarks, which are not installed: run it from a clone')
+        raise typer.Exit(1)
+    sys.path.insert(0, str(root))
+    # For the processes that they start.
+    os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, [str(root), os.getenv('PYTHONPATH')]))
+    from benchmarks.__main__ import app  # noqa: PLC0415 (compiles kernels)
 
-        _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
-        return
-    from cmpsp_ros.studies.bench import (  # noqa: PLC0415 (compiles kernels)
-        BenchError,
-        Order,
-        run,
-        tables,
-    )
-
-    order = Order(presets or (), runs, tail, peers=peers, latency=latency, output=output)
-    with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
-
-        def progress(part: str, pieces: int) -> Callable[[], None]:
-            task = bar.add_task(part, total=pieces)
-            return lambda: bar.advance(task)
-
-        results = run(order, progress)
-    for table in tables(results):
-        console().print(table.rich())
-    if output is not None:
-        console().print(f'{output}: written')
+    app(context.args, prog_name='cmpsp bench')
 
 
 def paper(
@@ -191,8 +135,8 @@ def warmup(
     Exit code 1 only if there is no folder to keep it in.
     """
     from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
-    from cmpsp_ros.studies.warmup import warm_up_all  # noqa: PLC0415 (loads all kernels)
-    from cmpsp_ros.studies.work_rate import work_rate  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.warmup.kernels import warm_up_all  # noqa: PLC0415 (loads all kernels)
+    from cmpsp_ros.warmup.work_rate import work_rate  # noqa: PLC0415 (loads kernels)
 
     with exit_on(ParameterError, code=1), closing(ProgressLine()) as line:
         outcome = warm_up_all(line.show, presets or ())
@@ -224,40 +168,3 @@ def _starts(*, judge: bool) -> None:
 
         table = room.run(progress, compare=judge)
     console().print(table)
-
-
-def _many_robots(count: int) -> None:
-    """Drive so many robots at once; exit code 1 if one was ever late."""
-    from cmpsp_ros.studies.bench import BenchError, many_robots  # noqa: PLC0415 (needs ROS)
-
-    with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
-        task = bar.add_task(f'{count} robots', total=None)
-        crowd = many_robots.measure(count, lambda seconds: bar.update(task, completed=seconds))
-    console().print(many_robots.table(crowd).rich())
-    if crowd.skipped or crowd.late or crowd.stops:
-        raise typer.Exit(1)
-
-
-def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:
-    """Check a QP back end on a number of programs, or on the one of a name."""
-    from cmpsp_ros.studies import verify as study  # noqa: PLC0415 (compiles kernels)
-
-    with exit_on(study.VerifyError, ProblemError, code=1):
-        file = None if output is None else study.new_file(output)
-        if isinstance(what, str):
-            compared = [study.verify_case(what, qp)]
-            console().print(study.describe(compared[0]), markup=False, highlight=False)
-        else:
-            with progress_bar() as bar:
-                task = bar.add_task(f'QPs by {qp}', total=what)
-                compared = study.verify(what, qp, workers, lambda count: bar.advance(task, count))
-            console().print(study.table(compared, qp))
-    if file is not None:
-        file.write_text(study.to_json(compared, qp), encoding='utf-8')
-        console().print(f'{file}: all findings')
-    wrong = study.mismatches(compared)
-    if wrong and not isinstance(what, str):
-        for each in wrong:
-            errors().print(study.describe(each), markup=False, highlight=False, soft_wrap=True)
-    if wrong:
-        raise typer.Exit(1)

@@ -15,6 +15,7 @@ from itertools import groupby
 from pathlib import Path
 
 from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.nodes import MODULES
 
 _STOP_TIMEOUT = 10.0
 _DOMAINS = range(1, 101)
@@ -81,7 +82,7 @@ class Child:
     """A node running as a process.
 
     Attributes:
-        name: Its module in `cmpsp_ros.nodes`, after the namespace where there is one.
+        name: Its program, of `cmpsp_ros.nodes.MODULES`, after the namespace where there is one.
         process: The process.
         log: File with everything it said.
     """
@@ -97,14 +98,14 @@ class Child:
         """Start a node.
 
         Args:
-            name: Its module in `cmpsp_ros.nodes`.
+            name: Its program, of `cmpsp_ros.nodes.MODULES`.
             ros_arguments: What follows `--ros-args`.
             folder: Where to put its log, in a folder of the robot's where it has a namespace.
             namespace: Of the node, as in `/r1`.
         """
         log = folder / namespace.strip('/') / f'{name}.log'
         log.parent.mkdir(parents=True, exist_ok=True)
-        command = [sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *ros_arguments]
+        command = [sys.executable, '-m', MODULES.get(name, name), '--ros-args', *ros_arguments]
         if namespace:
             command += ['-r', f'__ns:={namespace}']
         with log.open('wb') as output, _interruptions_held():

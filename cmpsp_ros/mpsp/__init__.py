@@ -8,15 +8,16 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.casadi_functions import from_casadi
+    from cmpsp_ros.mpsp.analysis.convergence import Convergence, Record
     from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
     from cmpsp_ros.mpsp.condensing import CondensedQP, condense, sensitivities
-    from cmpsp_ros.mpsp.control_rate import ControlRateProblem
-    from cmpsp_ros.mpsp.convergence import Convergence, Record
     from cmpsp_ros.mpsp.curvature import convexify
-    from cmpsp_ros.mpsp.derivative_check import DerivativeReport, check_derivatives
     from cmpsp_ros.mpsp.errors import ProblemError
-    from cmpsp_ros.mpsp.functions import from_functions
+    from cmpsp_ros.mpsp.iterate import Iterate, Step
+    from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
+    from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
+    from cmpsp_ros.mpsp.models.derivative_check import DerivativeReport, check_derivatives
+    from cmpsp_ros.mpsp.models.functions import from_functions
     from cmpsp_ros.mpsp.options import Options
     from cmpsp_ros.mpsp.problem import (
         Dimensions,
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     )
     from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, available, solve_qp
     from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
-    from cmpsp_ros.mpsp.sqp.iterate import Iterate, Step
     from cmpsp_ros.mpsp.status import Solution, Status, Violation
     from cmpsp_ros.mpsp.subproblem import Subproblem
 
@@ -69,20 +69,20 @@ __all__ = [
 ]
 
 _HOMES = {
-    'casadi_functions': ('from_casadi',),
+    'models.casadi_functions': ('from_casadi',),
     'closed_form': ('has_closed_form', 'solve_closed_form'),
     'condensing': ('CondensedQP', 'condense', 'sensitivities'),
-    'control_rate': ('ControlRateProblem',),
-    'convergence': ('Convergence', 'Record'),
+    'models.control_rate': ('ControlRateProblem',),
+    'analysis.convergence': ('Convergence', 'Record'),
     'curvature': ('convexify',),
-    'derivative_check': ('DerivativeReport', 'check_derivatives'),
+    'models.derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
-    'functions': ('from_functions',),
+    'models.functions': ('from_functions',),
     'options': ('Options',),
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
     'qp': ('Penalties', 'QPSolution', 'QPStatus', 'Row', 'available', 'solve_qp'),
     'sqp.cmpsp': ('CMPSP', 'solve'),
-    'sqp.iterate': ('Iterate', 'Step'),
+    'iterate': ('Iterate', 'Step'),
     'status': ('Solution', 'Status', 'Violation'),
     'subproblem': ('Subproblem',),
 }

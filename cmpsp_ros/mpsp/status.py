@@ -11,8 +11,8 @@ import numpy as np
 from cmpsp_ros.mpsp.problem import Array, Evaluation
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.convergence import Record
-    from cmpsp_ros.mpsp.sqp.iterate import Iterate
+    from cmpsp_ros.mpsp.analysis.convergence import Record
+    from cmpsp_ros.mpsp.iterate import Iterate
 
 _NAMED = 4
 

@@ -10,3 +10,11 @@ os.environ.setdefault('OPENBLAS_NUM_THREADS', '1')
 # Importing makes many objects that stay: a tenth of a node's start would go into looking through
 # them again and again.
 gc.set_threshold(max(gc.get_threshold()[0], 100_000))
+
+MODULES = {
+    'guidance_node': 'cmpsp_ros.nodes.guidance.node',
+    'sim_node': 'cmpsp_ros.nodes.sim.node',
+    'recorder': 'cmpsp_ros.nodes.recording.recorder',
+    'viewer': 'cmpsp_ros.nodes.viewer',
+}
+"""Modules of the programs, by the names that `ros2 run` has for them."""

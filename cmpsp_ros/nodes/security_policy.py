@@ -29,7 +29,7 @@ from cmpsp_ros.nodes.common.topics import (
 from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
 _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>
-<!-- Rights of the nodes of cmpsp_ros for SROS2; doc/security.md says how to use them.
+<!-- Rights of the nodes of cmpsp_ros for SROS2; doc/user/security.md says how to use them.
      Written by: python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml -->
 """
 

@@ -1,4 +1,4 @@
-"""Every parameter of the two nodes: the single source for declaration, README and schema."""
+"""Every parameter of the two nodes: the single source for declaration, documentation and schema."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""The table of parameters for people (README) and for editors (JSON schema).
+"""The table of parameters for people (doc/reference/parameters.md) and for editors (JSON schema).
 
-``python -m cmpsp_ros.parameters.documentation`` prints it or writes it into a README.
+``python -m cmpsp_ros.parameters.documentation`` prints it or writes it into that page.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _JSON_TYPE: Final = {
 
 
 def markdown_table() -> str:
-    """The parameters under their headings, for the README."""
+    """The parameters under their headings."""
     parts = []
     for group, parameters in itertools.groupby(TABLE, key=lambda parameter: parameter.group):
         rows = '\n'.join(_row(parameter) for parameter in parameters)
@@ -63,18 +63,18 @@ def json_schema() -> dict[str, Any]:
 
 
 def in_readme(text: str) -> bool:
-    """Whether a README holds the table as it is now."""
+    """Whether a page holds the table as it is now."""
     try:
-        return _with_table(text, 'README') == text
+        return _with_table(text, 'the page') == text
     except ParameterError:
         return False
 
 
 def main() -> int:
-    """Prints the table or the schema, or writes the table into a README."""
+    """Prints the table or the schema, or writes the table into a page."""
     parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
     choice = parser.add_mutually_exclusive_group()
-    choice.add_argument('--write', metavar='README.md', type=Path, help='replace the table in it')
+    choice.add_argument('--write', metavar='PAGE.md', type=Path, help='replace the table in it')
     choice.add_argument('--schema', action='store_true', help='print the JSON schema instead')
     arguments = parser.parse_args()
     if arguments.write is None:

@@ -82,7 +82,7 @@ class Parameter:
         type: What it holds.
         default: Value when none is given, or ``REQUIRED``.
         unit: SI unit, empty when there is none.
-        description: One sentence for the README.
+        description: One sentence for its table.
         group: Heading under which it is documented.
         nodes: Nodes that use it.
         range: Numbers that it may hold.

@@ -13,10 +13,10 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
+from benchmarks import BenchError, over_dds
+from benchmarks.families.over_dds import measure_latency
 from cmpsp_ros.nodes.common.topics import DECISION, SIM_ODOM
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
-from cmpsp_ros.studies.bench import BenchError, over_dds
-from cmpsp_ros.studies.bench.over_dds import measure_latency
 
 pytestmark = pytest.mark.integration
 
@@ -46,7 +46,7 @@ def probe(spawn, tmp_path: Path, short: Path):
         given = {'parameters': short, 'output': tmp_path / 'out.json', **parameters}
         pairs = [f'{key}:={value}' for key, value in given.items() if value]
         flags = [flag for pair in pairs for flag in ('-p', pair)]
-        return spawn([sys.executable, '-m', 'cmpsp_ros.nodes.latency_probe', '--ros-args', *flags])
+        return spawn([sys.executable, '-m', 'benchmarks.latency_probe', '--ros-args', *flags])
 
     return start
 

@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.recording.flush_answer import from_json
 
 pytestmark = pytest.mark.integration
@@ -104,7 +105,7 @@ class LaunchFile:
             namespace = self.of(call, 'namespace')
             place = ['-r', f'__ns:=/{namespace}'] if namespace else []
             more = self.of(call, 'arguments')
-            module = [sys.executable, '-m', f'cmpsp_ros.nodes.{name}']
+            module = [sys.executable, '-m', MODULES[name]]
             yield name, [*module, *more, '--ros-args', *place, *files]
 
 

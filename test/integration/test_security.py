@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import TOPICS
 
 pytestmark = pytest.mark.integration
@@ -85,7 +86,7 @@ def start(spawn, tmp_path):
     def node(name, *parameters, file=None):
         given = [] if file is None else ['--params-file', CONFIG / file]
         given += [part for each in parameters for part in ('-p', each)]
-        spawn([sys.executable, '-m', f'cmpsp_ros.nodes.{name}', '--ros-args', *given])
+        spawn([sys.executable, '-m', MODULES[name], '--ros-args', *given])
 
     node('guidance_node', 'use_sim_time:=true', file='moving.yaml')
     node('sim_node', 'publish_clock:=true', file='moving.yaml')

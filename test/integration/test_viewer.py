@@ -20,6 +20,7 @@ from geometry_msgs.msg import Point
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
+from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS
 from cmpsp_ros.view.palette import RUNGS
 
@@ -66,7 +67,7 @@ def start_robot(spawn):
         patient = ['-p', 'odom_timeout:=60.0', '-p', 'cmd_vel_timeout:=0.0']
         arguments = ['--ros-args', '-r', f'__ns:={namespace}', *patient]
         for name in ('sim_node', 'guidance_node'):
-            module = f'cmpsp_ros.nodes.{name}'
+            module = MODULES[name]
             spawn([sys.executable, '-m', module, *arguments, '--params-file', CASE3])
 
     return start

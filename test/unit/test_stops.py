@@ -1,4 +1,4 @@
-"""doc/stops.md has every sentence that the guidance law and its node can say."""
+"""doc/user/stops.md has every sentence that the guidance law and its node can say."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from cmpsp_ros.mpsp.qp.solution import QPStatus
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / 'doc' / 'stops.md').read_text(encoding='utf-8')
+PAGE = (ROOT / 'doc' / 'user' / 'stops.md').read_text(encoding='utf-8')
 
 # What is told before a run is on another page; these are no answer to odometry.
 ELSEWHERE = {'feasibility_precheck.py'}

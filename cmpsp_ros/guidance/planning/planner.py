@@ -26,13 +26,13 @@ from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanose
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.settings import UNLIMITED
-from cmpsp_ros.mpsp.control_rate import ControlRateData, with_control_rate
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models.control_rate import ControlRateData, with_control_rate
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
@@ -190,7 +190,7 @@ class Planner:
         size = Dimensions(steps, states, 2, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = formulation.heading_trust_region
-        back_end = (settings.solver.qp, settings.solver.hessian, size) if by_name else None
+        back_end = (settings.solver.qp, settings.solver.hessian) if by_name else None
         penalty_terminal = terminal_penalty(outputs)
         driver = Driver(size, penalty_terminal, penalty_path, trust_radius, back_end)
         driver.ws.upper[:] = settings.robot.max_wheel_speed

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.convergence import Record, record
+from cmpsp_ros.mpsp.analysis.convergence import Record, record
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati.fill import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
 from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
 from cmpsp_ros.mpsp.subproblem import Subproblem
@@ -35,13 +34,12 @@ class CMPSP:
         self._options = options
         free = np.full(size.state, np.inf)
         self._trust_radius = free if options.trust_radius is None else options.trust_radius
-        n, r = compiled_size(size.state, size.control)
         self._driver = Driver(
-            replace(size, state=n, control=r),
+            size,
             options.penalty_terminal,
             options.penalty_path,
-            np.concatenate([self._trust_radius, np.full(n - size.state, np.inf)]),
-            (options.qp, options.hessian, size),
+            self._trust_radius,
+            (options.qp, options.hessian),
         )
         ws = self._driver.ws
         ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
@@ -49,8 +47,6 @@ class CMPSP:
         ws.run['control_tolerance'], ws.run['slack_tolerance'] = np.inf, SLACK_TOLERANCE
         ws.lower[:, : size.control] = problem.control_lower
         ws.upper[:, : size.control] = problem.control_upper
-        added = range(size.control, r)
-        ws.program.stages['L_UU'][:, added, added] = 1.0
 
     def init(self, U: Array) -> Iterate:
         """Predict along a guessed control history, brought within its bounds.

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
+
+import numpy as np
 
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
 from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.riccati.correction import correct
-from cmpsp_ros.mpsp.qp.riccati.fill import Space
+from cmpsp_ros.mpsp.qp.riccati.fill import Space, compiled_size
 from cmpsp_ros.mpsp.qp.riccati.solver import solve
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
@@ -72,21 +75,34 @@ class Driver:
         penalty_terminal: Array,
         penalty_path: Array,
         trust_radius: Array,
-        back_end: tuple[str, Hessian, Dimensions] | None = None,
+        back_end: tuple[str, Hessian] | None = None,
+        *,
+        exact: bool = False,
     ) -> None:
         """Make room for plans of some sizes.
 
         Args:
-            size: As of `workspace`, and so are the penalties and the radius.
+            size: As of `workspace`, and so are the penalties.
             penalty_terminal: Shape ``(m,)``.
             penalty_path: Shape ``(l,)``.
-            trust_radius: Shape ``(n,)``.
-            back_end: Name of a QP back end, the kind of Hessian that the problem's functions give,
-                and the problem's dimensions where `size` has more states and controls; the
-                compiled solver without.
+            trust_radius: Largest predicted change of each state in one iteration, infinite where
+                free, shape ``(n,)``.
+            back_end: Name of a QP back end, and the kind of Hessian that the problem's functions
+                give; the compiled solver without.
+            exact: Whether the memory has no more states and controls than the problem. It is
+                filled up otherwise to sizes that code may have been compiled for already, with
+                states and controls that stay 0: the first answer comes a minute sooner, and each
+                takes longer.
         """
-        self.ws = ws = workspace(size, penalty_terminal, penalty_path, trust_radius)
-        sizes = size.horizon, size.state, size.control, size.output, size.path
+        n, r = size.state, size.control
+        if not exact:
+            n, r = compiled_size(n, r)
+        filled = replace(size, state=n, control=r)
+        radius = np.concatenate([trust_radius, np.full(n - size.state, np.inf)])
+        self.ws = ws = workspace(filled, penalty_terminal, penalty_path, radius)
+        added = range(size.control, r)
+        ws.program.stages['L_UU'][:, added, added] = 1.0
+        sizes = size.horizon, n, r, size.output, size.path
         self._active = empty_active_set(*sizes)
         self._warm_hard, self._warm_relaxed = empty_warm_start(*sizes), empty_warm_start(*sizes)
         self._advance = entry_for(advance, ws)
@@ -94,9 +110,8 @@ class Driver:
         if back_end is None:
             self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
         else:
-            name, hessian, inner = back_end
-            space = Space(inner, ws.program, self._active, self._warm_hard)
-            self.back_end = BackEnd(name, hessian, space)
+            space = Space(size, ws.program, self._active, self._warm_hard)
+            self.back_end = BackEnd(*back_end, space)
         self._phase, self._level = ws.run['phase'], ws.run['level']
         self._outcome, self._cost = ws.run['outcome'], ws.run['trial_cost']
         self._horizon, self._begun = ws.program.head['horizon'], ws.program.head['begun']

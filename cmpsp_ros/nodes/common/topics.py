@@ -1,6 +1,6 @@
-"""Topics and services of the nodes: the single source for code and README.
+"""Topics and services of the nodes: the single source for code and doc/reference/topics.md.
 
-`python -m cmpsp_ros.nodes.common.topics README.md` writes the table into the README.
+`python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md` writes the table.
 """
 
 from __future__ import annotations
@@ -280,7 +280,7 @@ def plans_of(namespace: str) -> Topic:
 
 
 def markdown_table() -> str:
-    """The topics and services of all nodes, for the README."""
+    """The topics and services of all nodes."""
     rows = ['| node | | name | type | notes |', '|---|---|---|---|---|']
     for each in TOPICS:
         package = each.type.__module__.partition('.')[0]
@@ -290,10 +290,10 @@ def markdown_table() -> str:
 
 
 def with_table(text: str) -> str:
-    """A README with the table as it is now."""
-    return with_section(text, 'topics', markdown_table(), 'README')
+    """A page with the table as it is now."""
+    return with_section(text, 'topics', markdown_table(), 'the page')
 
 
 if __name__ == '__main__':
-    readme = pathlib.Path(sys.argv[1])
-    readme.write_text(with_table(readme.read_text(encoding='utf-8')), encoding='utf-8')
+    page = pathlib.Path(sys.argv[1])
+    page.write_text(with_table(page.read_text(encoding='utf-8')), encoding='utf-8')

@@ -15,9 +15,9 @@ from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.studies.journal import WIDTH, journal
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
+from cmpsp_ros.studies.plot_style import WIDTH, journal
 
 _DPI: Final = 150
 _PER_ARC: Final = 4

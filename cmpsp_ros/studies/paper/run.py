@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.studies.journal import journal
 from cmpsp_ros.studies.paper import report, style
 from cmpsp_ros.studies.paper.cases import fig2, fig3, fig4
 from cmpsp_ros.studies.paper.claims import Artefact, Maker
@@ -18,6 +17,7 @@ from cmpsp_ros.studies.paper.guesses import fig6, fig7, table_1
 from cmpsp_ros.studies.paper.headings import fig8, fig9, table_2
 from cmpsp_ros.studies.paper.obstacles import fig10, fig11, fig12, fig13
 from cmpsp_ros.studies.paper.timing import timing
+from cmpsp_ros.studies.plot_style import journal
 
 _MAKERS: Final[Mapping[str, Maker]] = {
     'fig2': fig2,

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from cmpsp_ros.studies.journal import WIDTH
 from cmpsp_ros.studies.paper.drives import Drive
 from cmpsp_ros.studies.paper.style import LIMIT, PANELS, key_above, strokes
+from cmpsp_ros.studies.plot_style import WIDTH
 
 Array = NDArray[np.float64]
 Look = dict[str, Any]

@@ -13,9 +13,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, Wedge
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.journal import WIDTH
 from cmpsp_ros.studies.paper.drives import Drive, Path
 from cmpsp_ros.studies.paper.style import PANELS, key_above, strokes
+from cmpsp_ros.studies.plot_style import WIDTH
 from cmpsp_ros.world.obstacles.shapes import Shape
 
 _ROAD, _EDGE, _OBSTACLE, _RIM = '0.93', '0.55', '0.72', '0.3'

@@ -21,6 +21,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.robots.arcs import arc_ends
 
 CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
@@ -216,7 +217,7 @@ def start_node(spawn):
     def start(name='guidance_node', parameters=None, *more):
         given = {key: str(value).lower() for key, value in (parameters or {}).items()}
         flags = [part for key, value in given.items() for part in ('-p', f'{key}:={value}')]
-        module = f'cmpsp_ros.nodes.{name}'
+        module = MODULES[name]
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]
         return spawn([*command, *flags, *more])
 

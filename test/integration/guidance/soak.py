@@ -26,6 +26,8 @@ from nav_msgs.msg import Odometry
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.nodes import MODULES
+
 ROOT = Path(__file__).parents[3]
 CASE = ROOT / 'config' / 'case3.yaml'
 PARAMETERS = {
@@ -129,7 +131,7 @@ def _to(transition):
 def start(name, folder):
     """A node as a process, its words in a file."""
     flags = [part for each in PARAMETERS[name] for part in ('-p', each)]
-    module = f'cmpsp_ros.nodes.{name}_node'
+    module = MODULES[f'{name}_node']
     command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE, *flags]
     with (folder / f'{name}.log').open('wb') as log:
         return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=log)

@@ -1,4 +1,4 @@
-"""Clocks that jump or stop, and a computer that is too slow; compared with doc/faults.md."""
+"""Clocks that jump or stop, and a computer that is too slow; compared with doc/user/faults.md."""
 
 from __future__ import annotations
 

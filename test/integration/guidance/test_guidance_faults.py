@@ -53,7 +53,7 @@ FAULTS = [
 
 
 def assert_is(fault, decision):
-    """A decision is as its row of doc/faults.md says."""
+    """A decision is as its row of doc/user/faults.md says."""
     fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
 
 

@@ -10,11 +10,11 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_penalty,
 )
 from cmpsp_ros.guidance.planning.candidate import SolveResult
-from cmpsp_ros.mpsp.control_rate import ControlRateProblem
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 
 
 def improve(settings, pose, held, guess, horizon):

@@ -6,12 +6,12 @@ import numpy as np
 
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.planning.planner import FUNCTIONS
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.mpsp.sqp.driver import Driver
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle

@@ -7,9 +7,9 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
+from cmpsp_ros.mpsp.analysis.convergence import record
 from cmpsp_ros.mpsp.closed_form import has_closed_form
 from cmpsp_ros.mpsp.condensing import condense
-from cmpsp_ros.mpsp.convergence import record
 from cmpsp_ros.mpsp.curvature import convexify
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation

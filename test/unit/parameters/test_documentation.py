@@ -124,5 +124,5 @@ def test_printing(monkeypatch, capsys):
 
 
 def test_the_readme_of_the_project_is_up_to_date():
-    readme = config_directory().with_name('README.md')
+    readme = config_directory().parent / 'doc' / 'reference' / 'parameters.md'
     assert in_readme(readme.read_text(encoding='utf-8'))

@@ -72,7 +72,7 @@ def test_a_robot_of_the_user(tmp_path):
 
 @pytest.mark.parametrize('name', robot_names())
 def test_the_page_about_robots_has_its_figures(name):
-    page = (config_directory().parent / 'doc' / 'robots.md').read_text(encoding='utf-8')
+    page = (config_directory().parent / 'doc' / 'user' / 'robots.md').read_text(encoding='utf-8')
     said = {key.removeprefix('robot.'): value for key, value in load_robot(name).items()}
     wheel, track, radius = (said[key] for key in ('wheel_radius', 'half_track', 'radius'))
     speed = MAKERS[name][0]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
 N, DT = 40, 0.1
 MAX_TORQUE, MAX_SPEED = 1.2, 1.0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status

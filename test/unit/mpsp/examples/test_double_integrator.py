@@ -3,7 +3,7 @@
 import numpy as np
 from judge import options_for
 
-from cmpsp_ros.mpsp.functions import from_functions
+from cmpsp_ros.mpsp.models.functions import from_functions
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 
 N, DT, DISTANCE = 40, 0.05, 3.0

@@ -4,7 +4,7 @@ import casadi
 import numpy as np
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
 N, DT = 60, 0.1
 MAX_SPEED, MAX_TURN = 1.6, 2.0

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
 N, DT, TORQUE = 80, 0.1, 0.6
 

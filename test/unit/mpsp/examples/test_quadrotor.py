@@ -4,7 +4,7 @@ import casadi
 import numpy as np
 from judge import assert_judged, options_for
 
-from cmpsp_ros.mpsp.casadi_functions import from_casadi
+from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 N, DT = 40, 0.06

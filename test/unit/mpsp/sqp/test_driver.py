@@ -16,10 +16,14 @@ from robot_runs import (
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PROJECTED
 from cmpsp_ros.guidance.planning.planner import FUNCTIONS
-from cmpsp_ros.mpsp.control_rate import ControlRateData, ControlRateProblem, with_control_rate
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models.control_rate import (
+    ControlRateData,
+    ControlRateProblem,
+    with_control_rate,
+)
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.sqp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 # What they call takes long to compile: by one worker.

@@ -1,4 +1,4 @@
-"""The table of topics is what the nodes really open, and what the README says."""
+"""The table of topics is what the nodes really open, and what its page says."""
 
 import gc
 from pathlib import Path
@@ -12,7 +12,7 @@ from cmpsp_ros.nodes.recording.options import own_topics
 from cmpsp_ros.nodes.recording.recorder import Recorder
 from cmpsp_ros.nodes.sim.node import SimNode
 
-README = Path(__file__).parents[4] / 'README.md'
+PAGE = Path(__file__).parents[4] / 'doc' / 'reference' / 'topics.md'
 OF_ROS = {'/rosout', '/parameter_events'}
 
 
@@ -99,7 +99,7 @@ def test_the_recorder_opens_what_the_table_says(make, tmp_path):
 
 
 def test_readme_holds_the_table():
-    text = README.read_text(encoding='utf-8')
+    text = PAGE.read_text(encoding='utf-8')
     assert with_table(text) == text
 
 

@@ -1,0 +1,1 @@
+"""What is timed: tasks that grow, tails, many plans, many robots, nodes over DDS."""

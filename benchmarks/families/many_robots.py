@@ -1,0 +1,184 @@
+"""Many robots on one machine: each a simulator and a guidance node, in real time."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.errors import BenchError
+from benchmarks.families.memory import resident
+from benchmarks.quiet import collector_off
+from benchmarks.tables import Table
+from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo.processes import Child
+from cmpsp_ros.demo.run import guide, started
+from cmpsp_ros.demo.scenario import Scenario, load_scenario
+from cmpsp_ros.nodes.lifecycle_client import Seen
+from cmpsp_ros.parameters.presets import write_fleet_file
+
+_PRESET: Final = 'case3'
+_CHANGES: Final = ('odom_rate=20.0', 'final_time=15.0')
+"""Less odometry than by default: what costs time here is to send and hear messages."""
+
+_APART: Final = 0.5
+"""Time between two that set out [s]: a first step, and what goes before it, takes the longest."""
+
+_KINDS: Final = ('guidance_node', 'sim_node')
+_TICKS: Final = os.sysconf('SC_CLK_TCK')
+
+
+@dataclass(frozen=True)
+class Kind:
+    """The processes of one kind.
+
+    Attributes:
+        name: Their module.
+        memory: Resident set of the largest [MB].
+        cpu: Of a core, on the mean of them, while the robots drove.
+    """
+
+    name: str
+    memory: float
+    cpu: float
+
+
+@dataclass(frozen=True)
+class Crowd:
+    """A number of robots, each alone on its road, on one machine at once.
+
+    Attributes:
+        robots: How many.
+        start_up: Time from the first process to the last node that is configured [s].
+        instants: Control instants of all robots.
+        skipped: Of them, those without a decision.
+        late: Decisions that were heard of after the next instant.
+        stops: How often a node stopped its robot because odometry did not come.
+        delays: Time from the stamp of odometry to when its decision was heard of ``(D,)`` [s]: by
+            the one process that listens to all.
+        own: Time that each took in its node ``(D,)`` [s].
+        miss: Greatest distance from the goal at the final time [m].
+        kinds: The processes.
+    """
+
+    robots: int
+    start_up: float
+    instants: int
+    skipped: int
+    late: int
+    stops: int
+    delays: NDArray[np.float64]
+    own: NDArray[np.float64]
+    miss: float
+    kinds: tuple[Kind, ...]
+
+
+def measure(count: int, progress: Callable[[float], None] = lambda _: None) -> Crowd:
+    """Drive case 3 with a number of robots at once, in real time.
+
+    Args:
+        count: How many.
+        progress: Told the time of the run so far [s], again and again.
+
+    Raises:
+        BenchError: A process failed, or a run came to no end.
+    """
+    alone = load_scenario(_PRESET, _CHANGES, lockstep=False)
+    robots = [replace(alone, namespace=f'/r{number}') for number in range(1, count + 1)]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder)
+        write_fleet_file(path / 'parameters.yaml', {each.namespace: each.values for each in robots})
+        try:
+            return _run(robots, path, progress)
+        except DemoError as error:
+            raise BenchError(f'{count} robots: {error}') from error
+
+
+def table(crowd: Crowd) -> Table:
+    """What was measured, for the terminal."""
+    delays, own = (np.percentile(each, [50, 99, 100]) * 1e3 for each in (crowd.delays, crowd.own))
+    rows = [
+        ['start-up', f'{crowd.start_up:.0f} s'],
+        ['control instants', str(crowd.instants)],
+        ['without a decision', str(crowd.skipped)],
+        ['decided after the next instant', str(crowd.late)],
+        ['stops without odometry', str(crowd.stops)],
+        ['odometry to decision heard, p50 / p99 / max', _times(delays)],
+        ['in the node, p50 / p99 / max', _times(own)],
+        ['largest miss of a goal', f'{crowd.miss:.3g} m'],
+    ]
+    for each in crowd.kinds:
+        rows += [
+            [f'memory of the largest {each.name}', f'{each.memory:.0f} MB'],
+            [f'part of a core for one {each.name}', f'{100.0 * each.cpu:.1f} %'],
+        ]
+    whole = sum(each.cpu for each in crowd.kinds) * crowd.robots
+    rows.append([f'cores at work, of {os.cpu_count()}', f'{whole:.2f}'])
+    return Table(f'{crowd.robots} robots', ['figure', 'value'], rows)
+
+
+def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], None]) -> Crowd:
+    delays: list[float] = []
+    own: list[float] = []
+    stops: list[str] = []
+    ends: dict[str, tuple[int, float]] = {}
+
+    def notice(robot: Scenario, seen: Seen) -> None:
+        decision = seen.decision
+        if decision['finished'] == 'true':
+            ends.setdefault(robot.namespace, (int(decision['step']), float(decision['miss'])))
+            return
+        if decision['halted'] == 'true':
+            stops.append(seen.reason)
+            return
+        delays.append(time.time() - int(decision['stamp']) / 1e9)
+        own.append(float(decision['step_ms']) / 1e3)
+        progress(robot.settings.final_time - float(decision['time_left']))
+
+    begun = time.monotonic()
+    # This process hears all robots, and must not be late itself.
+    with collector_off(), started(robots, folder, record=False) as (observer, children):
+        ready = time.monotonic()
+        before = [_cpu_time(each) for each in children]
+        guide(observer, children, robots, notice, _APART)
+        seconds = time.monotonic() - ready
+        spent = [_cpu_time(each) - used for each, used in zip(children, before, strict=True)]
+        kinds = tuple(_kind(name, children, spent, seconds) for name in _KINDS)
+    settings = robots[0].settings
+    instants = round(settings.final_time / settings.control_period)
+    return Crowd(
+        len(robots),
+        ready - begun,
+        instants * len(robots),
+        sum(instants - steps for steps, _ in ends.values()),
+        sum(each > settings.control_period for each in delays),
+        len(stops),
+        np.array(delays),
+        np.array(own),
+        max(miss for _, miss in ends.values()),
+        kinds,
+    )
+
+
+def _kind(name: str, children: Sequence[Child], spent: Sequence[float], seconds: float) -> Kind:
+    these = [i for i, each in enumerate(children) if each.name.endswith(name)]
+    memory = max(resident(children[i].process.pid) for i in these)
+    return Kind(name, memory, float(np.mean([spent[i] for i in these])) / seconds)
+
+
+def _cpu_time(child: Child) -> float:
+    """Processor time that a process has had [s]."""
+    stat = Path(f'/proc/{child.process.pid}/stat').read_text(encoding='utf-8')
+    user, system = stat.rpartition(')')[2].split()[11:13]
+    return (int(user) + int(system)) / _TICKS
+
+
+def _times(milliseconds: NDArray[np.float64]) -> str:
+    return ' / '.join(f'{each:.1f}' for each in milliseconds.tolist()) + ' ms'

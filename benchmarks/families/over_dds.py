@@ -1,0 +1,135 @@
+"""From odometry to command through the real node, over DDS, in real time."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.errors import BenchError
+from benchmarks.families.latency import Latency
+from benchmarks.families.memory import resident
+from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo.processes import Child, use_free_domain
+from cmpsp_ros.nodes.lifecycle_client import Observer
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
+from cmpsp_ros.parameters.table import Values
+
+_ACTIVE = '[guidance]: active'
+
+_LOOK = 0.005
+_START_TIMEOUT = 30.0
+_COMPILE_TIMEOUT = 600.0
+_OVERTIME = 20.0
+
+
+def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambda: None) -> Latency:
+    """Drive a preset in real time, again and again, with two processes and take the times.
+
+    Args:
+        preset: Preset or parameter file.
+        runs: Runs.
+        progress: Told after each run.
+
+    Raises:
+        BenchError: A process failed, or a run came to no end.
+        ParameterError: No such preset, or one that cannot be used.
+    """
+    # Answers say which odometry they answer, and nobody begins before the other listens.
+    changes = {'enable_stamped_cmd_vel': True, 'autostart': False}
+    values = TABLE.resolve(load_parameter_file(preset) | changes)
+    done = []
+    for _ in range(runs):
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                done.append(_run(values, Path(folder)))
+            except (DemoError, TimeoutError) as error:
+                raise BenchError(f'latency: {error}') from error
+        progress()
+    return Latency(
+        runs,
+        np.concatenate([each.total for each in done]),
+        np.concatenate([each.own for each in done]),
+        np.concatenate([each.first for each in done]),
+        np.concatenate([each.jitter for each in done]),
+        max(each.miss for each in done),
+        np.concatenate([each.starts for each in done]),
+        done[-1].resident_active,
+        done[-1].resident_end,
+    )
+
+
+def _run(values: Values, folder: Path) -> Latency:
+    parameters, output = folder / 'parameters.yaml', folder / 'latency.json'
+    write_parameter_file(parameters, values)
+    children: list[Child] = []
+    with Observer(use_free_domain()) as observer:
+        try:
+            arguments = ['-p', f'parameters:={parameters}', '-p', f'output:={output}']
+            children.append(Child.start('benchmarks.latency_probe', arguments, folder))
+            children.append(
+                Child.start('guidance_node', ['--params-file', str(parameters)], folder)
+            )
+            _activate(observer, children)
+            guidance = children[-1].process.pid
+            at_first = resident(guidance)
+            limit = _OVERTIME + values['final_time']
+            if not observer.wait_until(lambda: _alive(children) and output.exists(), limit):
+                raise BenchError(f'latency: found no end of the run within {limit:g} s')
+            at_last = resident(guidance)
+        finally:
+            for child in reversed(children):
+                child.stop()
+    found = json.loads(output.read_text(encoding='utf-8'))
+    total, own = np.array(found['total_ms']), np.array(found['own_ms'])
+    first = np.arange(len(total)) == 0
+    starts = np.array([_start_up(values, folder)])
+    jitter = np.diff(total)
+    return Latency(1, total, own, first, jitter, found['miss_m'], starts, at_first, at_last)
+
+
+def _start_up(values: Values, folder: Path) -> float:
+    """Time from the start of a guidance node's process until it logs that it is active [s].
+
+    How soon others hear of it is the middleware's affair.
+    """
+    parameters = folder / 'start.yaml'
+    write_parameter_file(parameters, values | {'autostart': True})
+    use_free_domain()
+    began = time.monotonic()
+    child = Child.start('guidance_node', ['--params-file', str(parameters)], folder)
+    try:
+        while _ACTIVE not in child.log.read_text(errors='replace'):
+            child.check()
+            if time.monotonic() - began > _START_TIMEOUT:
+                raise BenchError(f'latency: guidance_node is not active:\n{child.last_words()}')
+            time.sleep(_LOOK)
+        return time.monotonic() - began
+    finally:
+        child.stop()
+
+
+def _activate(observer: Observer, children: list[Child]) -> None:
+    """Activate the guidance node once the probe hears its commands."""
+
+    def is_heard() -> bool:
+        return _alive(children) and int(observer.seen.health.get('command_subscribers', 0)) > 0
+
+    # It compiles when nobody has done so before.
+    if not observer.configure(_COMPILE_TIMEOUT):
+        raise BenchError(f'latency: guidance_node refuses to start:\n{children[-1].last_words()}')
+    if not observer.wait_until(is_heard, _START_TIMEOUT):
+        raise BenchError(f'latency: the nodes did not find each other in {_START_TIMEOUT:g} s')
+    if not observer.activate(_START_TIMEOUT):
+        raise BenchError('latency: guidance_node could not be activated')
+
+
+def _alive(children: list[Child]) -> bool:
+    for child in children:
+        child.check()
+    return True

@@ -1,0 +1,135 @@
+"""How long control steps take, all that the guidance law does in them."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.families.spread import Spread
+from benchmarks.quiet import collector_off
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
+from cmpsp_ros.parameters.settings import check_start, guidance_settings
+from cmpsp_ros.studies.paper.experiments import table1, table2
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A preset that can be driven.
+
+    Attributes:
+        name: Of the preset, or its file.
+        settings: Of the guidance law.
+        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+    """
+
+    name: str
+    settings: GuidanceSettings
+    pose: Array
+
+    @classmethod
+    def load(cls, name: str) -> Preset:
+        """Read and check a preset or parameter file.
+
+        Raises:
+            ParameterError: No such preset, or one that cannot be used.
+        """
+        values = TABLE.resolve(load_parameter_file(name))
+        check_start(values)
+        return cls(name, guidance_settings(values), np.array(values['initial_pose']))
+
+
+def chosen(names: Sequence[str]) -> list[Preset]:
+    """Presets of these names; without any, all presets and the runs of the paper's tables.
+
+    From most starts of the latter the first plans need slack.
+
+    Raises:
+        ParameterError: No such preset, or one that cannot be used.
+    """
+    if names:
+        return [Preset.load(name) for name in names]
+    return [*map(Preset.load, preset_names()), *of_tables()]
+
+
+def of_tables() -> list[Preset]:
+    """Case 3 from the guesses and headings of the paper's Tables 1 and 2."""
+    return [
+        Preset(f'{each.key}, {each.label}', each.settings, np.array(each.pose))
+        for each in (*table1(), *table2())
+    ]
+
+
+@dataclass(frozen=True)
+class PresetTiming:
+    """Computing times of one preset [ms].
+
+    Attributes:
+        name: Of the preset.
+        first: Of the first step, which has the full horizon, over all runs.
+        every: Of every step of all runs.
+    """
+
+    name: str
+    first: Spread
+    every: Spread
+
+
+def measure(
+    presets: Sequence[Preset], runs: int, progress: Callable[[], None] = lambda: None
+) -> list[PresetTiming]:
+    """Drive every preset in turn, again and again, and take the times.
+
+    The presets are interleaved, so that whatever else the machine does falls on all of them.
+
+    Args:
+        presets: The presets.
+        runs: Runs of each.
+        progress: Told after each run.
+    """
+    # One run that does not count has all compiled code loaded.
+    for preset in presets:
+        _step_times(preset)
+    times: list[list[list[float]]] = [[] for _ in presets]
+    for _ in range(runs):
+        for preset, of_runs in zip(presets, times, strict=True):
+            of_runs.append(_step_times(preset))
+            progress()
+    return [
+        PresetTiming(
+            preset.name,
+            Spread.of([steps[0] for steps in of_runs]),
+            Spread.of(np.concatenate(of_runs)),
+        )
+        for preset, of_runs in zip(presets, times, strict=True)
+    ]
+
+
+def _step_times(preset: Preset) -> list[float]:
+    """Computing time of each control step of one run [ms]."""
+    settings, pose = preset.settings, preset.pose
+    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    held = np.array([settings.control_period])
+    times: list[float] = []
+    with collector_off():
+        for stamp in itertools.count(0, period):
+            began = time.perf_counter_ns()
+            decision = law.update(stamp, pose)
+            took = (time.perf_counter_ns() - began) * 1e-6
+            if decision is None:
+                continue
+            if decision.finished:
+                break
+            times.append(took)
+            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+    return times

@@ -1,0 +1,119 @@
+"""Robots that people own on `case3_wide`: horizons of hundreds of steps, driven in lockstep."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.errors import BenchError
+from benchmarks.quiet import collector_off
+from cmpsp_ros.demo.scenario import Scenario, load_scenario
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.candidate import SolveResult
+from cmpsp_ros.guidance.planning.planner import Planner
+
+Array = NDArray[np.float64]
+
+PRESET = 'case3_wide'
+"""The course; its final time is made longer for slow robots."""
+
+
+@dataclass(frozen=True)
+class RobotDrive:
+    """Runs of one robot from start to goal.
+
+    Attributes:
+        name: Of the robot.
+        times: Computing time of every control step, shape ``(runs, N)`` [ms].
+        work: Visits of a stage in every control step, shape ``(N,)``; they repeat exactly.
+        levels: Steps at each fallback level, by its name.
+        terminal_error: Distance of the robot from the goal at the final time [m].
+    """
+
+    name: str
+    times: Array
+    work: NDArray[np.int64]
+    levels: dict[str, int]
+    terminal_error: float
+
+
+def measure(
+    robots: Sequence[str], runs: int, progress: Callable[[], None] = lambda: None
+) -> list[RobotDrive]:
+    """Drive every robot in turn, again and again, and take the times.
+
+    Args:
+        robots: Names of robots, or their files.
+        runs: Runs of each.
+        progress: Told after each run.
+
+    Raises:
+        BenchError: Two runs of one robot differ.
+        ParameterError: No such robot, or one that cannot drive there.
+    """
+    scenarios = {name: load_scenario(PRESET, (), lockstep=True, robot=name) for name in robots}
+    drives: dict[str, RobotDrive] = {}
+    for _ in range(runs):
+        for name, scenario in scenarios.items():
+            drive = _drive(name, scenario)
+            known = drives.setdefault(name, drive)
+            if not np.array_equal(drive.work, known.work):
+                raise BenchError(f'{name}: found runs that differ, wanted the same work in each')
+            if drive is not known:
+                drives[name] = replace(known, times=np.concatenate([known.times, drive.times]))
+            progress()
+    return list(drives.values())
+
+
+def _drive(name: str, scenario: Scenario) -> RobotDrive:
+    """One run by the exact model, commands held for a control period."""
+    settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
+    # One step that does not count has compiled code loaded.
+    GuidanceLaw(settings).update(0, pose)
+    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
+    held = np.array([settings.control_period])
+    times, work, levels = [], [], Counter[str]()
+    with collector_off(), _counted_work() as counted:
+        for stamp in itertools.count(0, period):
+            counted.clear()
+            began = time.thread_time_ns()
+            decision = law.update(stamp, pose)
+            took = (time.thread_time_ns() - began) * 1e-6
+            if decision is None:
+                continue
+            if decision.finished:
+                break
+            times.append(took)
+            work.append(sum(counted))
+            levels[decision.rung.name.lower()] += 1
+            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+    return RobotDrive(
+        name, np.array([times]), np.array(work), dict(levels), settings.target.errors(pose)[0]
+    )
+
+
+@contextmanager
+def _counted_work() -> Iterator[list[int]]:
+    """The work of every plan that is improved from now on."""
+    counted: list[int] = []
+    improve = Planner.improve
+
+    def counting(planner: Planner, *args: Any, **options: Any) -> SolveResult:
+        improvement = improve(planner, *args, **options)
+        counted.append(improvement.work)
+        return improvement
+
+    Planner.improve = counting  # type: ignore[method-assign, assignment]
+    try:
+        yield counted
+    finally:
+        Planner.improve = improve  # type: ignore[method-assign]

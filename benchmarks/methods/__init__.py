@@ -1,0 +1,1 @@
+"""Ways of solving the same task, ours and others'."""

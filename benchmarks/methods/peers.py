@@ -1,0 +1,92 @@
+"""Other people's solvers, each only if it is installed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.util import find_spec
+from typing import Any, Final
+
+from benchmarks.families.task import Task
+from benchmarks.methods.method import Method
+
+_QUIET_QRQP: Final = {'print_iter': False, 'print_header': False, 'print_info': False}
+
+# Plug-in, its options, and the longest horizon that it is asked for. With its states kept a program
+# has a singular Hessian, which daqp solves by proximal steps only.
+_PLUGINS: Final[tuple[tuple[str, dict[str, Any], int], ...]] = (
+    ('hpipm', {}, 400),
+    ('piqp', {}, 400),
+    ('daqp', {'daqp': {'eps_prox': 1e-3}}, 100),
+    ('qrqp', _QUIET_QRQP, 50),
+)
+
+# IPOPT starts near the bounds where it ended before, and trusts the multipliers.
+_PUSH: Final = 1e-6
+_IPOPT: Final = {
+    'print_level': 0,
+    'sb': 'yes',
+    'warm_start_init_point': 'yes',
+    'mu_init': 1e-5,
+    'warm_start_bound_push': _PUSH,
+    'warm_start_bound_frac': _PUSH,
+    'warm_start_slack_bound_push': _PUSH,
+    'warm_start_slack_bound_frac': _PUSH,
+    'warm_start_mult_bound_push': _PUSH,
+}
+_FATROP: Final = {'print_level': 0, 'mu_init': 1e-3}
+
+_ACADOS_SOLVERS: Final = ('FULL_CONDENSING_DAQP', 'PARTIAL_CONDENSING_HPIPM')
+
+
+def peers(task: Task) -> tuple[list[Method], dict[str, str]]:
+    """All that can be compared with here.
+
+    Args:
+        task: What they are asked to solve.
+
+    Returns:
+        The methods, and why the others are missing, by name.
+    """
+    found: list[Method] = []
+    missing: dict[str, str] = {}
+    families: tuple[tuple[str, Callable[[Task], tuple[list[Method], dict[str, str]]]], ...] = (
+        ('casadi', _of_casadi),
+        ('acados_template', _of_acados),
+    )
+    for package, family in families:
+        if find_spec(package) is None:
+            missing[package] = 'not installed, so not tried here'
+            continue
+        methods, without = family(task)
+        found += methods
+        missing |= without
+    return found, missing
+
+
+def _of_casadi(task: Task) -> tuple[list[Method], dict[str, str]]:
+    import casadi  # noqa: PLC0415 (only if it is installed)
+
+    from benchmarks.methods.casadi_methods import Converged, Sqp  # noqa: PLC0415
+
+    found: list[Method] = []
+    missing: dict[str, str] = {}
+    for plugin, options, largest in _PLUGINS:
+        if casadi.has_conic(plugin):
+            found.append(Sqp(task, plugin, options, largest))
+        else:
+            missing[f'sqpmethod + {plugin}'] = 'not part of this CasADi'
+    for solver, settings, keeps_multipliers in (
+        ('fatrop', _FATROP, False),
+        ('ipopt', _IPOPT, True),
+    ):
+        if casadi.has_nlpsol(solver):
+            found.append(Converged(task, solver, settings, keeps_multipliers=keeps_multipliers))
+        else:
+            missing[solver] = 'not part of this CasADi'
+    return found, missing
+
+
+def _of_acados(task: Task) -> tuple[list[Method], dict[str, str]]:
+    from benchmarks.methods.acados_method import Acados  # noqa: PLC0415
+
+    return [Acados(task, solver) for solver in _ACADOS_SOLVERS], {}

@@ -1,0 +1,83 @@
+"""One program to verify a back end on, and the name by which it can be made again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.verify.errors import VerifyError
+from cmpsp_ros.mpsp.qp import Penalties
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+Rng = np.random.Generator
+
+
+class Origin(NamedTuple):
+    """Where a program comes from; written ``family/seed/number``.
+
+    Attributes:
+        family: Name of its family.
+        seed: Seed of the family's generator.
+        number: Which of the programs of that seed it is, from 0.
+    """
+
+    family: str
+    seed: int
+    number: int
+
+    def __str__(self) -> str:
+        return f'{self.family}/{self.seed}/{self.number}'
+
+    @classmethod
+    def parse(cls, text: str) -> Origin:
+        """The origin that is written so.
+
+        Raises:
+            VerifyError: It is not of that form.
+        """
+        parts = text.split('/')
+        if len(parts) != 3 or not all(part.isdecimal() for part in parts[1:]):
+            raise VerifyError(f'case: found {text!r}, wanted FAMILY/SEED/NUMBER, as in loop/17/3')
+        return cls(parts[0], int(parts[1]), int(parts[2]))
+
+
+@dataclass(frozen=True)
+class Program:
+    """A subproblem and how it is to be solved.
+
+    Attributes:
+        subproblem: The program.
+        penalties: Weights of the exact L1 relaxation; None where its rows are hard.
+    """
+
+    subproblem: Subproblem
+    penalties: Penalties | None = None
+
+
+class Draft(NamedTuple):
+    """A program as a family makes it.
+
+    Attributes:
+        about: What it is, in words.
+        program: The program.
+        before: One of the same sizes whose solution is the hint; it may be a bad one.
+    """
+
+    about: str
+    program: Program
+    before: Program
+
+
+@dataclass(frozen=True)
+class Case:
+    """A draft with its name.
+
+    Attributes:
+        origin: Its name.
+        draft: What was made.
+    """
+
+    origin: Origin
+    draft: Draft

@@ -1,0 +1,233 @@
+"""A back end's answers held against the references and against the optimality conditions."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.verify.border import ROUNDING, nearly_feasible, nearly_infeasible
+from benchmarks.verify.case import Case, Origin, Program
+from benchmarks.verify.conflict import contradict
+from benchmarks.verify.contestant import Contestant
+from benchmarks.verify.measure import Accuracy, accuracy, cost, last_bit
+from benchmarks.verify.references import (
+    Reference,
+    Verdict,
+    references,
+    verdict,
+)
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
+
+RESIDUAL = 1e-8
+"""Largest violation of the optimality conditions of an answer that is right."""
+
+GAP = 1e-7
+"""Largest duality gap of an answer that is right."""
+
+DIFFERENCE = 1e-7
+"""Largest difference of the objective from a reference's, relative to the size of its terms."""
+
+_WARM_DIFFERENCE = 1e-6
+# Part of a residual that must come from the last bit of the controls to call it rounding.
+_MOSTLY = 0.3
+
+
+class Finding(NamedTuple):
+    """Something that is not as it should be.
+
+    Attributes:
+        check: What was checked: ``status``, ``residual``, ``gap``, ``objective``, ``conflict`` (the
+            rows named as contradicting) or ``warm start``.
+        found: What was found, in a sentence.
+        explanation: Why it is not the back end's mistake; empty where nothing excuses it.
+    """
+
+    check: str
+    found: str
+    explanation: str
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What became of one case.
+
+    Attributes:
+        origin: Name of the case.
+        about: What it is, in words.
+        verdict: What the references say.
+        status: What the back end says, without a hint.
+        accuracy: How good its answer is; ``inf`` where it claims no solution.
+        difference: Relative difference of the objective from that of the best reference; 0 where
+            there are not two to compare.
+        iterations: Of the back end, without a hint and with one; the latter 0 without hints.
+        findings: What is not as it should be.
+    """
+
+    origin: Origin
+    about: str
+    verdict: Verdict
+    status: QPStatus
+    accuracy: Accuracy
+    difference: float
+    iterations: tuple[int, int]
+    findings: tuple[Finding, ...]
+
+    @property
+    def is_mismatch(self) -> bool:
+        """Whether something is wrong that nothing explains."""
+        return any(not finding.explanation for finding in self.findings)
+
+
+def compare(case: Case, contestant: Contestant) -> Comparison:
+    """Solve a case in every way and compare the answers.
+
+    Whatever the back end raises goes on, with the name of the case added to it.
+    """
+    try:
+        return _compare(case, contestant)
+    except Exception as error:
+        error.add_note(f'{contestant.name} at {case.origin}: {case.draft.about}')
+        raise
+
+
+def _compare(case: Case, contestant: Contestant) -> Comparison:
+    program = case.draft.program
+    answers = references(program)
+    cold = contestant.cold(program)
+    measured, difference = accuracy(program, cold), 0.0
+    findings = _status_findings(program, cold, answers)
+    if cold.status is QPStatus.SOLVED:
+        findings += _accuracy_findings(program, cold, measured, answers)
+        if math.isfinite(answers[0].accuracy.gap):
+            difference = _difference(program, cold, answers[0].solution)
+            findings += _objective_findings(difference, measured, answers[0])
+    elif cold.conflict and not contradict(program, cold.conflict):
+        findings.append(Finding('conflict', f'{len(cold.conflict)} rows that go together', ''))
+    warm_iterations = 0
+    if contestant.warm is not None:
+        warm = contestant.warm(program, case.draft.before)
+        warm_iterations = warm.iterations
+        findings += _warm_findings(program, (cold, measured), warm)
+    return Comparison(
+        case.origin,
+        case.draft.about,
+        verdict(answers),
+        cold.status,
+        measured,
+        difference,
+        (cold.iterations, warm_iterations),
+        tuple(findings),
+    )
+
+
+def _status_findings(
+    program: Program, answer: QPSolution, answers: list[Reference]
+) -> list[Finding]:
+    expected, status = verdict(answers), answer.status
+    if (expected, status) in {
+        (Verdict.SOLVED, QPStatus.SOLVED),
+        (Verdict.INFEASIBLE, QPStatus.INFEASIBLE),
+    }:
+        return []
+    found = f'{status.name}; {", ".join(_says(each) for each in answers)}'
+    explanation = ''
+    if expected is Verdict.UNKNOWN and status is not QPStatus.FAILED:
+        # A solution shows itself by its residual; the denial of one must be made good.
+        proved = status is QPStatus.SOLVED or not nearly_feasible(program)
+        explanation = 'no reference can tell, and this can' if proved else ''
+    elif expected is Verdict.UNKNOWN:
+        explanation = 'no reference can tell either'
+    elif expected is Verdict.INFEASIBLE and nearly_feasible(program):
+        explanation = f'less than {ROUNDING:g} is missing to feasibility'
+    elif expected is Verdict.SOLVED and status is QPStatus.FAILED:
+        # Degenerate programs are all on the border, and are to be solved nevertheless.
+        explanation = ''
+    elif expected is not Verdict.INFEASIBLE and nearly_infeasible(program):
+        explanation = f'limits tighter by {ROUNDING:g} leave no solution'
+    elif expected is Verdict.DISPUTED:
+        explanation = _settled(program, status)
+    return [Finding('status', found, explanation)]
+
+
+def _settled(program: Program, status: QPStatus) -> str:
+    """Whether the back end is right where references contradict each other."""
+    exists = nearly_feasible(program)
+    right = status is (QPStatus.SOLVED if exists else QPStatus.INFEASIBLE)
+    return 'references contradict each other, and the least violation agrees' if right else ''
+
+
+def _says(reference: Reference) -> str:
+    words = f'{reference.name} {reference.solution.status.name}'
+    if math.isfinite(reference.accuracy.residual):
+        words += f' with residual {reference.accuracy.residual:.1e}'
+    return words
+
+
+def _accuracy_findings(
+    program: Program, answer: QPSolution, measured: Accuracy, answers: list[Reference]
+) -> list[Finding]:
+    findings = []
+    for check, found, limit in zip(Accuracy._fields, measured, (RESIDUAL, GAP), strict=True):
+        if abs(found) <= limit:
+            continue
+        best = min(abs(getattr(each.accuracy, check)) for each in answers)
+        # Where no reference is right there is nothing that they could excuse.
+        excused = abs(found) < best < math.inf
+        explanation = f'no reference comes nearer than {best:.1e}' if excused else ''
+        if check == 'residual' and not explanation:
+            explanation = _rounding(program, answer, found)
+        findings.append(Finding(check, f'{found:.1e}, wanted within {limit:g}', explanation))
+    return findings
+
+
+def _rounding(program: Program, answer: QPSolution, residual: float) -> str:
+    """Says so where a residual is nothing but rounding."""
+    change = last_bit(program, answer) if math.isfinite(residual) else 0.0
+    if change < _MOSTLY * residual:
+        return ''
+    return f'the last bit of the controls changes it by {change:.1e}'
+
+
+def _difference(program: Program, answer: QPSolution, reference: QPSolution) -> float:
+    """Objective of an answer above that of a reference, relative to the size of its terms."""
+    ours, theirs = cost(program, answer.dU), cost(program, reference.dU)
+    return (ours.value - theirs.value) / theirs.size
+
+
+def _objective_findings(difference: float, measured: Accuracy, best: Reference) -> list[Finding]:
+    if abs(difference) <= DIFFERENCE:
+        return []
+    explanation = ''
+    if measured.residual <= RESIDUAL and abs(measured.gap) <= GAP:
+        explanation = (
+            f'the gap here is {measured.gap:.1e}, that of {best.name} {best.accuracy.gap:.1e}'
+        )
+    found = f'{difference:+.1e} relative to that of {best.name}, wanted within {DIFFERENCE:g}'
+    return [Finding('objective', found, explanation)]
+
+
+def _warm_findings(
+    program: Program, without: tuple[QPSolution, Accuracy], warm: QPSolution
+) -> list[Finding]:
+    cold, measured = without
+    if warm.status is not cold.status:
+        found = f'{warm.status.name} with a hint, {cold.status.name} without'
+        on_border = nearly_feasible(program) and nearly_infeasible(program)
+        explanation = f'limits that differ by {ROUNDING:g} decide' if on_border else ''
+        return [Finding('warm start', found, explanation)]
+    if cold.status is not QPStatus.SOLVED:
+        return []
+    hinted = accuracy(program, warm)
+    if hinted.residual > max(RESIDUAL, measured.residual):
+        explanation = _rounding(program, warm, hinted.residual)
+        return [Finding('warm start', f'residual {hinted.residual:.1e} with a hint', explanation)]
+    change = float(np.abs(warm.dU - cold.dU).max()) / (1.0 + float(np.abs(cold.dU).max()))
+    if change <= _WARM_DIFFERENCE:
+        return []
+    explanation = ''
+    if max(abs(hinted.gap), abs(measured.gap)) <= GAP:
+        explanation = f'a flat minimum: the gaps are {hinted.gap:.1e} and {measured.gap:.1e}'
+    return [Finding('warm start', f'controls differ by {change:.1e} with a hint', explanation)]

@@ -1,0 +1,243 @@
+"""How fast the iteration converges, measured: records of iterates, and the rate (60) of a tail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.subproblem import Subproblem
+
+if TYPE_CHECKING:
+    from cmpsp_ros.mpsp.iterate import Iterate
+
+_LEAST_POINTS = 4
+_TAIL = 20
+# An error is worth a point only if it is this much larger than what the optimum is known to.
+_MARGIN = 10.0
+# Rounding of a control that went through a whole iteration, relative to the control history.
+_ROUNDING = 1e-12
+# Student's distribution at 97.5 %, for an interval of 95 %, with 1 to 18 degrees of freedom.
+_STUDENT = (
+    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262,
+    2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one iterate measures.
+
+    Attributes:
+        index: Iterations done, ``i``.
+        U: Controls ``U^i``, shape ``(N + 1, r)``.
+        cost: ``J``.
+        step_norm: ``|U^i - U^(i-1)|``, Euclidean; 0 at the guess.
+        step_length: Length that the line search took; 0 at the guess.
+        terminal_error: ``|Y_N - Y_N*|``.
+        violation: Largest path constraint (4), 0 where all are met.
+        kkt_residual: Violation of the optimality conditions of the problem itself at the iterate,
+            with its latest multipliers (0 at the guess): stationarity, feasibility, signs and
+            complementarity, relative to the size of the data. Not a number where they are not.
+        terminal_multipliers: ``lambda``, shape ``(m,)``.
+        path_multipliers: ``rho``, shape ``(N + 1, l)``.
+        bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
+        shift: What was added to the Hessian because curvature was lost.
+    """
+
+    index: int
+    U: Array
+    cost: float
+    step_norm: float
+    step_length: float
+    terminal_error: float
+    violation: float
+    kkt_residual: float
+    terminal_multipliers: Array
+    path_multipliers: Array
+    bound_multipliers: Array
+    shift: float
+
+    @property
+    def active_path(self) -> frozenset[tuple[int, int]]:
+        """Active path constraints, each as ``(stage, index)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.path_multipliers > 0.0))
+
+    @property
+    def active_bounds(self) -> frozenset[tuple[int, int]]:
+        """Active control bounds, each as ``(stage, component)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
+
+
+def record(at: Iterate, subproblem: Subproblem | None) -> Record:
+    """Measure an iterate.
+
+    Args:
+        at: The iterate.
+        subproblem: The subproblem there, which has the gradients; None where it is not finite.
+    """
+    step, evaluation = at.step, at.evaluation
+    terminal = np.zeros_like(evaluation.output_error)
+    path, bounds = np.zeros_like(evaluation.g), np.zeros_like(at.U)
+    if step is not None:
+        terminal, path = step.terminal_multipliers, step.path_multipliers
+        bounds = step.bound_multipliers
+    moved = 0.0 if at.previous_U is None else float(np.linalg.norm(at.U - at.previous_U))
+    return Record(
+        at.index,
+        at.U,
+        evaluation.cost,
+        moved,
+        0.0 if step is None else step.length,
+        float(np.linalg.norm(evaluation.output_error)),
+        float(evaluation.g.max(initial=0.0)),
+        _residual(subproblem, terminal, path, bounds),
+        terminal,
+        path,
+        bounds,
+        0.0 if step is None else step.shift,
+    )
+
+
+def _residual(subproblem: Subproblem | None, terminal: Array, path: Array, bounds: Array) -> float:
+    if subproblem is None:
+        return math.nan
+    # A point that is its own subproblem's solution, with dU = 0, meets the problem's conditions.
+    here = replace(
+        QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
+        terminal=terminal,
+        path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
+        bounds=bounds,
+    )
+    return kkt_residual(subproblem, here, None)
+
+
+class HasControls(Protocol):
+    """An iterate or the record of one."""
+
+    @property
+    def U(self) -> Array:
+        """Controls, shape ``(N + 1, r)``."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Estimated Q-linear convergence (60) of a sequence of iterates.
+
+    The rate is the slope of ``log |U^i - U*|`` over ``i`` by least squares on the tail: the last
+    half (4 to 20 of them) of the iterates whose error stands ten times above what ``U*`` and
+    rounding (1e-12 of the controls) blur it by. The interval is Student's, at 95 %, from the
+    scatter about that line.
+
+    Limits: without a given ``U*`` the last iterate stands for it, whose own error is taken to be
+    ``s r / (1 - r)`` with ``s`` the last step and ``r`` the rate of the steps; iterates as near as
+    ten times that are left out. So a slow run must go on for some iterations beyond the error of
+    interest. The interval covers scatter, not a rate that still changes: superlinear convergence
+    shows as too few points, or as errors that fall below the line at its end.
+
+    Attributes:
+        errors: ``|U^i - U*|``, one for each iterate.
+        used: Indices of the iterates on the line; empty where nothing can be told.
+        rate: ``r``; None where it cannot be told.
+        interval: Confidence interval of the rate; None where it cannot be told.
+        gamma: Least constant of (90) that holds on the tail; None where it cannot be told.
+        sentence: The result in words, or why there is none.
+    """
+
+    errors: Array
+    used: tuple[int, ...]
+    rate: float | None
+    interval: tuple[float, float] | None
+    gamma: float | None
+    sentence: str
+
+    @classmethod
+    def of(cls, iterates: Sequence[HasControls], optimum: Array | None = None) -> Convergence:
+        """Estimate the rate.
+
+        Args:
+            iterates: Iterates or records of one run, the guess first.
+            optimum: ``U*``, shape ``(N + 1, r)``; None for the last iterate.
+        """
+        U = np.array([iterate.U for iterate in iterates])
+        if len(U) < _LEAST_POINTS:
+            return cls._cannot_tell(np.zeros(len(U)), f'{len(U)} iterates are too few')
+        target = U[-1] if optimum is None else optimum
+        errors = np.linalg.norm((U - target).reshape(len(U), -1), axis=1)
+        steps = np.linalg.norm(np.diff(U, axis=0).reshape(len(U) - 1, -1), axis=1)
+        rounding = _ROUNDING * float(np.linalg.norm(target) or errors.max())
+        blur = rounding if optimum is not None else _error_of_last(steps, rounding)
+        if not np.isfinite(blur):
+            return cls._cannot_tell(errors, 'the steps do not become shorter')
+        clear = _last_run(errors > _MARGIN * blur)
+        # The first half is on the way to the neighbourhood in which the rate is one.
+        tail = clear[-min(_TAIL, max(_LEAST_POINTS, len(clear) // 2)) :]
+        if len(tail) < _LEAST_POINTS:
+            return cls._cannot_tell(
+                errors, f'{len(tail)} errors stand clear of rounding and of that of U*'
+            )
+        slope, half = _slope(tail, np.log(errors[tail]))
+        rate = math.exp(slope)
+        interval = math.exp(slope - half), math.exp(slope + half)
+        if interval[1] >= 1.0:
+            return cls._cannot_tell(
+                errors, f'a rate of {rate:.3g} is not known to be below 1 ({interval[1]:.3g})'
+            )
+        gamma = math.exp(float((np.log(errors[tail]) - slope * tail).max()))
+        sentence = (
+            f'Q-linear at {rate:.3g} an iteration (95 %: {interval[0]:.3g} to {interval[1]:.3g}), '
+            f'from iterations {tail[0]} to {tail[-1]}.'
+        )
+        return cls(errors, tuple(tail.tolist()), rate, interval, gamma, sentence)
+
+    @classmethod
+    def _cannot_tell(cls, errors: Array, reason: str) -> Convergence:
+        return cls(errors, (), None, None, None, f'The rate cannot be told: {reason}.')
+
+    def iterations_for(self, error: float) -> int | None:
+        """Iterations after which (90) puts ``|U^i - U*|`` at an error or below.
+
+        Args:
+            error: ``zeta``, positive.
+
+        Returns:
+            ``log(zeta / gamma) / log r``, rounded up; None where the rate cannot be told.
+        """
+        if self.rate is None or self.gamma is None:
+            return None
+        return max(0, math.ceil(math.log(error / self.gamma) / math.log(self.rate)))
+
+
+def _error_of_last(steps: Array, rounding: float) -> float:
+    """What is left to go after the last iterate, as a geometric series of steps."""
+    clear = _last_run(steps > _MARGIN * rounding)[-_TAIL:]
+    if len(clear) < len(steps) and not steps[-1] > _MARGIN * rounding:
+        return rounding
+    if len(clear) < _LEAST_POINTS - 1:
+        return math.inf
+    rate = math.exp(_slope(clear, np.log(steps[clear]))[0])
+    return float(steps[-1] * rate / (1.0 - rate)) if rate < 1.0 else math.inf
+
+
+def _last_run(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Indices of the last unbroken run of True."""
+    indices = np.flatnonzero(wanted)
+    breaks = np.flatnonzero(np.diff(indices) > 1)
+    return indices[breaks[-1] + 1 :] if len(breaks) else indices
+
+
+def _slope(x: NDArray[np.int64], y: Array) -> tuple[float, float]:
+    """Slope of a regression line, and half the width of its confidence interval."""
+    centred = x - x.mean()
+    spread = float(centred @ centred)
+    slope = float(centred @ y) / spread
+    scatter = y - y.mean() - slope * centred
+    freedom = len(x) - 2
+    variance = float(scatter @ scatter) / freedom
+    return slope, _STUDENT[freedom - 1] * math.sqrt(variance / spread)

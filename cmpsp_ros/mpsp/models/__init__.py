@@ -1,0 +1,1 @@
+"""Problems from functions and CasADi expressions, wrappers, and a check of derivatives."""

@@ -1,0 +1,297 @@
+"""An optimal control problem from CasADi expressions, differentiated by CasADi."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cmpsp_ros.mpsp.curvature import project_stages
+from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.arguments import (
+    check_hessian,
+    control_bounds,
+    numbers,
+    terminal_target,
+    vector,
+    whole_number,
+)
+from cmpsp_ros.mpsp.problem import (
+    Array,
+    Dimensions,
+    Evaluation,
+    Hessian,
+    Linearisation,
+    OptimalControlProblem,
+)
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+_DIFFERENTIATED = ('F', 'h', 'g')
+
+
+def from_casadi(
+    *,
+    horizon: int,
+    x0: ArrayLike,
+    x: Any,
+    u: Any,
+    F: Any,
+    L: Any = None,
+    residuals: Any = None,
+    h: Any = None,
+    target: ArrayLike | None = None,
+    g: Any = None,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+    p: Any = None,
+    p_values: ArrayLike | None = None,
+    applies: ArrayLike | None = None,
+) -> OptimalControlProblem:
+    """Set up a problem (1)-(6) from CasADi expressions of one stage.
+
+    The cost is the sum of ``L`` and ``1/2 |residuals|^2``, of which one may be missing. With the
+    Gauss-Newton Hessian, residuals contribute ``R' R`` with their Jacobian ``R``; ``L``, which
+    has no such structure, contributes the positive semi-definite part of its second derivative.
+
+    What varies from stage to stage, be it ``k`` itself, is a symbol ``p`` with its values.
+
+    Args:
+        horizon: ``N``, at least 1.
+        x0: Initial state (6), shape ``(n,)``.
+        x: Symbol of the state, SX or MX, a column.
+        u: Symbol of the control, likewise.
+        F: Dynamics (1), a column like ``x``, or a list of its components.
+        L: Cost of a stage (3), a scalar.
+        residuals: Column or list.
+        h: Terminal output (2), column or list; None for none.
+        target: ``Y_N*`` of (5), shape ``(m,)``.
+        g: Path constraints (4), column or list, met where not positive; None for none. Those that
+            do not depend on ``u`` do not apply at stage 0: nothing can change them.
+        lower: Least controls: a number, shape ``(r,)`` or ``(N + 1, r)``; None for no limit.
+        upper: Largest controls, likewise.
+        p: Symbol of what varies with the stage, a column; None for nothing.
+        p_values: Its values, shape ``(N + 1, size of p)`` or, for a scalar ``p``, ``(N + 1,)``.
+        applies: Which path constraints apply at which stage, shape ``(N + 1, l)``; None for all.
+
+    Returns:
+        The problem. Its first linearisation raises `ProblemError` where a derivative is not finite.
+
+    Raises:
+        ImportError: CasADi is not installed.
+        ProblemError: Names the argument, what was found and what was wanted.
+    """
+    casadi = _casadi()
+    N, start = whole_number('horizon', horizon), vector('x0', x0)
+    n = len(start)
+    if p is None:
+        if p_values is not None:
+            raise ProblemError('p: found none beside p_values, wanted the symbol they belong to')
+        p = (casadi.MX if isinstance(x, casadi.MX) else casadi.SX).sym('p', 0)
+    symbols = {'x': x, 'u': u, 'p': p}
+    for name, symbol in symbols.items():
+        if not (isinstance(symbol, (casadi.SX, casadi.MX)) and symbol.is_valid_input()):
+            raise ProblemError(f'{name}: found {symbol!r}, wanted a symbol, SX or MX')
+        if symbol.shape[1] != 1:
+            raise ProblemError(f'{name}: found shape {symbol.shape}, wanted a column')
+    if x.shape[0] != n:
+        raise ProblemError(f'x: found {x.shape[0]} components, wanted {n}, as many as x0 has')
+    if L is None and residuals is None:
+        raise ProblemError('L: found none and no residuals, wanted one of them')
+
+    given = {'F': F, 'L': L, 'residuals': residuals, 'h': h, 'g': g}
+    columns = {name: _column(casadi, name, value, type(x)) for name, value in given.items()}
+    for name, length in {'F': n, 'L': 0 if L is None else 1}.items():
+        found = columns[name].shape
+        if found[0] != length:
+            raise ProblemError(f'{name}: found shape {found}, wanted {(length, 1)}')
+    expressions = _Expressions(casadi, symbols, columns)
+
+    r, path = u.shape[0], columns['g'].shape[0]
+    applying = np.ones((N + 1, path), dtype=bool)
+    if applies is not None:
+        wanted = np.array(applies, dtype=bool)
+        if wanted.shape != applying.shape:
+            raise ProblemError(f'applies: found shape {wanted.shape}, wanted {applying.shape}')
+        applying &= wanted
+    applying[0] &= np.array(casadi.which_depends(columns['g'], u, 1, True), dtype=bool)[:path]
+    return _CasadiProblem(
+        Dimensions(N, n, r, columns['h'].shape[0], path),
+        start,
+        expressions,
+        terminal_target(target, None if h is None else columns['h'].shape[0]),
+        control_bounds(lower, upper, (N + 1, r)),
+        _values(p_values, (N + 1, p.shape[0])),
+        applying,
+    )
+
+
+def _casadi() -> ModuleType:
+    try:
+        import casadi  # noqa: PLC0415 (an optional extra)
+    except ImportError as error:
+        raise ImportError(
+            "from_casadi needs CasADi, which is the extra 'casadi': pip install 'cmpsp_ros[casadi]'"
+        ) from error
+    module: ModuleType = casadi
+    return module
+
+
+def _column(casadi: ModuleType, name: str, value: Any, kind: type) -> Any:
+    """``value`` as a dense column of the symbols' kind; an empty one for None."""
+    if value is None:
+        return kind(0, 1)
+    try:
+        if isinstance(value, (list, tuple)):
+            value = casadi.vertcat(*value)
+        column = casadi.densify(kind(value))
+    except (NotImplementedError, RuntimeError, TypeError) as error:
+        raise ProblemError(
+            f'{name}: found {value!r}, wanted an expression in x, u and p of the same kind as x'
+        ) from error
+    if column.shape[1] != 1:
+        raise ProblemError(f'{name}: found shape {column.shape}, wanted a column')
+    return column
+
+
+def _values(values: ArrayLike | None, shape: tuple[int, int]) -> Array:
+    array = np.zeros((shape[0], 0)) if values is None else numbers('p_values', values)
+    if array.shape == shape[:1] and shape[1] == 1:
+        array = array[:, None]
+    if array.shape != shape:
+        raise ProblemError(f'p_values: found shape {array.shape}, wanted {shape}')
+    return array
+
+
+class _Expressions:
+    """Functions of one stage, built when first asked for."""
+
+    def __init__(
+        self, casadi: ModuleType, symbols: dict[str, Any], columns: dict[str, Any]
+    ) -> None:
+        self._casadi = casadi
+        self._symbols = symbols
+        self._columns = columns
+        residuals = columns['residuals']
+        self._cost = casadi.sum1(columns['L']) + 0.5 * casadi.sumsqr(residuals)
+        for name, column in columns.items():
+            self._function(name, [column])
+
+    @cached_property
+    def step(self) -> Any:
+        """``F``."""
+        return self._function('F', [self._columns['F']])
+
+    @cached_property
+    def value(self) -> Any:
+        """Cost, ``h`` and ``g``."""
+        return self._function('value', [self._cost, self._columns['h'], self._columns['g']])
+
+    @cached_property
+    def first(self) -> Any:
+        """Jacobians of ``F``, cost, ``h`` and ``g`` by ``(x, u)``."""
+        columns = [self._columns[name] for name in _DIFFERENTIATED]
+        return self._function('first', [self._by_z(column) for column in (*columns, self._cost)])
+
+    @cached_property
+    def exact(self) -> Any:
+        """Second derivative of the cost by ``(x, u)``."""
+        return self._function('exact', [self._by_z(self._by_z(self._cost).T)])
+
+    @cached_property
+    def gauss_newton(self) -> Any:
+        """Second derivative of ``L``, and the residuals' Gauss-Newton Hessian."""
+        R = self._by_z(self._columns['residuals'])
+        of_L = self._by_z(self._by_z(self._casadi.sum1(self._columns['L'])).T)
+        return self._function('gauss_newton', [of_L, R.T @ R])
+
+    def _by_z(self, column: Any) -> Any:
+        jacobian = self._casadi.jacobian
+        return self._casadi.horzcat(*(jacobian(column, self._symbols[name]) for name in 'xu'))
+
+    def _function(self, name: str, outputs: list[Any]) -> Any:
+        dense = [self._casadi.densify(output) for output in outputs]
+        try:
+            return self._casadi.Function(name, list(self._symbols.values()), dense)
+        except RuntimeError as error:
+            raise ProblemError(f'{name}: found a symbol other than x, u and p: {error}') from error
+
+
+class _CasadiProblem(OptimalControlProblem):
+    def __init__(
+        self,
+        size: Dimensions,
+        start: Array,
+        expressions: _Expressions,
+        target: Array,
+        bounds: tuple[Array, Array],
+        p_values: Array,
+        applies: NDArray[np.bool_],
+    ) -> None:
+        self.size = size
+        self.control_lower, self.control_upper = bounds
+        self.target = target
+        self.check()
+        self._start = start
+        self._expressions = expressions
+        self._p = p_values
+        self._applies = applies
+        self._roll_out = expressions.step.mapaccum(size.horizon)
+        self._mapped: dict[str, Any] = {}
+        self._checked = False
+
+    def predict(self, U: Array) -> Array:
+        ahead = self._roll_out(self._start, U[:-1].T, self._p[:-1].T).full()
+        return np.vstack([self._start, ahead.T])
+
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        cost, h, g = self._over_horizon('value', X, U)
+        return Evaluation(float(cost.sum()), h[-1, :, 0] - self.target, self._masked(g))
+
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        check_hessian(hessian)
+        n = self.size.state
+        _, h, g = self._over_horizon('value', X, U)
+        F_Z, h_Z, g_Z, L_Z = self._over_horizon('first', X, U)
+        g_Z[~self._applies] = 0.0
+        if hessian == 'gauss_newton':
+            of_L, of_residuals = self._over_horizon('gauss_newton', X, U)
+            L_ZZ = nearest_positive_semidefinite(of_L) + of_residuals
+        else:
+            (L_ZZ,) = self._over_horizon('exact', X, U)
+        L_XX, L_UX, L_UU = L_ZZ[:, :n, :n], L_ZZ[:, n:, :n], L_ZZ[:, n:, n:]
+        if hessian == 'projected':
+            L_XX, L_UX, L_UU = project_stages(L_XX, L_UX, L_UU)
+        arrays = (
+            F_Z[:-1, :, :n], F_Z[:-1, :, n:],
+            L_Z[:, 0, :n], L_Z[:, 0, n:], L_XX, L_UX, L_UU,
+            h[-1, :, 0] - self.target, h_Z[-1, :, :n], h_Z[-1, :, n:],
+            self._masked(g), g_Z[:, :, :n], g_Z[:, :, n:],
+        )  # fmt: skip
+        result = Linearisation(*map(np.ascontiguousarray, arrays))
+        if not self._checked:
+            result.check(self.size)
+            self._checked = True
+        return result
+
+    def _over_horizon(self, name: str, X: Array, U: Array) -> list[Array]:
+        """Outputs of a function at all stages, each of shape ``(N + 1, rows, columns)``.
+
+        One call of a mapped function: several times faster than a call a stage, most of which is
+        conversion.
+        """
+        stages = self.size.horizon + 1
+        if name not in self._mapped:
+            self._mapped[name] = getattr(self._expressions, name).map(stages)
+        outputs = self._mapped[name].call([X.T, U.T, self._p.T])
+        return [
+            output.full().reshape(output.shape[0], stages, output.shape[1] // stages).swapaxes(0, 1)
+            for output in outputs
+        ]
+
+    def _masked(self, g: Array) -> Array:
+        return np.where(self._applies, g[:, :, 0], -np.inf)

@@ -1,0 +1,219 @@
+"""Whether the derivatives that a problem returns are those of what it predicts and evaluates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.arguments import check_hessian
+from cmpsp_ros.mpsp.problem import Array, Hessian, Linearisation, OptimalControlProblem
+
+_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
+_ROUNDING = 8.0 * float(np.finfo(float).eps)
+# Directions of the state that controls reach by less than this, next to the one they reach most,
+# cannot be told from rounding.
+_REACHED = 1e-4
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One derivative, found and expected.
+
+    Attributes:
+        array: Name in `Linearisation`.
+        stage: ``k``.
+        row: Row of the stage's matrix; None in a gradient.
+        column: Column of it, or component of the gradient.
+        found: Value that the problem returns.
+        by_differences: Value by central differences.
+        error: ``|found - by_differences|`` beyond the rounding of the differences, relative to
+            ``1 + |by_differences|``; infinite where either is not finite.
+    """
+
+    array: str
+    stage: int
+    row: int | None
+    column: int
+    found: float
+    by_differences: float
+    error: float
+
+    def __str__(self) -> str:
+        where = '' if self.row is None else f'row {self.row}, '
+        return (
+            f'{self.array} at stage {self.stage}, {where}column {self.column}: '
+            f'found {self.found:.9g}, by differences {self.by_differences:.9g}'
+        )
+
+
+@dataclass(frozen=True)
+class DerivativeReport:
+    """Outcome of a check.
+
+    Attributes:
+        tolerance: Largest error that passes.
+        worst: The entry with the largest error of each array that has entries, worst first.
+    """
+
+    tolerance: float
+    worst: tuple[Entry, ...]
+
+    @property
+    def is_right(self) -> bool:
+        """Whether no entry's error exceeds the tolerance."""
+        return self.worst[0].error <= self.tolerance
+
+    def __str__(self) -> str:
+        verdict = 'Derivatives agree with' if self.is_right else 'Derivatives differ from'
+        return f'{verdict} differences (worst: {self.worst[0]}; error {self.worst[0].error:.2g}).'
+
+
+def check_derivatives(
+    problem: OptimalControlProblem,
+    U: Array,
+    tolerance: float = 1e-5,
+    hessian: Hessian | None = 'exact',
+    proximal: float = 0.0,
+) -> DerivativeReport:
+    """Compare all arrays of `linearise` with central differences, at one control history.
+
+    ``L_X``, ``L_U``, ``h_X``, ``h_U``, ``g_X`` and ``g_U`` are compared with differences of
+    `evaluate`, ``B`` with differences of `predict`. ``A`` is found from these, too: it must carry
+    the sensitivities (23) of one stage to the next, ``A_k dX_k/dU = dX_(k+1)/dU``. So only its
+    action on states that controls reach is checked, which is all that the method uses; of ``A_0``
+    that is nothing. Second derivatives of the cost are compared with differences of the gradients
+    ``L_X`` and ``L_U``.
+
+    Args:
+        problem: The problem.
+        U: Where, shape ``(N + 1, r)``; best a history without symmetries or zeros.
+        tolerance: Largest relative error that passes.
+        hessian: Kind whose second derivatives are compared: ``exact``, or another kind for a
+            problem on which it is exact, too; None compares none.
+        proximal: What ``L_UU`` holds by intent on its diagonal beyond the second derivative.
+
+    Returns:
+        Verdict and worst entries.
+
+    Raises:
+        ProblemError: ``U``, an array of the linearisation or an argument has the wrong shape or
+            value.
+    """
+    problem.check_controls(U)
+    if hessian is not None:
+        check_hessian(hessian)
+    if not tolerance > 0.0:
+        raise ProblemError(f'tolerance: found {tolerance}, wanted a positive number')
+    X = problem.predict(U)
+    lin = problem.linearise(X, U, hessian or 'gauss_newton')
+    lin.check_shapes(problem.size)
+    pairs = [*_of_predict(problem, U, lin), *_of_evaluate(problem, X, U, lin)]
+    if hessian is not None:
+        pairs += _of_gradients(problem, X, U, hessian, proximal)
+    entries = [
+        _worst(name, getattr(lin, name), expected, noise, problem.size.horizon)
+        for name, expected, noise in pairs
+        if expected.size
+    ]
+    return DerivativeReport(tolerance, tuple(sorted(entries, key=lambda entry: -entry.error)))
+
+
+_Pair = tuple[str, Array, float]
+
+
+def _of_predict(problem: OptimalControlProblem, U: Array, lin: Linearisation) -> Iterator[_Pair]:
+    N, n, r = lin.B.shape
+    # dX_k/dU_j, shape (N + 1, n, N + 1, r).
+    reach, noise = _differences(problem.predict, U, [(j, b) for j in range(N) for b in range(r)])
+    reach = reach.reshape(N + 1, n, N, r)
+    stages = np.arange(N)
+    yield 'B', reach[stages + 1, :, stages], noise
+    A = lin.A.copy()
+    for k in range(1, N):
+        before, after = (reach[stage, :, :k].reshape(n, k * r) for stage in (k, k + 1))
+        if np.isfinite(A[k]).all() and np.isfinite(before).all() and np.isfinite(after).all():
+            # The least correction of A_k that explains what was seen.
+            A[k] += (after - A[k] @ before) @ np.linalg.pinv(before, rcond=_REACHED)
+    yield 'A', A, noise
+
+
+def _of_evaluate(
+    problem: OptimalControlProblem, X: Array, U: Array, lin: Linearisation
+) -> Iterator[_Pair]:
+    N, n, r = lin.B.shape
+    applies = lin.g != -np.inf
+
+    def values(Z: Array) -> Array:
+        at = problem.evaluate(Z[:, :n], Z[:, n:])
+        return np.concatenate([[at.cost], at.output_error, np.where(applies, at.g, 0.0).ravel()])
+
+    Z = np.hstack([X, U])
+    places = [(k, i) for k in range(N + 1) for i in range(n + r)]
+    found, noise = _differences(values, Z, places)
+    m, path = problem.size.output, problem.size.path
+    L_Z = found[0].reshape(N + 1, n + r)
+    h_Z = found[1 : 1 + m].reshape(m, N + 1, n + r)[:, N]
+    g_Z = found[1 + m :].reshape(N + 1, path, N + 1, n + r)[range(N + 1), :, range(N + 1)]
+    # Rows that do not apply are not used, whatever they hold.
+    g_Z = np.where(applies[:, :, None], g_Z, np.concatenate([lin.g_X, lin.g_U], axis=2))
+    for name, Z_part in (('L', L_Z), ('h', h_Z), ('g', g_Z)):
+        yield f'{name}_X', Z_part[..., :n], noise
+        yield f'{name}_U', Z_part[..., n:], noise
+
+
+def _of_gradients(
+    problem: OptimalControlProblem, X: Array, U: Array, hessian: Hessian, proximal: float
+) -> Iterator[_Pair]:
+    n, r = X.shape[1], U.shape[1]
+    second = np.empty((len(X), n + r, n + r))
+    noise = 0.0
+    Z = np.hstack([X, U])
+    for i in range(n + r):
+        # A gradient depends on its own stage alone: all stages are moved at once.
+        ahead, behind, steps = Z.copy(), Z.copy(), _STEP * (1.0 + np.abs(Z[:, i]))
+        ahead[:, i] += steps
+        behind[:, i] -= steps
+        there, here = (
+            np.hstack([at.L_X, at.L_U])
+            for at in (problem.linearise(z[:, :n], z[:, n:], hessian) for z in (ahead, behind))
+        )
+        with np.errstate(invalid='ignore'):
+            second[:, :, i] = (there - here) / (ahead - behind)[:, i, None]
+        noise = max(noise, _ROUNDING * np.abs(there).max() / _STEP)
+    yield 'L_XX', second[:, :n, :n], noise
+    yield 'L_UX', second[:, n:, :n], noise
+    yield 'L_UU', second[:, n:, n:] + proximal * np.eye(r), noise
+
+
+def _differences(
+    function: Callable[[Array], Array], at: Array, places: list[tuple[int, int]]
+) -> tuple[Array, float]:
+    """Central differences along a last axis, one column a place, and their rounding."""
+    columns, largest = [], 0.0
+    for place in places:
+        ahead, behind = at.copy(), at.copy()
+        step = _STEP * (1.0 + abs(at[place]))
+        ahead[place] += step
+        behind[place] -= step
+        there, here = function(ahead), function(behind)
+        largest = max(largest, np.abs(there).max())
+        with np.errstate(invalid='ignore'):
+            columns.append((there - here) / (ahead[place] - behind[place]))
+    return np.stack(columns, axis=-1), _ROUNDING * largest / _STEP
+
+
+def _worst(name: str, found: Array, expected: Array, noise: float, horizon: int) -> Entry:
+    with np.errstate(invalid='ignore'):
+        beyond = np.maximum(np.abs(found - expected) - noise, 0.0)
+        error = beyond / (1.0 + np.abs(expected))
+    error = np.where(np.isfinite(error), error, np.inf)
+    place = np.unravel_index(int(error.argmax()), error.shape)
+    index = [int(part) for part in place]
+    # h_X and h_U are the last stage's; gradients have no rows.
+    stage = horizon if name in {'h_X', 'h_U'} else index.pop(0)
+    row = index.pop(0) if len(index) == 2 else None
+    values = float(found[place]), float(expected[place])
+    return Entry(name, stage, row, index[0], *values, float(error[place]))

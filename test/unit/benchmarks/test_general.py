@@ -1,0 +1,45 @@
+"""Programs of other sizes."""
+
+import numpy as np
+import pytest
+
+from benchmarks.families.general import SIZES, flops, measure, program
+from cmpsp_ros.mpsp.qp import solve_qp
+
+
+@pytest.mark.parametrize('size', SIZES)
+def test_programs_are_solvable_and_have_active_rows(size):
+    found = program(1, *size)
+    assert (found.size.state, found.size.control) == size
+    ours, other = (solve_qp(found, name) for name in ('riccati_active_set', 'daqp'))
+    np.testing.assert_allclose(ours.dU, other.dU, atol=1e-7)
+    assert np.count_nonzero(ours.bounds) > 0
+    assert np.count_nonzero(ours.path) > 0
+
+
+def test_programs_repeat():
+    one, other = (program(3, 3, 2).linearisation for _ in range(2))
+    np.testing.assert_array_equal(one.A, other.A)
+    assert not np.array_equal(one.A, program(4, 3, 2).linearisation.A)
+
+
+def test_every_size_is_timed():
+    told = []
+    found = measure(2, lambda: told.append(1))
+    assert [(each.states, each.controls) for each in found] == list(SIZES)
+    assert len(told) == 2
+    for each in found:
+        assert each.time > 0.0
+        assert each.iterations >= each.active > 0
+    of_one = [each.flops / each.iterations for each in found]
+    assert 0.0 < of_one[0] < of_one[1] < of_one[2]
+
+
+def test_operations_grow_as_they_should():
+    scalar = flops(1, 1, 1, 0, 0, 0)
+    assert scalar == pytest.approx(18.0 + 2.0 / 3.0)
+    assert flops(100, 6, 3, 0, 0, 0) == pytest.approx(800.0 * flops(1, 3, 1.5, 0, 0, 0))
+    # One iteration: half a sweep for the row, one for the states, and one for four constraints.
+    assert flops(10, 3, 2, 4, 1, 0) - flops(10, 3, 2, 4, 0, 0) == 10 * (15 + 42 + 40)
+    # Beside that two dozen active rows, half of them on average.
+    assert flops(10, 3, 2, 4, 1, 24) - flops(10, 3, 2, 4, 1, 0) == 3 * 10 * 2 * 12 + 24**2 / 3

@@ -1,0 +1,97 @@
+"""Results in tables, pictures, JSON and a page."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.errors import BenchError
+from benchmarks.families.latency import Latency
+from benchmarks.report import check_output, content, page, write
+from benchmarks.tables import tables
+
+# What they share takes long to make.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('bench_results')]
+
+
+@pytest.fixture
+def with_latency(results):
+    own = np.linspace(1.0, 2.0, 120)
+    first = np.arange(len(own)) == 0
+    found = Latency(3, own + 0.5, own, first, np.diff(own), 0.002, np.array([1.5]), 200.0, 201.0)
+    return replace(results, latency=found, order=replace(results.order, latency=True))
+
+
+def test_a_folder_has_data_pictures_and_a_page(with_latency, tmp_path):
+    write(with_latency, tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'bench.json', 'performance.md', 'horizons.png', 'steps.png', 'tails.png', 'latency.png',
+    }  # fmt: skip
+    for path in tmp_path.glob('*.png'):
+        assert path.read_bytes().startswith(b'\x89PNG')
+    read = json.loads((tmp_path / 'bench.json').read_text())
+    assert read == json.loads(json.dumps(content(with_latency)))
+    assert read['latency_ms']['spread_rest']['median'] == pytest.approx(0.5)
+    assert read['resident_mb'].keys() == {'benchmark', 'guidance_active', 'guidance_end'}
+
+
+def test_a_file_has_the_data_alone(results, tmp_path):
+    path = tmp_path / 'results.json'
+    check_output(path)
+    write(results, path)
+    assert [each.name for each in tmp_path.iterdir()] == ['results.json']
+    read = json.loads(path.read_text())
+    assert read['latency_ms'] is None
+    assert read['methods']['timed']['condensed + daqp']['first_ratio'] == 1.0
+    assert read['command'] == 'cmpsp bench case3 --runs 2 --tail 10 --peers'
+    assert read['tails_us']['riccati active set']['spread']['count'] == 12
+    assert read['tails_us']['riccati active set']['spread_again']['count'] == 12
+    assert read['robots_ms']['jackal']['steps'] == len(read['robots_ms']['jackal']['work'])
+    assert [each['steps'] for each in read['long_horizons_us']['steps']] == [25, 50]
+    assert list(read['plans_us']) == ['1', '2', '4', '8']
+    assert [each['states'] for each in read['general']] == [3, 6, 12]
+    assert {'holds', 'found', 'at_most', 'what'} == read['targets'][0].keys()
+    assert {'processor', 'cores', 'kernel', 'Python', 'numba'} <= read['machine'].keys()
+
+
+def test_the_page_links_what_is_there_and_executes_nothing(with_latency, tmp_path):
+    write(with_latency, tmp_path)
+    text = page(with_latency)
+    assert (tmp_path / 'performance.md').read_text() == text
+    assert 'cmpsp bench case3 --runs 2 --tail 10 --peers --latency' in text
+    assert set(re.findall(r'^```(\w*)$', text, re.MULTILINE)) == {'sh', ''}
+    links = re.findall(r'\]\(([^)]+)\)', text)
+    assert links
+    assert all((tmp_path / link).exists() for link in links)
+    for table in re.findall(r'(?:^\|.*\n)+', text, re.MULTILINE):
+        assert len({line.count('|') for line in table.splitlines()}) == 1
+
+
+def test_every_method_is_in_the_tables(results):
+    found = {table.title: table for table in tables(results)}
+    names = [each.name for each in results.comparison.timed]
+    for title in ('What the methods drive', 'First step over horizons [µs]'):
+        assert [row[0] for row in found[title].rows] == names
+    titles = list(found)
+    assert titles[:2] == ['Targets', 'Robots on long horizons [ms]']
+    assert titles.index('One plan over long horizons') < titles.index('What the methods drive')
+    left_out = [row[0] for row in found['Not compared'].rows]
+    assert set(left_out) == {
+        *results.comparison.left_out, *results.missing, *results.long_horizons.missing,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize('name', ['there.json', '', 'there.json/folder', 'there.json/file.json'])
+def test_output_that_cannot_be_used(tmp_path, name):
+    (tmp_path / 'there.json').write_text('{}')
+    with pytest.raises(BenchError, match=re.escape(str(tmp_path / name))):
+        check_output(tmp_path / name)
+
+
+def test_a_new_folder_is_made(tmp_path):
+    check_output(tmp_path / 'new' / 'folder')
+    check_output(tmp_path / 'other' / 'file.json')
+    assert (tmp_path / 'new' / 'folder').is_dir()
+    assert (tmp_path / 'other').is_dir()

@@ -1,0 +1,39 @@
+"""Robots on long horizons."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.errors import BenchError
+from benchmarks.families import robot_drives
+from benchmarks.families.robot_drives import RobotDrive, measure
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.parameters.errors import ParameterError
+
+
+def test_a_robot_drives_to_the_goal():
+    told, improve = [], Planner.improve
+    (found,) = measure(['jackal'], 2, lambda: told.append(1))
+    assert found.name == 'jackal'
+    assert found.times.shape == (2, 50)
+    assert found.times.min() > 0.0
+    assert found.work.shape == (50,)
+    assert found.work.min() > 0
+    assert sum(found.levels.values()) == 50
+    assert found.terminal_error < 0.01
+    assert len(told) == 2
+    assert Planner.improve is improve
+
+
+def test_no_such_robot():
+    with pytest.raises(ParameterError, match='jackall'):
+        measure(['jackall'], 1)
+
+
+def test_runs_that_differ(monkeypatch):
+    drive = RobotDrive('odd', np.ones((1, 2)), np.ones(2, int), {'nominal': 2}, 0.0)
+    drives = iter([drive, replace(drive, work=np.array([1, 2]))])
+    monkeypatch.setattr(robot_drives, '_drive', lambda name, scenario: next(drives))
+    with pytest.raises(BenchError, match='runs that differ'):
+        measure(['jackal'], 2)

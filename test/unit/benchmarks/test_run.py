@@ -1,0 +1,117 @@
+"""The benchmark once, at a small size, with every solver that is installed; and its command."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.errors import BenchError
+from benchmarks.results import Order
+from benchmarks.run import run
+from cmpsp_ros.cli import app
+
+# What they share takes long to make.
+pytestmark = pytest.mark.xdist_group('bench_results')
+
+
+def invoke(*args):
+    return CliRunner().invoke(app, ['bench', *map(str, args)], env={'COLUMNS': '200'})
+
+
+@pytest.mark.slow
+def test_all_that_was_asked_for_is_there(results):
+    assert [each.name for each in results.robots] == ['jackal']
+    assert [each.steps for each in results.long_horizons.found] == [25, 50]
+    assert [each.name for each in results.presets] == ['case3']
+    found = results.comparison
+    assert (found.steps, found.runs) == (4, 2)
+    assert found.timed[0].name == 'condensed + daqp'
+    assert [each.name for each in results.growth] == [each.name for each in found.timed]
+    assert results.growth[0].steps == [4, 6]
+    assert [(each.name, each.times.shape) for each in results.tails] == [
+        ('riccati active set', (12,))
+    ]
+    assert [(each.states, each.controls) for each in results.general] == [(3, 2), (6, 2), (12, 4)]
+    assert [each.name[:7] for each in results.hard] == [
+        'case3_4',
+        *['table1_'] * 4,
+        *['table2_'] * 3,
+    ]
+    assert {each.times.shape for each in results.hard} == {(2, 50)}
+    assert results.hard[0].elastic == 0
+    assert sum(each.elastic == 50 for each in results.hard) >= 5
+    assert results.latency is None
+
+
+@pytest.mark.slow
+def test_installed_solvers_solve_the_same_task(task, results):
+    pytest.importorskip('casadi')
+    found = {each.name: each.outcome for each in results.comparison.timed}
+    assert {'fatrop, to convergence', 'ipopt, to convergence'} <= found.keys()
+    for outcome in found.values():
+        assert task.failure(outcome) == ''
+
+
+@pytest.mark.slow
+def test_progress_is_told():
+    told = []
+
+    def progress(part, pieces):
+        told.append(f'{part} {pieces}')
+        return lambda: told.append(part)
+
+    small = {'steps': 3, 'horizons': (3,), 'robots': ['jackal'], 'long_horizons': (50,)}
+    run(Order(['case1'], runs=1, tail=4, **small), progress)
+    assert told == [
+        'robots 1', 'robots', 'long horizons 1', 'long horizons',
+        'presets 1', 'presets', 'hard cases 8', *['hard cases'] * 8,
+        'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
+        'tail 2', 'tail', 'tail',
+        'horizons 1', 'horizons', 'other sizes 1', 'other sizes',
+    ]  # fmt: skip
+
+
+def test_a_wrong_preset_leaves_no_folder(tmp_path):
+    done = invoke('cas3', '--output', tmp_path / 'folder')
+    assert done.exit_code == 1
+    assert 'did you mean case3?' in done.stderr
+    assert not (tmp_path / 'folder').exists()
+
+
+def test_an_existing_file_is_kept(tmp_path):
+    path = tmp_path / 'bench.json'
+    path.write_text('mine')
+    done = invoke('--output', path)
+    assert done.exit_code == 1
+    assert 'found an existing file' in done.stderr
+    assert path.read_text() == 'mine'
+    with pytest.raises(BenchError, match='existing file'):
+        run(Order(['case1'], runs=1, tail=1, output=path))
+
+
+def test_the_command_line_of_an_order():
+    order = Order(['case1', 'my file.yaml'], 3, 100, peers=True, latency=True, output=Path('out'))
+    assert order.command == (
+        "cmpsp bench case1 'my file.yaml' --runs 3 --tail 100 --peers --latency --output out"
+    )
+    assert Order((), 20, 50).command == 'cmpsp bench --runs 20 --tail 50'
+
+
+@pytest.mark.slow
+def test_the_command_writes_and_tells(tmp_path):
+    path = tmp_path / 'bench.json'
+    done = invoke('case1', '--runs', 1, '--tail', 50, '--output', path)
+    assert done.exit_code == 0, done.output
+    for said in (
+        'turtlebot4',
+        'exponent of N',
+        'case1',
+        'condensed + daqp',
+        'guidance law',
+        '[ms]',
+        'not measured',
+        'written',
+    ):
+        assert said in done.stdout
+    assert json.loads(path.read_text())['presets_ms'].keys() == {'case1'}

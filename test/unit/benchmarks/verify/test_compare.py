@@ -1,0 +1,196 @@
+"""The comparison: silent about a right back end, and never about a wrong one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.verify.case import Program
+from benchmarks.verify.compare import compare
+from benchmarks.verify.contestant import contestant
+from benchmarks.verify.families import FAMILIES, cases
+from benchmarks.verify.references import Verdict
+from benchmarks.verify.run import verify_case
+from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Row
+
+
+def checks(comparison):
+    return {finding.check for finding in comparison.findings if not finding.explanation}
+
+
+def relaxed(subproblem, terminal=10.0, path=1.0):
+    shape = subproblem.linearisation.g.shape
+    return Penalties(np.full(1, terminal), np.full(shape, path))
+
+
+def hard_cases(family, seed):
+    return [each for each in cases(family, seed) if each.draft.program.penalties is None]
+
+
+@pytest.mark.parametrize('family', FAMILIES)
+def test_daqp_is_right_about_hard_programs(family):
+    chosen = contestant('daqp')
+    for each in hard_cases(family, 0):
+        comparison = compare(each, chosen)
+        # With many active rows its own tolerance of 1e-6 shows.
+        assert checks(comparison) <= {'residual'}, comparison
+        assert comparison.accuracy.residual < 1e-6 or comparison.status is QPStatus.INFEASIBLE
+        assert comparison.verdict in {Verdict.SOLVED, Verdict.INFEASIBLE}
+
+
+@pytest.mark.parametrize('family', ['loop', 'crowded', 'infeasible'])
+def test_clarabel_is_right_about_relaxed_programs(family, erring):
+    for each in cases(family, 1):
+        comparison = compare(each, erring())
+        assert not comparison.is_mismatch, comparison
+
+
+@pytest.mark.parametrize('by', [1e-6, -1e-4, 0.1])
+@pytest.mark.parametrize('family', ['loop', 'general', 'degenerate'])
+def test_a_point_slightly_off_is_found(family, by, erring, moved):
+    wrong = erring(moved(by))
+    solved = 0
+    for each in cases(family, 0):
+        comparison = compare(each, wrong)
+        if comparison.status is QPStatus.SOLVED:
+            solved += 1
+            assert comparison.is_mismatch, comparison
+    assert solved
+
+
+def test_each_part_that_is_wrong_is_found(scalar, case_of, erring):
+    case = case_of(scalar(limit=1.5), relaxed(scalar()))
+    assert compare(case, erring()).findings == ()
+    for part in ('terminal', 'path', 'bounds'):
+
+        def change(answer, part=part):
+            return replace(answer, **{part: getattr(answer, part) + 1e-3})
+
+        assert 'residual' in checks(compare(case, erring(change))), part
+
+
+def test_a_solution_claimed_where_there_is_none_is_found(scalar, case_of, erring):
+    def claim(answer):
+        return replace(answer, status=QPStatus.SOLVED)
+
+    comparison = compare(case_of(scalar(limit=0.5)), erring(claim))
+    assert comparison.verdict is Verdict.INFEASIBLE
+    assert checks(comparison) >= {'status', 'residual'}
+    for each in hard_cases('infeasible', 0):
+        comparison = compare(each, erring(claim))
+        if comparison.verdict is Verdict.INFEASIBLE:
+            assert 'status' in checks(comparison)
+
+
+@pytest.mark.parametrize('status', [QPStatus.INFEASIBLE, QPStatus.FAILED])
+def test_a_solution_denied_is_found(scalar, case_of, erring, status):
+    def deny(answer):
+        return replace(answer, status=status)
+
+    assert checks(compare(case_of(scalar()), erring(deny))) == {'status'}
+    assert checks(compare(case_of(scalar(), relaxed(scalar())), erring(deny))) == {'status'}
+
+
+def test_failing_where_there_is_no_solution_is_found(scalar, case_of, erring):
+    def fail(answer):
+        return replace(answer, status=QPStatus.FAILED)
+
+    assert checks(compare(case_of(scalar(limit=0.5)), erring(fail))) == {'status'}
+
+
+@pytest.mark.parametrize('status', [QPStatus.SOLVED, QPStatus.INFEASIBLE])
+def test_either_status_is_explained_on_the_border(scalar, case_of, erring, status):
+    def say(answer):
+        point = np.array([[2.0], [0.0]])
+        return replace(answer, status=status, dU=point, terminal=np.array([-2.0]))
+
+    comparison = compare(case_of(scalar(limit=2.0 - 1e-9)), erring(say))
+    assert 'status' not in checks(comparison)
+    comparison = compare(case_of(scalar(limit=2.0 + 1e-9)), erring(say))
+    assert 'status' not in checks(comparison)
+
+
+def test_failing_on_the_border_is_found_where_references_agree(scalar, case_of, erring):
+    def fail(answer):
+        return replace(answer, status=QPStatus.FAILED)
+
+    assert checks(compare(case_of(scalar(limit=2.0)), erring(fail))) == {'status'}
+
+
+def test_hints_that_change_the_answer_are_found(scalar, case_of, erring, moved):
+    case = case_of(scalar(), relaxed(scalar()))
+    right = compare(case, erring(hinted=lambda answer: answer))
+    assert right.findings == ()
+    off = compare(case, erring(hinted=moved(1e-4)))
+    assert checks(off) == {'warm start'}
+    assert 'residual' in off.findings[0].found
+
+    def deny(answer):
+        return replace(answer, status=QPStatus.INFEASIBLE)
+
+    denied = compare(case, erring(hinted=deny))
+    assert [finding.found for finding in denied.findings] == [
+        'INFEASIBLE with a hint, SOLVED without'
+    ]
+    assert denied.is_mismatch
+
+
+def test_the_hint_comes_from_the_program_before(scalar, case_of, erring):
+    asked = []
+
+    def warm(program, before):
+        asked.append((program, before))
+        return erring().cold(program)
+
+    before = Program(scalar(limit=1.0))
+    case = case_of(scalar(), before=before)
+    assert compare(case, replace(erring(), warm=warm)).findings == ()
+    ((program, hint),) = asked
+    assert program is case.draft.program
+    assert hint is before
+
+
+# Not the families of many sizes: it is compiled for each.
+@pytest.mark.parametrize('family', ['loop', 'crowded', 'flat'])
+def test_active_set_is_right_with_and_without_hints(family):
+    chosen = contestant('riccati_active_set')
+    assert chosen.warm is not None
+    for each in cases(family, 2):
+        assert not compare(each, chosen).is_mismatch
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        'infeasible/86/1',
+        'infeasible/92/8',
+        'infeasible/158/6',
+        'infeasible/185/3',
+        'degenerate/236/7',
+        'loop/798/8',
+    ],
+)
+def test_what_rounding_makes_look_like_a_contradiction_is_looked_at_again(name):
+    assert verify_case(name, 'riccati_active_set').findings == ()
+
+
+def test_rows_named_without_a_conflict_are_found(scalar, case_of, erring):
+    def name(*rows):
+        return lambda answer: replace(answer, conflict=rows)
+
+    case = case_of(scalar(limit=0.5))
+    goal, limit, bound = Row('terminal', 1, 0), Row('path', 1, 0), Row('bound', 0, 0)
+    assert checks(compare(case, erring(name(goal, limit)))) == set()
+    assert checks(compare(case, erring(name(goal, bound)))) == {'conflict'}
+    assert checks(compare(case, erring(name(limit)))) == {'conflict'}
+    case = case_of(scalar(upper=1.0))
+    assert checks(compare(case, erring(name(goal, bound)))) == set()
+
+
+def test_a_back_end_that_raises_is_named_with_its_case(scalar, case_of, erring):
+    def crash(answer):
+        raise ZeroDivisionError('by zero')
+
+    with pytest.raises(ZeroDivisionError) as caught:
+        compare(case_of(scalar()), erring(crash))
+    assert caught.value.__notes__ == ['erring at test/0/0: a test']

@@ -1,0 +1,94 @@
+"""A cost on the change of control, as a wrapper of any problem."""
+
+import numpy as np
+import pytest
+from problems import LinearQuadratic, VanDerPol, assert_derivatives, differences
+
+from cmpsp_ros.mpsp.condensing import condense
+from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
+from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
+from cmpsp_ros.mpsp.status import Status
+
+
+def condensed(problem, U):
+    lin = problem.linearise(problem.predict(U), U, 'exact')
+    lin.check(problem.size)
+    return condense(lin, np.full_like(U, -1.0), np.full_like(U, 1.0))
+
+
+def test_derivatives():
+    rng = np.random.default_rng(0)
+    inner = VanDerPol(horizon=5, floor=-0.5, mixed=2.0)
+    problem = ControlRateProblem(inner, 3.0, np.array([0.7]))
+    assert_derivatives(problem, rng.normal(size=(6, 1)), 'exact')
+    linear = LinearQuadratic(rng, horizon=4)
+    assert_derivatives(
+        ControlRateProblem(linear, 0.4, rng.normal(size=2)), rng.normal(size=(5, 2)), 'exact'
+    )
+
+
+def test_cost_is_that_of_the_changes():
+    rng = np.random.default_rng(1)
+    inner = LinearQuadratic(rng, horizon=4)
+    U, previous = rng.normal(size=(5, 2)), rng.normal(size=2)
+    problem = ControlRateProblem(inner, 3.0, previous)
+    X = problem.predict(U)
+    plain, value = inner.evaluate(inner.predict(U), U), problem.evaluate(X, U)
+    changes = np.diff(np.vstack([previous, U]), axis=0)
+    assert value.cost - plain.cost == pytest.approx(1.5 * (changes**2).sum())
+    np.testing.assert_array_equal(value.g, plain.g)
+    np.testing.assert_array_equal(value.output_error, plain.output_error)
+    np.testing.assert_array_equal(X[:, :3], inner.predict(U))
+
+
+def test_condensed_hessian_is_that_of_the_sum():
+    rng = np.random.default_rng(2)
+    inner = LinearQuadratic(rng, horizon=4)
+    U, previous = rng.normal(size=(5, 2)), rng.normal(size=2)
+    plain = condensed(inner, U)
+    with_rate = condensed(ControlRateProblem(inner, 3.0, previous), U)
+    change = np.kron(np.eye(5) - np.eye(5, k=-1), np.eye(2))
+    np.testing.assert_allclose(with_rate.H - plain.H, 3.0 * change.T @ change, atol=1e-11)
+    gap = change @ U.ravel() - np.concatenate([previous, np.zeros(8)])
+    np.testing.assert_allclose(with_rate.c - plain.c, 3.0 * change.T @ gap, atol=1e-11)
+    np.testing.assert_allclose(with_rate.S_N, plain.S_N, atol=1e-12)
+    np.testing.assert_allclose(with_rate.B_C, plain.B_C, atol=1e-12)
+
+
+def test_weight_zero_is_the_plain_problem():
+    inner = VanDerPol(horizon=8, mixed=1.2)
+    U = np.random.default_rng(3).normal(size=(9, 1))
+    plain, wrapped = (
+        condensed(inner, U),
+        condensed(ControlRateProblem(inner, 0.0, np.array([5.0])), U),
+    )
+    for name, array in vars(plain).items():
+        np.testing.assert_allclose(getattr(wrapped, name), array, atol=1e-13, err_msg=name)
+
+
+def test_a_large_weight_holds_the_control():
+    problem = ControlRateProblem(VanDerPol(horizon=10, passes=False), 1e6, np.array([0.3]))
+    found = solve(problem, np.zeros((11, 1)), Options(np.zeros(0), np.ones(2)), 60)
+    assert found.status is Status.CONVERGED
+    np.testing.assert_allclose(found.iterate.U, 0.3, atol=1e-4)
+
+
+def test_gradient_by_differences_through_the_roll_out():
+    inner = VanDerPol(horizon=6)
+    problem = ControlRateProblem(inner, 2.0, np.array([-0.4]))
+    U = np.random.default_rng(4).normal(size=(7, 1))
+    cost = differences(lambda u: np.array(problem.evaluate(problem.predict(u), u).cost), U)
+    np.testing.assert_allclose(condensed(problem, U).c, cost.ravel(), atol=1e-6)
+
+
+@pytest.mark.parametrize('weight', [-1.0, np.nan, -1e-12])
+def test_bad_weight_is_named(weight):
+    with pytest.raises(ProblemError, match=r'weight: found .*, wanted a number >= 0'):
+        ControlRateProblem(VanDerPol(), weight, np.zeros(1))
+
+
+def test_bad_previous_control_is_named():
+    with pytest.raises(ProblemError, match=r'previous: found shape \(2,\), wanted \(1,\)'):
+        ControlRateProblem(VanDerPol(), 1.0, np.zeros(2))

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 
 Array = NDArray[np.float64]
 
-_UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
+UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class FallbackLevel(IntEnum):
@@ -128,4 +128,4 @@ class Decision(NamedTuple):
     goal: Goal | None = None
     heading_miss: float | None = None
     told: int = 0
-    phases: Mapping[str, float] = _UNTIMED
+    phases: Mapping[str, float] = UNTIMED

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
+from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
@@ -26,7 +28,8 @@ def follow(
     verdict: Verdict,
     robot: DifferentialDrive,
     errors: tuple[float, float | None],
-    **numbers: Any,
+    result: SolveResult | None = None,
+    phases: Mapping[str, float] = UNTIMED,
 ) -> Decision:
     """To follow a plan.
 
@@ -39,7 +42,8 @@ def follow(
         verdict: Of the audit.
         robot: Kinematics by which wheel speeds are commanded.
         errors: Distance of the plan's end from the goal [m], and of its last heading [rad].
-        numbers: Of the iterations, by the names of `Decision`.
+        result: Of the iterations of this step, if there were any.
+        phases: Computing time by phase [ms].
     """
     controls = plan.controls[0]
     return Decision(
@@ -60,7 +64,11 @@ def follow(
         goal=state.goals.goal,
         heading_miss=errors[1],
         told=state.goals.goals_received,
-        **numbers,
+        slack=result.slack if result is not None and result.elastic else 0.0,
+        iterations=0 if result is None else result.iterations,
+        qp_iterations=0 if result is None else result.qp_iterations,
+        active_rows=0 if result is None else result.active_rows,
+        phases=phases,
     )
 
 

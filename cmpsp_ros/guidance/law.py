@@ -236,11 +236,8 @@ class GuidanceLaw:
             verdict,
             self._settings.robot,
             errors,
-            slack=result.slack if result.elastic else 0.0,
-            iterations=result.iterations,
-            qp_iterations=result.qp_iterations,
-            active_rows=result.active_rows,
-            phases=self._selector.phases,
+            result,
+            self._selector.phases,
         )
 
     def _reason_to_wait(self, selected: Candidate, context: PlanningContext) -> str:

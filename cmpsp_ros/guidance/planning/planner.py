@@ -113,12 +113,12 @@ class Planner:
         self._limit[0], self._work_limit[0] = limit, work_limit
         data = self._data(context, guess)
         self._driver.improve(self._functions, data, steps, over)
-        outcome = self._outcome[0]
+        outcome = self._counters[0].item()
         if self._compiled and outcome in (NO_CURVATURE, ITERATION_LIMIT):
-            work = int(self._work[0]) + _WORK_OF_BACK_END * limit * (steps + 1)
+            work = self._counters[-1].item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == NO_CURVATURE or work <= work_limit:
                 return self._improve_otherwise(guess, horizon, data, limit)._replace(work=work)
-        return _summary(self._driver, horizon)
+        return _summary(self._driver, self._counters, horizon)
 
     def _improve_otherwise(
         self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, limit: int
@@ -133,7 +133,7 @@ class Planner:
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
         other.improve(self._functions, data, steps, 0)
-        return _summary(other, horizon)
+        return _summary(other, _counters(other), horizon)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
         pose, robot, moving, progress = context.start
@@ -175,9 +175,9 @@ class Planner:
             self._drivers[outputs] = known
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
-        self._limit, self._outcome = known.ws.run['max_iterations'], known.ws.run['outcome']
-        head = known.ws.program.head
-        self._work, self._work_limit = head['work'], head['work_limit']
+        self._limit = known.ws.run['max_iterations']
+        self._work_limit = known.ws.program.head['work_limit']
+        self._counters = _counters(known)
         self._set_tolerances(known)
         if changed:
             self.forget()
@@ -221,21 +221,31 @@ def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions:
     return FUNCTIONS.entries(data, ws)
 
 
-def _summary(driver: Driver, horizon: Horizon) -> SolveResult:
-    ws, back_end = driver.ws, driver.back_end
-    run = ws.run[0]
-    stages, outcome = len(horizon.edges), int(run['outcome'])
+def _counters(driver: Driver) -> tuple[NDArray[np.int64], ...]:
+    """Outcome, relaxation level, iterations, active rows, solver iterations and work, as views."""
+    run, head = driver.ws.run, driver.ws.program.head
+    results = (run[name] for name in ('outcome', 'level', 'iterations', 'active_rows'))
+    return (*results, head['iterations'], head['work'])
+
+
+def _summary(
+    driver: Driver, counters: tuple[NDArray[np.int64], ...], horizon: Horizon
+) -> SolveResult:
+    ws, back_end, stages = driver.ws, driver.back_end, len(horizon.edges)
+    outcome, level, iterations, active_rows, qp_iterations, work = [
+        each.item() for each in counters
+    ]
     largest, left, path = 0.0, [], 0
-    if outcome == SOLVED and run['level'] > 0:
+    if outcome == SOLVED and level > 0:
         # A handful of numbers is searched faster in a Python list.
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
         left = [index for index, each in enumerate(slack) if each > SLACK_TOLERANCE]
     if back_end is None:
-        iterations = int(ws.program.head['iterations'][0])
         reason = _WORK_USED_UP if outcome == ITERATION_LIMIT else _STATUS[outcome].value
     else:
-        iterations, reason = back_end.solution.iterations, back_end.solution.status.value
+        qp_iterations = back_end.solution.iterations
+        reason = back_end.solution.status.value
     return SolveResult(
         Plan(horizon, ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()),
         outcome == SOLVED,
@@ -243,9 +253,9 @@ def _summary(driver: Driver, horizon: Horizon) -> SolveResult:
         largest,
         tuple([index for index in left if index < path]),
         bool(left) and left[-1] >= path,
-        int(run['iterations']),
         iterations,
-        int(run['active_rows']),
+        qp_iterations,
+        active_rows,
         reason,
-        int(ws.program.head['work'][0]),
+        work,
     )

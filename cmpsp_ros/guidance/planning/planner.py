@@ -104,7 +104,7 @@ class Planner:
         """
         limit = iterations or self._formulation.settings.solver.iterations_per_step
         horizon, steps = context.horizon, len(context.horizon.durations)
-        if context.target is not self._target or steps >= len(self._ws.lower):
+        if context.target != self._target or steps >= len(self._ws.lower):
             self._target = context.target
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
@@ -145,7 +145,7 @@ class Planner:
         if (
             known is None
             or space is not known[0]
-            or target is not known[1]
+            or target != known[1]
             or robot is not known[2]
         ):
             self._known = space, target, robot

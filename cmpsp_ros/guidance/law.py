@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance import decision_builder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.goal_manager import check_goal
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
-from cmpsp_ros.guidance.planning.candidate import Candidate, SolveResult
+from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.stagnation import PATIENCE, gains_enough
+from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
@@ -50,7 +51,8 @@ class GuidanceLaw:
 
     def _configure(self, settings: GuidanceSettings) -> None:
         self._settings = settings
-        self._audit, self._margin_audit = Audit(settings), Audit(settings, with_margin=True)
+        self._audit = Audit(settings)
+        self._fallback = Fallback(settings, self._audit)
         self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -94,7 +96,8 @@ class GuidanceLaw:
         state.start = stamp if state.start is None else state.start
         now = state.now = stamp - state.start
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
-        self._estimate_slip(stamp, pose)
+        if state.end_period(settings, stamp, pose):
+            self._selector.restart()
         start, pending = self._predict(stamp, pose, moving)
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
@@ -121,7 +124,7 @@ class GuidanceLaw:
             decision = self._decide(stamp, pose, context)
         self._decide_in_time(start, decision.plan, last)
         state.step += 1
-        self._begin_period(stamp, pose, decision.wheel_speeds)
+        state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
 
     @property
@@ -209,9 +212,11 @@ class GuidanceLaw:
             level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
             reason = selected.describe(self._audit, self._settings, start.moving)
             reason += self._selector.remark
+            why, road = '', self._settings.road
             # Before a moving obstacle it is not safe to wait.
-            waits = not len(start.moving)
-            if waits and (why := self._reason_to_wait(selected, context)):
+            if not len(start.moving):
+                why, state.idle_steps = reason_to_wait(state.idle_steps, road, context, selected)
+            if why:
                 state.plan, state.waiting = None, plan
                 return self._stop(stamp, pose, f'{why} {reason}', result)
         else:
@@ -240,35 +245,9 @@ class GuidanceLaw:
             self._selector.phases,
         )
 
-    def _reason_to_wait(self, selected: Candidate, context: PlanningContext) -> str:
-        """Why the robot should rather wait than follow a plan; empty where it should not."""
-        state, result = self._state, selected.result
-        if not (result.elastic and result.slack_terminal):
-            state.idle_steps = 0
-            return ''
-        # Patience comes back with the goal only: else it would be spent on driving to and fro.
-        if gains_enough(self._settings.road, context.start, context.goal, selected):
-            return ''
-        state.idle_steps += 1
-        if state.idle_steps <= PATIENCE:
-            return ''
-        x, y, _ = selected.plan.poses[-1].tolist()
-        error = math.dist((x, y), context.goal.position)
-        return (
-            f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
-        )
-
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
-        """The last audited plan, shifted by the time that has passed, if it is still clear."""
         plan, start, horizon = self._state.plan, context.start, context.horizon
-        if plan is None:
-            return None
-        controls = shift(plan.controls, plan.horizon, horizon)
-        verdict = self._selector.audit(context, controls)
-        if not verdict.passed:
-            return None
-        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses, self._delay), verdict
+        return self._fallback.shifted(plan, start, horizon, self._delay, context.pending)
 
     def _is_settled(self, left: int) -> bool:
         """Whether the last plan left no more commands for the time that is left [ns]."""
@@ -288,7 +267,10 @@ class GuidanceLaw:
         if (
             plan is None
             or shifted is None
-            or (beyond and not self._may_outlast(start, shifted[0].controls, end))
+            or (
+                beyond
+                and not self._fallback.may_outlast(start, shifted[0].controls, end - state.now)
+            )
         ):
             reason = 'No plan can go on until a stop takes effect.'
             return self._stop(stamp, pose, reason, moving=start.moving)
@@ -306,17 +288,9 @@ class GuidanceLaw:
         state = self._state
         if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
             return
-        if state.now < last and not self._may_outlast(start, plan.controls, state.due):
+        outlasting = state.due - state.now
+        if state.now < last and not self._fallback.may_outlast(start, plan.controls, outlasting):
             state.due = last
-
-    def _may_outlast(self, start: PlanStart, controls: Array, until: int) -> bool:
-        """Whether commands may go on until one that is given at an instant [ns] takes effect.
-
-        No plan has looked at the path beyond its end: it keeps the margin that plans keep, or is
-        not driven.
-        """
-        outlasting = np.array([(until - self._state.now) / NANOSECONDS])
-        return self._margin_audit.check(start, controls[:1], outlasting).passed
 
     def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
         state, settings, missed, where = self._state, self._settings, False, ''
@@ -364,27 +338,3 @@ class GuidanceLaw:
     def _drop_plan_after_failures(self) -> None:
         if self._state.failures >= self._settings.failure_tolerance:
             self._drop_plan()
-
-    def _estimate_slip(self, stamp: int, pose: Array) -> None:
-        """End the control period that was begun, by how far the robot has come in it."""
-        state, settings = self._state, self._settings
-        limit = settings.max_slip
-        if limit > 0.0 and state.slip.end(stamp, pose, settings.robot, limit):
-            state.use_slip(settings)
-            self._selector.restart()
-
-    def _begin_period(self, stamp: int, pose: Array, wheel_speeds: Array) -> None:
-        if self._settings.max_slip > 0.0:
-            pending = self._state.pending
-            ahead, durations = pending.until(stamp, self._delay)
-            speeds = np.array([pending.in_force, *ahead, wheel_speeds])
-            self._state.slip.begin(stamp, pose, speeds, durations)
-
-
-def warm_up(settings: GuidanceSettings) -> None:
-    """Decide once, far from any run, so that all compiled code is loaded.
-
-    Raises:
-        ValueError: The settings cannot be worked with.
-    """
-    GuidanceLaw(settings).update(0, settings.road.middle())

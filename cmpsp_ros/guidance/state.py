@@ -16,6 +16,8 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
+Array = NDArray[np.float64]
+
 
 @dataclass
 class LawState:
@@ -55,7 +57,7 @@ class LawState:
     failures: int = 0
     idle_steps: int = 0
     progress: float = math.nan
-    previous_control: NDArray[np.float64] = field(default_factory=lambda: np.zeros(2))
+    previous_control: Array = field(default_factory=lambda: np.zeros(2))
     plan: Plan | None = None
     waiting: Plan | None = None
     pending: PendingCommands = field(default_factory=PendingCommands)
@@ -68,6 +70,31 @@ class LawState:
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
         return cls(GoalManager(settings), slip, robot, used, run, revision)
+
+    def begin_period(
+        self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int
+    ) -> None:
+        """Record how a control period begins, for the estimate of slip.
+
+        Args:
+            settings: All settings of the guidance law.
+            stamp: When it begins [ns].
+            pose: Where, shape ``(3,)`` [m, m, rad].
+            wheel_speeds: Commanded then, shape ``(2,)`` [rad/s].
+            delay: From a command to its effect [ns].
+        """
+        if settings.max_slip > 0.0:
+            ahead, durations = self.pending.until(stamp, delay)
+            speeds = np.array([self.pending.in_force, *ahead, wheel_speeds])
+            self.slip.begin(stamp, pose, speeds, durations)
+
+    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array) -> bool:
+        """Update the estimate of slip at the end of a control period; whether the robot changed."""
+        limit = settings.max_slip
+        if limit > 0.0 and self.slip.end(stamp, pose, settings.robot, limit):
+            self.use_slip(settings)
+            return True
+        return False
 
     def use_slip(self, settings: GuidanceSettings) -> None:
         """Rebuild the model with the current slip estimate."""

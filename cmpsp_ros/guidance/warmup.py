@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
+from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.candidate import Candidate, SolveResult
 from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
@@ -67,6 +67,15 @@ def prepare(settings: GuidanceSettings) -> None:
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
+
+
+def warm_up(settings: GuidanceSettings) -> None:
+    """Decide once, far from any run, so that all compiled code is loaded.
+
+    Raises:
+        ValueError: The settings cannot be worked with.
+    """
+    GuidanceLaw(settings).update(0, settings.road.middle())
 
 
 def run_kernels(settings: GuidanceSettings) -> None:

@@ -6,7 +6,8 @@ import math
 from typing import Any, Final
 
 from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.messages.odometry import FARTHEST, heading_of, stamp_of
+from cmpsp_ros.guidance.messages.checks import check_frame, is_place
+from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 
 RECEIVED: Final = 'goal_pose'
 """Name of a goal that is received while the robot drives or stands."""
@@ -20,17 +21,14 @@ def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
     Raises:
         GoalError: It is in another frame, is not finite, or has an orientation that is none.
     """
-    if message.header.frame_id != frame_id:
-        raise GoalError(
-            f'The goal is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame('The goal is', message, frame_id, GoalError)
     position, q = message.pose.position, message.pose.orientation
     length = math.hypot(q.x, q.y, q.z, q.w)
     heading = None if length == 0.0 else heading_of(q)
     values = (position.x, position.y, heading or 0.0, length)
     if not all(map(math.isfinite, values)):
         raise GoalError(f'The goal is not finite: {[position.x, position.y, heading]}.')
-    if not max(abs(position.x), abs(position.y)) <= FARTHEST:
+    if not is_place(position.x, position.y):
         raise GoalError(
             f'The goal is at {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
         )

@@ -6,7 +6,6 @@ should be there. A robot that stands publishes one pose.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -15,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.checks import check_frame, is_place
 from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.messages.tracks import FARTHEST, Track, TrackError
+from cmpsp_ros.guidance.messages.tracks import Track, TrackError
 
 Array = NDArray[np.float64]
 
@@ -91,17 +91,13 @@ def plan_of(message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
             than any on Earth, or times that do not increase; nothing of it is used then.
     """
     whose = f'The plan of {namespace}'
-    if message.header.frame_id != frame_id:
-        raise TrackError(
-            f'{whose} is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame(f'{whose} is', message, frame_id, TrackError)
     if not 1 <= len(message.poses) <= MOST:
         raise TrackError(f'{whose} has {len(message.poses)} poses, wanted from 1 to {MOST}.')
     positions = [each.pose.position for each in message.poses]
     places = [(float(each.x), float(each.y)) for each in positions]
     for number, (x, y) in enumerate(places):
-        # No comparison holds for what is not a number.
-        if not max(abs(x), abs(y)) <= FARTHEST or math.isnan(y):
+        if not is_place(x, y):
             raise TrackError(
                 f'{whose} has pose {number} at {x:.3g}, {y:.3g} m, wanted one on Earth.'
             )

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of, in_wor
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking, Score
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.road import Annulus
@@ -339,17 +339,14 @@ class PlanSelector:
         )
         self._work_left -= result.work
         solved = self._timer()
-        verdict = self.audit(context, result.plan.controls)
+        verdict = self._audit.check(
+            context.start, result.plan.controls, context.horizon.durations, context.pending
+        )
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
         if self._delay:
             result = result._replace(plan=result.plan._replace(delay=self._delay))
         return Candidate.of(result, verdict, context.goal)
-
-    def audit(self, context: PlanningContext, controls: Array) -> Verdict:
-        """The verdict on controls and on the path to their beginning."""
-        verdict = self._audit.check(context.start, controls, context.horizon.durations)
-        return verdict if context.pending is None else context.pending.followed_by(verdict)
 
     def _free_planner(self) -> Planner:
         """A planner without a warm start."""

@@ -142,12 +142,7 @@ class Planner:
         pose = np.ascontiguousarray(pose, dtype=np.float64)
         space = formulation.space(guess, durations, target, pose, moving)
         known = self._known
-        if (
-            known is None
-            or space is not known[0]
-            or target != known[1]
-            or robot is not known[2]
-        ):
+        if known is None or space is not known[0] or target != known[1] or robot is not known[2]:
             self._known = space, target, robot
             goal, heading = _goal_of(target)
             self._given = guidance_data(

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.world.roads.arc_length import remaining_arc_length
 from cmpsp_ros.world.roads.road import Road
 
@@ -27,22 +27,39 @@ _FRACTION = 0.1
 _SOON = NANOSECONDS
 
 
-def gains_enough(road: Road, start: PlanStart, target: Target, candidate: Candidate) -> bool:
-    """Whether a plan soon gets nearer to the goal, along the road or straight.
+def reason_to_wait(
+    idle_steps: int, road: Road, context: PlanningContext, selected: Candidate
+) -> tuple[str, int]:
+    """Why the robot should rather wait than follow a plan; empty where it should not.
 
     Args:
+        idle_steps: Control steps that brought the goal no nearer, since a plan could reach it.
         road: The road.
-        start: Where the plan begins.
-        target: The goal.
-        candidate: The plan.
+        context: The control step.
+        selected: The plan that is selected.
+
+    Returns:
+        The reason, and the idle steps with this one.
     """
-    plan, edges = candidate.plan, candidate.plan.horizon.edges
+    if not (selected.result.elastic and selected.result.slack_terminal):
+        return '', 0
+    # Patience comes back with the goal only: else it would be spent on driving to and fro.
+    if _gains_enough(road, context, selected.plan):
+        return '', idle_steps
+    if idle_steps < PATIENCE:
+        return '', idle_steps + 1
+    error = selected.terminal_error
+    reason = f'The robot waits: no plan soon gets it nearer to the goal, {error:.3g} m off at best.'
+    return reason, idle_steps + 1
+
+
+def _gains_enough(road: Road, context: PlanningContext, plan: Plan) -> bool:
+    """Whether a plan soon gets nearer to the goal, along the road or straight."""
+    start, goal, edges = context.start, context.goal, plan.horizon.edges
     soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
     reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
     poses = np.ascontiguousarray(plan.poses[: soon + 1])
-    along = np.abs(
-        remaining_arc_length(road, poses, target.position, target.heading, start.progress)
-    )
-    straight = np.hypot(*(poses[:, :2] - target.position).T)
+    along = np.abs(remaining_arc_length(road, poses, goal.position, goal.heading, start.progress))
+    straight = np.hypot(*(poses[:, :2] - goal.position).T)
     gain = float(max(along[0] - along.min(), straight[0] - straight.min()))
     return gain >= min(_WORTH_WHILE, _FRACTION * reach)

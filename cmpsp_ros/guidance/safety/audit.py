@@ -87,7 +87,13 @@ class Audit:
         start = PlanStart(np.zeros(3), settings.robot)
         self._sweep = entry_for(sweep_plan, *self._arguments(start, np.zeros((2, 2)), np.ones(1)))
 
-    def check(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
+    def check(
+        self,
+        start: PlanStart,
+        controls: Array,
+        durations: Array,
+        pending: Verdict | None = None,
+    ) -> Verdict:
         """Roll a plan out afresh and say whether its first command may be sent.
 
         A robot that is already outside the road, or inside an obstacle, may only be commanded not
@@ -97,7 +103,12 @@ class Audit:
             start: Where it begins.
             controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s].
+            pending: Verdict on the path to its beginning, which must have passed as well.
         """
+        verdict = self._check(start, controls, durations)
+        return verdict if pending is None else pending.followed_by(verdict)
+
+    def _check(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         limit = start.robot.max_wheel_speed
         fastest, margin, worst_margin, nearest, shortfall, short, tightest, *of_kinds = self._swept(
             start, controls, durations

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.law import warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.warmup import warm_up
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Verdict
+from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
@@ -106,6 +107,19 @@ def stop(
         told=state.goals.goals_received,
         **numbers,
     )
+
+
+def ending(state: LawState, settings: GuidanceSettings, pose: Array) -> tuple[str, bool]:
+    """What to say once the final time has passed, and whether the goal was missed."""
+    if state.goals.goal is None:
+        return 'The final time has passed.', False
+    error, heading_error = state.goals.target.errors(pose)
+    off = heading_error or 0.0
+    if error > settings.goal_tolerance:
+        return f'The final time has passed, {error:.3g} m from the goal.', True
+    if off > settings.heading_tolerance:
+        return f"The final time has passed, {off:.3g} rad off the goal's heading.", True
+    return 'The final time has passed.', False
 
 
 def _time_left(state: LawState, elapsed: int) -> float:

@@ -6,6 +6,7 @@ Times are integer nanoseconds since time 0, so that a run repeats exactly.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,8 +39,9 @@ class Horizon(NamedTuple):
     durations: Array
 
     @classmethod
-    def between(cls, edges: NDArray[np.int64]) -> Horizon:
-        """The horizon of these instants."""
+    def between(cls, instants: Sequence[int]) -> Horizon:
+        """The horizon of these instants [ns]."""
+        edges = np.array(instants, dtype=np.int64)
         return cls(edges, np.diff(edges) / NANOSECONDS)
 
     @property

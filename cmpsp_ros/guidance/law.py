@@ -102,16 +102,17 @@ class GuidanceLaw:
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         if now >= goals.end:
-            state.due = now + self._period
-            return self._sent(self._finish(stamp, pose, moving), tracks)
+            state.due, state.plan = now + self._period, None
+            reason, missed = decision_builder.ending(state, settings, pose)
+            end = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
+            return self._sent(end, tracks)
         horizon = remaining(now, self._period, goals.final)
         state.due = horizon.next_instant
         # A command that is given later takes effect after the final time.
         last = goals.final - self._delay
         too_late = goals.is_last and (now >= last or self._is_settled(last - now))
         if too_late:
-            end = last if now < last else state.due
-            horizon = Horizon.between(np.array([now, end], dtype=np.int64))
+            horizon = Horizon.between([now, last if now < last else state.due])
         elif self._delay:
             horizon = remaining(now, self._period, last)
         context = PlanningContext(
@@ -191,10 +192,8 @@ class GuidanceLaw:
         self._state.idle_steps = 0
         if not self._state.goals.is_return:
             return None
-        horizon, start = context.horizon, context.start
-        controls = return_to_goal(self._settings, context.goal, start.pose, horizon.durations)
-        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
-        return Plan(horizon, controls, poses, self._delay)
+        goal, start, horizon = context.goal, context.start, context.horizon
+        return return_to_goal(self._settings, goal, start, horizon, self._delay)
 
     def _decide(self, stamp: int, pose: Array, context: PlanningContext) -> Decision:
         """Select a plan, or fall back: to the previous plan shifted, or to a stop."""
@@ -263,14 +262,11 @@ class GuidanceLaw:
         """
         state, start = self._state, context.start
         shifted, plan = self._shifted(context), state.plan
-        end, beyond = int(context.horizon.edges[-1]), state.now >= last
+        beyond = state.due - state.now if state.now >= last else 0
         if (
             plan is None
             or shifted is None
-            or (
-                beyond
-                and not self._fallback.may_outlast(start, shifted[0].controls, end - state.now)
-            )
+            or (beyond and not self._fallback.may_outlast(start, shifted[0].controls, beyond))
         ):
             reason = 'No plan can go on until a stop takes effect.'
             return self._stop(stamp, pose, reason, moving=start.moving)
@@ -291,20 +287,6 @@ class GuidanceLaw:
         outlasting = state.due - state.now
         if state.now < last and not self._fallback.may_outlast(start, plan.controls, outlasting):
             state.due = last
-
-    def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
-        state, settings, missed, where = self._state, self._settings, False, ''
-        state.plan = None
-        if state.goals.goal is not None:
-            error, heading_error = state.goals.target.errors(pose)
-            off = heading_error or 0.0
-            missed = error > settings.goal_tolerance or off > settings.heading_tolerance
-            if error > settings.goal_tolerance:
-                where = f', {error:.3g} m from the goal'
-            elif missed:
-                where = f", {off:.3g} rad off the goal's heading"
-        reason = f'The final time has passed{where}.'
-        return self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
 
     def _stop(
         self,

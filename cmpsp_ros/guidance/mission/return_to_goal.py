@@ -12,7 +12,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -43,28 +46,28 @@ def return_time(settings: GuidanceSettings, target: Target, pose: Array) -> floa
 
 
 def return_to_goal(
-    settings: GuidanceSettings, target: Target, pose: Array, durations: Array
-) -> Array:
-    """Wheel speeds of the return, which is complete at the end of the horizon.
+    settings: GuidanceSettings, target: Target, start: PlanStart, horizon: Horizon, delay: int
+) -> Plan:
+    """A plan of the return, which is complete at the end of the horizon.
 
     Args:
         settings: All settings of the guidance law.
         target: The goal.
-        pose: Where it begins, shape ``(3,)`` [m, m, rad].
-        durations: Length of every step, shape ``(N,)`` [s]; in those left over the robot rests.
-
-    Returns:
-        Shape ``(N + 1, 2)`` [rad/s].
+        start: Where it begins.
+        horizon: Its horizon; in the steps left over the robot rests.
+        delay: From a command to its effect [ns].
     """
-    robot, controls, k = settings.robot, np.zeros((len(durations) + 1, 2)), 0
-    for steps, length, turn in _parts(settings, target, pose):
+    robot, durations, k = settings.robot, horizon.durations, 0
+    controls = np.zeros((len(durations) + 1, 2))
+    for steps, length, turn in _parts(settings, target, start.pose):
         inside = slice(k, min(k + steps, len(durations)))
         time = float(durations[inside].sum())
         if time > 0.0:
             rim = turn * robot.half_track
             controls[inside] = np.array([length + rim, length - rim]) / time / robot.wheel_radius
         k += steps
-    return controls
+    poses = start.robot.roll_out(start.pose, controls, durations)
+    return Plan(horizon, controls, poses, delay)
 
 
 def _parts(

@@ -82,7 +82,7 @@ def test_severity(rung, outcome, level):
 
 def test_waypoints_are_the_plan_s_poses():
     poses = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, 7.0]])
-    plan = Plan(Horizon.between(np.array([0, 1])), np.zeros((2, 2)), poses)
+    plan = Plan(Horizon.between([0, 1]), np.zeros((2, 2)), poses)
     for (x, y, z, w), pose in zip(waypoints(plan), poses, strict=True):
         assert [x, y] == pose[:2].tolist()
         assert math.cos(2.0 * math.atan2(z, w) - pose[2]) == pytest.approx(1.0)

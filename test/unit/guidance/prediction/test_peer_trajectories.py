@@ -115,7 +115,7 @@ def test_the_way_is_foreseen_and_stands_at_its_end():
 
 
 def test_where_a_plan_leads_at_an_instant():
-    horizon = Horizon.between(np.array([0, 200 * MS, 400 * MS]))
+    horizon = Horizon.between([0, 200 * MS, 400 * MS])
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.4], [2.0, 1.0, 0.4]])
     plan = Plan(horizon, np.zeros((3, 2)), poses)
     assert plan.pose_at(1000, 1000 + 100 * MS) == pytest.approx([0.5, 0.0, 0.2])

@@ -127,7 +127,7 @@ def plan(edges, begin=0.0):
     poses = np.column_stack(
         [begin + np.arange(count), -np.arange(count), np.linspace(0.0, 7.0, count)]
     )
-    return Plan(Horizon.between(np.array(edges)), np.zeros((count, 2)), poses)
+    return Plan(Horizon.between(edges), np.zeros((count, 2)), poses)
 
 
 def test_every_pose_of_a_path_has_the_time_when_the_robot_should_be_there():

@@ -8,20 +8,20 @@ one for each of the most promising homotopy classes is kept and improved beside 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
-from cmpsp_ros.guidance.planning.alternatives import Alternatives
+from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
+from cmpsp_ros.guidance.planning.guesses import Guesses
 from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of, in_words
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.ranking import Ranking, Score
+from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -31,8 +31,6 @@ Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
 
-# Control steps for which an alternative may have a flaw, or cost more than the plan followed.
-_PATIENCE = 5
 # New plans are made every control step if the one followed is not admissible, else ever less often.
 _LONGEST_PAUSE = 7
 # How much more work a step may do at rest without a plan, and on the plan that is followed.
@@ -40,25 +38,6 @@ _GENEROUS = 4
 # Control steps for which an admissible plan is given the time to mend a flaw. A robot that is not
 # quite as modelled puts a little of one into every plan, and each change of plans is a jerk.
 _TRANSIENT = 4
-
-
-class _Alternative(NamedTuple):
-    """A plan with the planner that improved it.
-
-    Attributes:
-        planner: Its own planner, which knows its active constraints.
-        candidate: The plan, improved and audited.
-        score: How good it is.
-        homotopy_class: On which side it passes each obstacle.
-        bad_steps: For how many control steps in a row it has had a flaw, or cost more than the
-            plan followed.
-    """
-
-    planner: Planner
-    candidate: Candidate
-    score: Score
-    homotopy_class: HomotopyClass
-    bad_steps: int = 0
 
 
 class PlanSelector:
@@ -77,23 +56,20 @@ class PlanSelector:
         # Homotopy classes are found on a road between two circles only.
         several = isinstance(road, Annulus) and settings.follow is None
         self._limit = settings.solver.candidates if several else 1
-        self._formulation = OcpFormulation(settings)
-        self._guesses = Alternatives(self._formulation, self._limit)
+        formulation = OcpFormulation(settings)
+        self._guesses = Guesses(formulation, self._limit)
         self._ranking = Ranking(settings, settings.annulus if self._limit > 1 else None)
-        self._planner = Planner(self._formulation)
-        self._pool = [Planner(self._formulation) for _ in range(max(1, self._limit - 1))]
+        self._pool = AlternativePool(formulation, max(1, self._limit - 1))
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
         self._centers = FreeSpace.of(road, settings.obstacles, 0.0).centers
-        self._alternatives: list[_Alternative] = []
         self.phases: dict[str, float] = {}
         self._work_left = 1
         self.forget()
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""
-        self._pool += [each.planner for each in self._alternatives]
-        self._alternatives = []
+        self._pool.forget()
         self._review = True
         self._pause = self._waited = self._troubled = 0
         self._remark = ''
@@ -101,7 +77,7 @@ class PlanSelector:
     def restart(self) -> None:
         """Begin again, without a warm start either: the model has changed."""
         self.forget()
-        self._planner.forget()
+        self._pool.followed.forget()
 
     def look_again(self) -> None:
         """Search all homotopy classes at the next control step: a new obstacle is seen."""
@@ -122,15 +98,15 @@ class PlanSelector:
         self._work_left = self._settings.solver.work_limit(self._settings.control_period)
         if plan is None:
             self._work_left *= _GENEROUS
-            self._planner.forget()
+            self._pool.followed.forget()
             guess, *others = self._timed_guesses(self._guesses.first, context)
         else:
             guess, others = shift(plan.controls, plan.horizon, horizon), None
-        warm = self._improve(self._planner, guess, context, generosity=_GENEROUS)
+        warm = self._improve(self._pool.followed, guess, context, generosity=_GENEROUS)
         if self._limit == 1:
             return self._or_fresh(warm, context)
         review = others is not None or self._wants_review(warm)
-        if not review and not self._alternatives:
+        if not review and not self._pool.alternatives:
             return warm
         return self._polish(self._select(warm, context, others, review=review), context)
 
@@ -172,14 +148,13 @@ class PlanSelector:
 
     def _better(self, known: Candidate, guess: Array, context: PlanningContext) -> Candidate:
         """A plan, or one from another guess, if that is better."""
-        planner = self._free_planner()
+        planner, score = self._pool.take(), self._ranking.score
         fresh = self._improve(planner, guess, context)
-        score = self._ranking.score
-        if score(fresh, context.previous_control).beats(score(known, context.previous_control)):
-            self._planner, planner = planner, self._planner
-            known = fresh
-        self._pool.append(planner)
-        return known
+        better = score(fresh, context.previous_control).beats(
+            score(known, context.previous_control)
+        )
+        self._pool.follow_better(planner, better=better)
+        return fresh if better else known
 
     def _select(
         self,
@@ -189,15 +164,18 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        followed, may_change = self._scored(self._planner, warm, context), self._may_change(warm)
+        followed, may_change = (
+            self._scored(self._pool.followed, warm, context),
+            self._may_change(warm),
+        )
         # A fresh plan must fit in beside those that are known.
         capacity = self._limit - 2 if review else self._limit - 1
         improved, waiting = [], []
-        for each in self._worth_keeping(self._alternatives, capacity):
+        for each in self._pool.worth_improving(capacity):
             if self._work_left > 0:
                 improved.append(self._continued(each, context))
             else:
-                waiting.append(each._replace(bad_steps=each.bad_steps + 1))
+                waiting.append(each)
         if review:
             self._review = False
             improved += self._fresh([followed, *improved], context, guesses)
@@ -206,8 +184,7 @@ class PlanSelector:
             for each in improved:
                 best = each if each.score.beats(best.score) else best
         self._troubled = self._troubled if best is followed else 0
-        self._keep(best, [followed, *improved])
-        self._alternatives += waiting
+        self._pool.keep(best, [followed, *improved], waiting)
         if review:
             self._waited = 0
             self._pause = 0 if best is not followed else min(2 * self._pause + 1, _LONGEST_PAUSE)
@@ -216,7 +193,7 @@ class PlanSelector:
         return best.candidate
 
     def _remark_on(
-        self, best: _Alternative, count: int, context: PlanningContext, *, changed: bool
+        self, best: Alternative, count: int, context: PlanningContext, *, changed: bool
     ) -> str:
         if count == 1:
             return ''
@@ -225,19 +202,12 @@ class PlanSelector:
         verb = 'Changed over to' if changed else 'It is'
         return f' {verb} the best of {count} plans{sides}.'
 
-    def _worth_keeping(self, known: list[_Alternative], capacity: int) -> list[_Alternative]:
-        """Those that have not been worse for too long; of too many, the better ones first."""
-        ordered = sorted(known, key=lambda each: each.bad_steps)
-        kept = [each for each in ordered[:capacity] if each.bad_steps <= _PATIENCE]
-        self._pool += [each.planner for each in ordered[len(kept) :]]
-        return kept
-
     def _fresh(
         self,
-        known: list[_Alternative],
+        known: list[Alternative],
         context: PlanningContext,
         guesses: list[Array] | None,
-    ) -> list[_Alternative]:
+    ) -> list[Alternative]:
         """New plans; without guesses, of homotopy classes that no flawless plan has yet."""
         if guesses is None:
             taken = {each.homotopy_class for each in known if not each.score.flawed}
@@ -255,33 +225,15 @@ class PlanSelector:
         # Or it may come too close at first: zero controls do not.
         return [*fresh, self._new(_zero_controls(context.horizon), context)]
 
-    def _new_ones(self, guesses: list[Array], context: PlanningContext) -> list[_Alternative]:
+    def _new_ones(self, guesses: list[Array], context: PlanningContext) -> list[Alternative]:
         """New plans, as many as there is work left for."""
         return [self._new(guess, context) for guess in guesses if self._work_left > 0]
 
-    def _new(self, guess: Array, context: PlanningContext) -> _Alternative:
-        planner = self._free_planner()
+    def _new(self, guess: Array, context: PlanningContext) -> Alternative:
+        planner = self._pool.take()
         return self._scored(planner, self._improve(planner, guess, context), context)
 
-    def _keep(self, best: _Alternative, every: list[_Alternative]) -> None:
-        """Go on with one plan, and with the best of every other class that may yet be better."""
-        kept = {best.homotopy_class: best}
-        for each in every:
-            other = kept.get(each.homotopy_class)
-            if other is None or (other is not best and each.score.beats(other.score)):
-                kept[each.homotopy_class] = each
-        self._planner = best.planner
-        self._alternatives = [
-            each._replace(
-                bad_steps=each.bad_steps + 1 if each.score.is_worse_than(best.score) else 0
-            )
-            for each in kept.values()
-            if each is not best and not best.score.outclasses(each.score)
-        ]
-        going_on = {id(each.planner) for each in (best, *self._alternatives)}
-        self._pool += [each.planner for each in every if id(each.planner) not in going_on]
-
-    def _continued(self, known: _Alternative, context: PlanningContext) -> _Alternative:
+    def _continued(self, known: Alternative, context: PlanningContext) -> Alternative:
         plan = known.candidate.plan
         guess = shift(plan.controls, plan.horizon, context.horizon)
         candidate = self._improve(known.planner, guess, context)
@@ -293,7 +245,7 @@ class PlanSelector:
         candidate: Candidate,
         context: PlanningContext,
         bad_steps: int = 0,
-    ) -> _Alternative:
+    ) -> Alternative:
         began = self._timer()
         centers = np.concatenate([self._centers, context.encounters.centers])
         sides = class_of(
@@ -301,7 +253,7 @@ class PlanSelector:
         )
         score = self._ranking.score(candidate, context.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
-        return _Alternative(planner, candidate, score, sides, bad_steps)
+        return Alternative(planner, candidate, score, sides, bad_steps)
 
     def _polish(self, selected: Candidate, context: PlanningContext) -> Candidate:
         """The plan selected, with the iterations that the others need not have."""
@@ -311,7 +263,7 @@ class PlanSelector:
             return selected
         if left <= 0 or self._work_left <= 0:
             return selected
-        polished = self._improve(self._planner, selected.plan.controls, context, left)
+        polished = self._improve(self._pool.followed, selected.plan.controls, context, left)
         if not polished.feasible:
             return selected
         count = first + polished.result.iterations
@@ -347,12 +299,6 @@ class PlanSelector:
         if self._delay:
             result = result._replace(plan=result.plan._replace(delay=self._delay))
         return Candidate.of(result, verdict, context.goal)
-
-    def _free_planner(self) -> Planner:
-        """A planner without a warm start."""
-        planner = self._pool.pop() if self._pool else Planner(self._formulation)
-        planner.forget()
-        return planner
 
 
 def _zero_controls(horizon: Horizon) -> Array:

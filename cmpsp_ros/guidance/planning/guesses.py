@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 Array = NDArray[np.float64]
 
 
-class Alternatives:
+class Guesses:
     """Makes control histories, each of shape ``(N + 1, 2)`` [rad/s]."""
 
     def __init__(self, formulation: OcpFormulation, limit: int) -> None:

@@ -10,7 +10,7 @@ from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Nodet
 from rosbags.rosbag2 import ReaderError
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from cmpsp_ros.bags.limits import MAX_SEQUENCE
+from cmpsp_ros.bags.storage.limits import MAX_SEQUENCE
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection

@@ -9,19 +9,25 @@ from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
 
-STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
+DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'
 PATH = 'nav_msgs/msg/Path'
 
+_LATEST = (2**31 - 1) * NANOSECONDS
+
 
 def decision_message(decision: Decision, name: str) -> bytes:
-    """Everything about a decision but its plan, serialised as a `STATUS`."""
+    """Everything about a decision but its plan, serialised as a `DECISION`."""
     pairs = [
         _make('diagnostic_msgs/msg/KeyValue', *item)
         for item in decision_to_key_values(decision).items()
     ]
-    status = _make(STATUS, severity(decision), name, decision.reason, '', pairs)
-    return _raw(status, STATUS)
+    status = _make(
+        'diagnostic_msgs/msg/DiagnosticStatus', severity(decision), name, decision.reason, '', pairs
+    )
+    # A stamp that no header can hold is in the entries alone.
+    stamp = min(decision.stamp, _LATEST)
+    return _raw(_make(DECISION, _header('', stamp), [status]), DECISION)
 
 
 def command_message(decision: Decision) -> bytes:

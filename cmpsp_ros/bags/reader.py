@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
+from rosbags.rosbag2 import Reader, ReaderError
+
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,
     RESTARTS_KEY,
@@ -16,8 +18,8 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import types_of
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.folder import METADATA, is_locked
-from cmpsp_ros.bags.guarded import GuardedReader
+from cmpsp_ros.bags.storage.checks import check_bag
+from cmpsp_ros.bags.storage.folder import METADATA, is_locked
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -53,8 +55,8 @@ class Bag:
     """A bag opened for reading; a context manager, closed at the end of its block.
 
     Nothing in a bag is trusted: whatever is wrong with it becomes a `BagError`, and memory and
-    time are bounded by the size of its files (see `cmpsp_ros.bags.limits`). Messages are read as
-    they are asked for, never all at once.
+    time are bounded by the size of its files (see `cmpsp_ros.bags.storage.limits`). Messages are
+    read as they are asked for, never all at once.
 
     Args:
         path: Folder with a `metadata.yaml`, or a single mcap or sqlite3 file.
@@ -83,12 +85,13 @@ class Bag:
         self._types: dict[str, Typestore] = {}
         with self._readable('not a readable bag'):
             _check_there(path)
-            self._reader = GuardedReader(path)
+            information = check_bag(path)
+            self._reader = Reader(path)
             self._reader.open()
         self._open = True
         try:
             with self._readable('not a readable bag'):
-                self._read_summary()
+                self._read_summary(information)
         except BagError:
             self.close()
             raise
@@ -191,14 +194,20 @@ class Bag:
                 raise BagError(msg)
         chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
+        count, promised = 0, sum(each.msgcount for each in chosen)
         while True:
             with self._readable(f'damaged in topic {" or ".join(topics)}'):
                 record = next(records, None)
+                if record is None and count < promised:
+                    # rosbags passes over what its index has elsewhere, and says nothing.
+                    msg = f'found {count} messages, wanted the {promised} that it says it has'
+                    raise ReaderError(msg)
             if record is None:
                 return
+            count += 1
             yield record
 
-    def _read_summary(self) -> None:
+    def _read_summary(self, information: dict[str, Any]) -> None:
         self.topics: dict[str, Topic] = {}
         for each in self._reader.connections:
             expected(each.topic, str, 'topic')
@@ -216,7 +225,7 @@ class Bag:
         self.start = 0 if empty else expected(self._reader.start_time, int, 'first stamp')
         # rosbags counts the end as the first nanosecond after the last message.
         self.end = 0 if empty else expected(self._reader.end_time, int, 'last stamp') - 1
-        custom = expected(self._reader.storage.metadata.custom or {}, dict, 'custom data')
+        custom = expected(information.get('custom_data') or {}, dict, 'custom data')
         self.version: str = expected(custom.get(VERSION_KEY, ''), str, VERSION_KEY)
         self.software: dict[str, str] = parsed(custom, SOFTWARE_KEY)
         self.parameters: dict[str, dict[str, Any]] = parsed(custom, PARAMETERS_KEY)

@@ -11,11 +11,11 @@ from rosbags.rosbag2 import ReaderError
 
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, RESTARTS_KEY, SOFTWARE_KEY, parsed
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.folder import METADATA, UNFINISHED, is_locked
-from cmpsp_ros.bags.guarded import read_metadata
-from cmpsp_ros.bags.limits import MAX_METADATA, check_file
-from cmpsp_ros.bags.salvage import FoundTopic, salvage
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.checks import read_metadata
+from cmpsp_ros.bags.storage.folder import METADATA, UNFINISHED, is_locked
+from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.limits import MAX_METADATA, check_file
+from cmpsp_ros.bags.storage.salvage import FoundTopic, salvage
 from cmpsp_ros.bags.writer import BagWriter
 
 _SUFFIXES = ('.mcap', '.db3')

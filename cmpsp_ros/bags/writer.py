@@ -24,9 +24,9 @@ from cmpsp_ros.bags.custom_data import (
 )
 from cmpsp_ros.bags.definitions import jazzy, known_definition
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.folder import METADATA, UNFINISHED, FolderLock, write_whole
-from cmpsp_ros.bags.rolling import RollingFiles
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.folder import METADATA, UNFINISHED, FolderLock, write_whole
+from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage.rolling import RollingFiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -12,7 +12,7 @@ from cmpsp_ros.cli.console import console, errors, exit_on, say
 from cmpsp_ros.parameters.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cmpsp_ros.bags.recording import Names
+    from cmpsp_ros.bags.replay.recording import Names
 
 
 def replay(
@@ -46,14 +46,14 @@ def replay(
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
     --params-file it shows what a changed guidance law would have said instead.
     """
-    from cmpsp_ros.bags.recording import Names  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.bags.replay.recording import Names  # noqa: PLC0415 (starts faster without)
 
     names = Names.under(namespace, odom, cmd_vel)
     with exit_on(BagError, ParameterError, code=2):
         if assignments or params_file:
             _what_if(bag, names, assignments or [], params_file, output)
             return
-        from cmpsp_ros.bags import replay as again  # noqa: PLC0415 (loads kernels)
+        from cmpsp_ros.bags.replay import replay as again  # noqa: PLC0415 (loads kernels)
 
         outcome = again.replay(bag, names, tolerance)
     say(outcome)
@@ -65,8 +65,8 @@ def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
     """Show what a changed guidance law would have said."""
-    from cmpsp_ros.bags.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
-    from cmpsp_ros.bags.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
+    from cmpsp_ros.bags.replay.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.bags.replay.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
     from cmpsp_ros.parameters.presets import (  # noqa: PLC0415 (starts faster without)
         load_parameter_file,
         parse_assignment,

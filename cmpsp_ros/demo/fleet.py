@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
-from cmpsp_ros.bags.other_robots import meetings
-from cmpsp_ros.bags.run import Run, read_run
+from cmpsp_ros.bags.runs.encounters import robot_encounters
+from cmpsp_ros.bags.runs.run import Run, read_run
 from cmpsp_ros.demo.fleet_picture import draw_fleet
 from cmpsp_ros.demo.run import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
@@ -126,6 +126,6 @@ def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Ru
         if other is not own:
             both = own.settings.robot_radius + other.settings.robot_radius
             timeout = own.settings.moving_obstacles.timeout
-            met = meetings(path, {other.namespace: its.driven}, both, timeout)
+            met = robot_encounters(path, {other.namespace: its.driven}, both, timeout)
             apart = min([apart, *(float(each.clearance.min()) for each in met)])
     return Robot(own.namespace, summarise(run, own.settings, own.name), apart)

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.road_picture import draw_road
-from cmpsp_ros.bags.run import Driven, Run
+from cmpsp_ros.bags.runs.road_picture import draw_road
+from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.demo.pictures import EDGE, OBSTACLE, ROAD, dense
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window

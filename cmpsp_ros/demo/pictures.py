@@ -13,10 +13,10 @@ from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.encounters import encounters
-from cmpsp_ros.bags.road_picture import draw_road
-from cmpsp_ros.bags.run import Driven, Run
-from cmpsp_ros.bags.tracks import seen_at
+from cmpsp_ros.bags.runs.encounters import encounters
+from cmpsp_ros.bags.runs.road_picture import draw_road
+from cmpsp_ros.bags.runs.run import Driven, Run
+from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS

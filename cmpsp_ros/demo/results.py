@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, summarise

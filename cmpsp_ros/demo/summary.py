@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.passing import Passing, mean_speed
-from cmpsp_ros.bags.run import Run
+from cmpsp_ros.bags.runs.encounters import encounters
+from cmpsp_ros.bags.runs.goals import Passing, mean_speed
+from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -147,7 +147,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     steps = [each for each in run.decisions if each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
     p50, p99, longest = np.percentile(times, [50, 99, 100]).tolist() if times else (None,) * 3
-    counts = Counter(each.rung for each in steps)
+    counts = Counter(each.level for each in steps)
     return Summary(
         preset=preset,
         reached=reached,

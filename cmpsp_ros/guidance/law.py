@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance import decision_builder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.goal_manager import check_goal
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
@@ -103,9 +103,8 @@ class GuidanceLaw:
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         if now >= goals.end:
             state.due, state.plan = now + self._period, None
-            reason, missed = decision_builder.ending(state, settings, pose)
-            end = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
-            return self._sent(end, tracks)
+            return self._sent(self._finish(stamp, pose, moving), tracks)
+        state.final_pose = None
         horizon = remaining(now, self._period, goals.final)
         state.due = horizon.next_instant
         # A command that is given later takes effect after the final time.
@@ -155,7 +154,15 @@ class GuidanceLaw:
             )
         state.goals.receive(stamp, goal)
 
-    def halt(self, stamp: int, reason: str) -> Decision:
+    @property
+    def ends_at(self) -> int | None:
+        """When the robot is to stop at the latest, a time stamp [ns]; None where none is known."""
+        state = self._state
+        if state.start is None or state.goals.end >= NEVER:
+            return None
+        return state.start + state.goals.end
+
+    def halt(self, stamp: int, reason: str, *, finished: bool = False) -> Decision:
         """Stop for a reason that odometry does not show.
 
         The plan is dropped, and the next newer odometry is decided on at once.
@@ -163,12 +170,14 @@ class GuidanceLaw:
         Args:
             stamp: Present time [ns].
             reason: Why, in a sentence.
+            finished: Whether it is the final time, which the next odometry is to judge.
         """
         state = self._state
         self._drop_plan()
         state.slip.lose()
         state.due = 0 if state.start is None else state.now + 1
-        return self._sent(self._stop(stamp, np.full(3, math.nan), reason, halted=True))
+        nowhere = np.full(3, math.nan)
+        return self._sent(self._stop(stamp, nowhere, reason, finished=finished, halted=True))
 
     def _predict(
         self, stamp: int, pose: Array, moving: MovingDiscs
@@ -287,6 +296,16 @@ class GuidanceLaw:
         outlasting = state.due - state.now
         if state.now < last and not self._fallback.may_outlast(start, plan.controls, outlasting):
             state.due = last
+
+    def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
+        """Stop after the final time, and judge where the robot was then."""
+        state, passed = self._state, pose
+        if state.goals.goal is not None:
+            passed = state.pose_at_end(stamp, pose, self._period, self._delay)
+        reason, missed = decision_builder.ending(state, self._settings, passed)
+        decision = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
+        error, heading_error = state.goals.target.errors(passed)
+        return decision._replace(miss=error, heading_miss=heading_error)
 
     def _stop(
         self,

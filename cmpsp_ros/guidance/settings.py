@@ -163,6 +163,8 @@ class GuidanceSettings:
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
         max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
+        start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
+        start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
@@ -190,6 +192,8 @@ class GuidanceSettings:
     odom_timeout: float = 0.5
     failure_tolerance: int = 3
     max_slip: float = 0.0
+    start_tolerance: float = 0.5
+    start_pose: tuple[float, float, float] | None = None
 
     @property
     def target(self) -> Target:

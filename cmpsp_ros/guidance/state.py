@@ -40,6 +40,7 @@ class LawState:
         previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
         plan: The plan that is followed, if any.
         waiting: A plan that is improved while the robot waits.
+        final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
     """
@@ -60,6 +61,7 @@ class LawState:
     previous_control: Array = field(default_factory=lambda: np.zeros(2))
     plan: Plan | None = None
     waiting: Plan | None = None
+    final_pose: Array | None = None
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
 
@@ -95,6 +97,23 @@ class LawState:
             self.use_slip(settings)
             return True
         return False
+
+    def pose_at_end(self, stamp: int, pose: Array, latest: int, delay: int) -> Array:
+        """Where the robot was at the final time, which odometry need not meet.
+
+        It is driven back by the commands since, unless odometry has come too late to be sure.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            latest: How long after the final time odometry may come [ns].
+            delay: From a command to its effect [ns].
+        """
+        end = (self.start or 0) + self.goals.end
+        if self.final_pose is None and 0 < stamp - end <= latest:
+            speeds, durations = self.pending.since(end, stamp, delay)
+            self.final_pose = self.robot.roll_out(pose, speeds, -durations)[-1]
+        return pose if self.final_pose is None else self.final_pose
 
     def use_slip(self, settings: GuidanceSettings) -> None:
         """Rebuild the model with the current slip estimate."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Evaluation
+from cmpsp_ros.mpsp.problem import Array, Evaluation, not_finite
 from cmpsp_ros.mpsp.qp import QPStatus
 
 SLACK_TOLERANCE = 1e-6
@@ -36,7 +36,7 @@ class Step:
             ``eps_U`` in Sec. 4; the change made, where the length is 1.
         shift: Added to the Hessian's diagonal because curvature was lost, else 0.
         corrected: Whether the line search went along a second-order correction.
-        is_finite: Whether the subproblem's data were finite.
+        not_finite: The first number of the subproblem that is not finite; empty where all are.
     """
 
     qp_status: QPStatus
@@ -52,7 +52,7 @@ class Step:
     full_change: float = 0.0
     shift: float = 0.0
     corrected: bool = False
-    is_finite: bool = True
+    not_finite: str = ''
 
     @property
     def slack(self) -> float:
@@ -102,6 +102,8 @@ class Iterate:
     step: Step | None = field(default=None)
 
     @property
-    def is_finite(self) -> bool:
-        """Whether prediction and cost are finite numbers."""
-        return bool(np.isfinite(self.X).all() and np.isfinite(self.evaluation.cost))
+    def not_finite(self) -> str:
+        """The first number of prediction or cost that is not finite; empty where all are."""
+        cost = self.evaluation.cost
+        in_X = not_finite('the prediction', self.X)
+        return in_X or ('' if np.isfinite(cost) else f'the cost: found {cost}')

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian, numbers
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, backend
+
+_TOLERANCES: Final = (
+    'output_tolerance',
+    'control_tolerance',
+    'violation_tolerance',
+    'kkt_tolerance',
+    'growth_limit',
+)
 
 
 @dataclass(frozen=True)
@@ -17,47 +29,82 @@ class Options:
     alone, and only where that is not enough all of them are.
 
     Attributes:
-        penalty_terminal: Weight of each terminal output in merit and relaxation, shape ``(m,)``.
-        penalty_path: Weight of each path constraint in merit and relaxation, shape ``(l,)``.
+        penalty_terminal: Weight of each terminal output in merit and relaxation, one for all or
+            shape ``(m,)``; not negative.
+        penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
+            ``(l,)``; not negative.
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
+        constraint_curvature: Whether the curvature of dynamics, outputs and path constraints is
+            added to the Hessian, weighted with the latest multipliers. The problem must tell it.
+            Where the constraints are strongly curved the iteration converges much faster with it.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
-        trust_radius: Largest predicted change of each state component in one iteration, shape
-            ``(n,)``, infinite where free; None for no trust region.
+        trust_radius: Largest predicted change of each state component in one iteration, one for
+            all or shape ``(n,)``, infinite where free; None for no trust region.
         line_search: Whether a step is shortened until it lowers the merit; the paper's iteration
             (43) takes the full step.
         output_tolerance: ``eps_Y`` of Sec. 4.
         control_tolerance: ``eps_U`` of Sec. 4.
         violation_tolerance: Largest path constraint (4) at a solution, absolute. Sec. 4 does not
             ask for it, but without it a point outside the constraints could pass for one.
+        kkt_tolerance: Violation of the optimality conditions, relative to the size of the data, at
+            which a run has converged whatever the size of its last step; 0 for none.
         growth_limit: Growth of the controls or the cost since the guess, as a factor, from which
             on a run has diverged.
     """
 
-    penalty_terminal: Array
-    penalty_path: Array
+    penalty_terminal: ArrayLike
+    penalty_path: ArrayLike
     qp: str = RICCATI_ACTIVE_SET
     hessian: Hessian = 'gauss_newton'
+    constraint_curvature: bool = False
     elastic: bool = True
-    trust_radius: Array | None = None
+    trust_radius: ArrayLike | None = None
     line_search: bool = True
     output_tolerance: float = 1e-9
     control_tolerance: float = 1e-6
     violation_tolerance: float = 1e-6
+    kkt_tolerance: float = 0.0
     growth_limit: float = 1e10
 
-    def check(self, size: Dimensions) -> None:
-        """Raise unless the options fit a problem's dimensions.
+    def fitted(self, size: Dimensions) -> FittedOptions:
+        """The options with arrays of a problem's dimensions.
 
         Raises:
-            ProblemError: Names the option, the shape found and the one wanted, or says which QP
+            ProblemError: Names the option, what was found and what was wanted, or says which QP
                 back ends are installed.
         """
-        wanted = {'penalty_terminal': size.output, 'penalty_path': size.path}
-        if self.trust_radius is not None:
-            wanted['trust_radius'] = size.state
-        for name, length in wanted.items():
-            found = getattr(self, name).shape
-            if found != (length,):
-                raise ProblemError(f'{name}: found shape {found}, wanted {(length,)}')
         backend(self.qp)
+        for name in _TOLERANCES:
+            value = getattr(self, name)
+            if not value >= 0.0:
+                raise ProblemError(f'{name}: found {value}, wanted a number >= 0')
+        radius = np.inf if self.trust_radius is None else self.trust_radius
+        return FittedOptions(
+            _not_negative('penalty_terminal', self.penalty_terminal, size.output),
+            _not_negative('penalty_path', self.penalty_path, size.path),
+            _not_negative('trust_radius', radius, size.state),
+        )
+
+
+class FittedOptions(NamedTuple):
+    """Options that depend on a problem's dimensions.
+
+    Attributes:
+        penalty_terminal: Shape ``(m,)``.
+        penalty_path: Shape ``(l,)``.
+        trust_radius: Shape ``(n,)``, infinite where free.
+    """
+
+    penalty_terminal: Array
+    penalty_path: Array
+    trust_radius: Array
+
+
+def _not_negative(name: str, value: ArrayLike, length: int) -> Array:
+    array = numbers(name, value)
+    if array.shape not in {(), (length,)}:
+        raise ProblemError(f'{name}: found shape {array.shape}, wanted {(length,)}')
+    if not (array >= 0.0).all():
+        raise ProblemError(f'{name}: found {value!r}, wanted numbers >= 0')
+    return np.broadcast_to(array, (length,)).copy()

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cmpsp_ros.mpsp.errors import ProblemError
 
@@ -94,14 +94,24 @@ class Linearisation:
             ProblemError: Names the array, the shape found and the one wanted, or where in it.
         """
         self.check_shapes(size)
+        if found := self.not_finite:
+            raise ProblemError(f'{found}, wanted finite numbers')
+
+    @property
+    def not_finite(self) -> str:
+        """The first number that is not finite, and where it is; empty where all are.
+
+        Derivatives of a constraint that does not apply may be anything.
+        """
         for field in fields(self):
             array = getattr(self, field.name)
-            bad = ~np.isfinite(array)
-            if field.name == 'g':
-                bad &= array != -np.inf
-            if bad.any():
-                place = np.argwhere(bad)[0].tolist()
-                raise ProblemError(f'{field.name}: found a value that is not finite, at {place}')
+            if field.name in {'g', 'g_X', 'g_U'}:
+                array = array.copy()
+                array[self.g == -np.inf] = 0.0
+            at_end = field.name in {'output_error', 'h_X', 'h_U'}
+            if found := not_finite(field.name, array, at_end=at_end):
+                return found
+        return ''
 
     def check_shapes(self, size: Dimensions) -> None:
         """Raise where an array has the wrong shape.
@@ -192,6 +202,34 @@ class OptimalControlProblem(ABC):
                 the condensed Hessian positive semi-definite.
         """
 
+    def constraint_curvature(
+        self,
+        X: Array,  # noqa: ARG002
+        U: Array,  # noqa: ARG002
+        costates: Array,  # noqa: ARG002
+        terminal: Array,  # noqa: ARG002
+        path: Array,  # noqa: ARG002
+    ) -> tuple[Array, Array, Array]:
+        """Second derivatives of ``costates' F + terminal' h + path' g`` along a trajectory.
+
+        What (45) leaves out of the Hessian of the Lagrangian of (62). A problem need not have it.
+
+        Args:
+            X: States, shape ``(N + 1, n)``.
+            U: Controls, shape ``(N + 1, r)``.
+            costates: Multipliers of the dynamics (1), those of ``F_k`` in row ``k``, ``(N, n)``.
+            terminal: Multipliers of the terminal outputs, shape ``(m,)``.
+            path: Multipliers of the path constraints, 0 where one does not apply, ``(N + 1, l)``.
+
+        Returns:
+            Blocks by ``XX``, ``UX`` and ``UU``, shapes ``(N + 1, n, n)``, ``(N + 1, r, n)`` and
+            ``(N + 1, r, r)``.
+
+        Raises:
+            ProblemError: This problem does not have it.
+        """
+        raise ProblemError('constraint_curvature: found True, but this problem does not tell it')
+
     def check(self) -> None:
         """Raise unless bounds and target fit the dimensions and each other.
 
@@ -211,18 +249,49 @@ class OptimalControlProblem(ABC):
         if not np.isfinite(self.target).all():
             raise ProblemError(f'target: found {self.target}, wanted finite numbers')
 
-    def check_controls(self, U: Array) -> None:
-        """Raise unless ``U`` is a control history of this problem.
+    def checked_controls(self, U: ArrayLike) -> Array:
+        """A control history of this problem as an array of its own.
 
         Raises:
             ProblemError: Names the shape found and the one wanted, or the first bad stage.
         """
+        U = numbers('U', U)
         wanted = (self.size.horizon + 1, self.size.control)
         if U.shape != wanted:
             raise ProblemError(f'U: found shape {U.shape}, wanted {wanted}')
         bad = np.flatnonzero(~np.isfinite(U).all(axis=1))
         if len(bad):
             raise ProblemError(f'U: found {U[bad[0]]} at stage {bad[0]}, wanted finite numbers')
+        return U
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """``value`` as an array of numbers, a copy.
+
+    Raises:
+        ProblemError: Names the argument.
+    """
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f'{name}: found {value!r}, wanted numbers') from None
+
+
+def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
+    """The first number of an array that is not finite, and where it is; empty where all are.
+
+    Args:
+        name: What the array is called.
+        array: One row a stage, or all of the last stage.
+        at_end: Whether it is all of the last stage.
+    """
+    bad = np.argwhere(~np.isfinite(array))
+    if not len(bad):
+        return ''
+    place = bad[0].tolist()
+    stage = [] if at_end else [f'stage {place.pop(0)}']
+    where = [*stage, 'component ' + ', '.join(map(str, place))]
+    return f'{name}: found {array[tuple(bad[0])]} at {", ".join(where)}'
 
 
 def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:

@@ -112,8 +112,11 @@ class Solution:
     def sentence(self) -> str:
         """What a user wants to read: how it ended, after how many iterations, and what is wrong."""
         last = self.history[-1]
+        step = self.iterate.step
+        not_finite = self.iterate.not_finite or (step.not_finite if step is not None else '')
         parts = [
             self.status.value,
+            *([f'First of them: {not_finite}.'] if not_finite else ()),
             f'Iterations: {self.iterate.index}; KKT residual {last.kkt_residual:.1e}.',
         ]
         if self.violated:

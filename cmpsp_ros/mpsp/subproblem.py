@@ -68,15 +68,6 @@ class Subproblem:
         shifted = _shifted(self.linearisation, self.shift)
         return condense(shifted, self.lower, self.upper, self.trust_radius)
 
-    @property
-    def is_finite(self) -> bool:
-        """Whether all derivatives are finite numbers, those of constraints where they apply."""
-        lin = self.linearisation
-        applies = lin.g != -np.inf
-        parts = {field.name: getattr(lin, field.name) for field in fields(lin)}
-        parts |= {name: parts[name][applies] for name in ('g', 'g_X', 'g_U')}
-        return all(bool(np.isfinite(part).all()) for part in parts.values())
-
     def only(self, rows: Iterable[Row]) -> Subproblem:
         """The same program with no other rows than these and the terminal ones.
 

@@ -15,6 +15,7 @@ from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.viewer_messages import (
     SERIES,
+    STEP,
     course_of,
     decision_of,
     moving_of,
@@ -22,14 +23,14 @@ from cmpsp_ros.nodes.viewer_messages import (
     plan_of,
     speeds_of,
 )
-from cmpsp_ros.view.board import Board
-from cmpsp_ros.view.errors import ViewError
+from cmpsp_ros.view.access import ViewError
 from cmpsp_ros.view.server import ViewServer
+from cmpsp_ros.view.shared_state import SharedState
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from diagnostic_msgs.msg import DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import Odometry, Path
     from rclpy.task import Future
     from sensor_msgs.msg import JointState
@@ -63,9 +64,9 @@ class Viewer(Node):
         fixed = ParameterDescriptor(read_only=True)
         host = self.declare_parameter('host', HOST, fixed).value
         port = self.declare_parameter('port', PORT, fixed).value
-        self._board = Board(SERIES)
+        self._state = SharedState(SERIES)
         try:
-            self._server = ViewServer(self._board, host, port)
+            self._server = ViewServer(self._state, host, port)
         except ViewError as error:
             msg = f'parameters host, port: {error}'
             raise StartupError(msg) from error
@@ -77,7 +78,7 @@ class Viewer(Node):
         self._client = self.create_client(GetParameters, 'guidance/get_parameters')
         # Simulated time may stand still; the page is to know the robot all the same.
         self.create_timer(_ASK_PERIOD, self._ask, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self._board.show('namespace', self.get_namespace())
+        self._state.show('namespace', self.get_namespace())
         self._server.start()
         # Not by the logger, which tells the token to all who listen to /rosout.
         sys.stderr.write(f'open {self._server.address} in a browser\n')
@@ -104,37 +105,35 @@ class Viewer(Node):
         place = place_of(message)
         if place is None:
             return
-        self._board.show('place', place)
+        self._state.show('place', place)
         last = self._place
         if last is None or abs(place[0] - last[0]) + abs(place[1] - last[1]) > _TRAIL_STEP:
-            self._board.add('path', place[:2])
+            self._state.add('path', place[:2])
             self._place = place
 
-    def _on_decision(self, message: DiagnosticStatus) -> None:
+    def _on_decision(self, message: DiagnosticArray) -> None:
         decision = decision_of(message)
         number = decision['run'], decision['step']
         if number != self._number and (number[0] != self._number[0] or number[1] == 0):
-            self._board.begin()
+            self._state.begin()
         self._number = number
-        self._board.alive()
-        self._board.show('decision', decision)
-        self._board.add(
-            'steps', [decision[key] for key in ('time_left', 'right', 'left', 'margin', 'rung')]
-        )
+        self._state.alive()
+        self._state.show('decision', decision)
+        self._state.add('steps', [decision[key] for key in STEP])
 
     def _on_plan(self, message: Path) -> None:
-        self._board.show('plan', plan_of(message))
+        self._state.show('plan', plan_of(message))
 
     def _on_markers(self, message: MarkerArray) -> None:
-        self._board.show_course(course_of(message))
+        self._state.show_course(course_of(message))
         # They are sent anew when parameters have changed.
         self._robot = None
 
     def _on_plan_markers(self, message: MarkerArray) -> None:
-        self._board.show('moving', moving_of(message))
+        self._state.show('moving', moving_of(message))
 
     def _on_wheels(self, message: JointState) -> None:
-        self._board.show('driven', speeds_of(message))
+        self._state.show('driven', speeds_of(message))
 
     def _ask(self) -> None:
         """Ask the guidance node for what no topic says."""
@@ -146,7 +145,7 @@ class Viewer(Node):
         values = future.result().values
         if len(values) == len(_ASKED):
             named = zip(_ASKED, (each.double_value for each in values), strict=True)
-            self._board.show('robot', dict(named))
+            self._state.show('robot', dict(named))
 
 
 def view(host: str, port: int, namespace: str) -> int:

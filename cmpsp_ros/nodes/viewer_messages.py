@@ -8,16 +8,21 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
+from cmpsp_ros.bags.decision_record import ENTRIES, Entry
+
 if TYPE_CHECKING:
-    from diagnostic_msgs.msg import DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import Odometry, Path
     from sensor_msgs.msg import JointState
     from visualization_msgs.msg import MarkerArray
 
 SERIES: Final = ('path', 'steps')
-"""What is kept row by row: (x, y); and (time left, right, left, margin, rung) of each step."""
+"""What is kept row by row: (x, y); and `STEP` of each control step."""
+
+STEP: Final = ('time_left', 'wheel_speed_right', 'wheel_speed_left', 'clearance', 'level')
 
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
@@ -37,28 +42,24 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
     return place if all(map(math.isfinite, place)) else None
 
 
-def decision_of(message: DiagnosticStatus) -> dict[str, Any]:
-    """What is shown of a decision; numbers that it lacks are None."""
-    values = {each.key: each.value for each in message.values}
-    return {
-        'reason': _short(message.message),
-        'rung': _short(values.get('rung', '')),
-        'finished': values.get('finished') == 'true',
-        'run': _short(values.get('run', '')),
-        'step': _number(values, 'step'),
-        'time_left': _number(values, 'time_left'),
-        'right': _number(values, 'wheel_speed_right'),
-        'left': _number(values, 'wheel_speed_left'),
-        'miss': _number(values, 'miss'),
-        'margin': _number(values, 'margin'),
-        'worst_margin': _number(values, 'worst_margin'),
-        'step_ms': _number(values, 'step_ms'),
-        'goal': {
-            'name': _short(values.get('goal', '')),
-            'at': [_number(values, 'goal_x'), _number(values, 'goal_y')],
-            'time': _number(values, 'goal_time'),
-        },
-    }
+def decision_of(message: DiagnosticArray) -> dict[str, Any]:
+    """A decision by the names of `DecisionRecord`; what it lacks, or has no sense, is None.
+
+    The level of one after the final time is `arrived`.
+    """
+    status = message.status[0] if message.status else DiagnosticStatus()
+    texts = {each.key: _short(each.value) for each in status.values}
+    shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
+    shown['reason'] = _short(status.message)
+    shown['level'] = 'arrived' if shown['finished'] else shown['level']
+    return shown
+
+
+def _value(entry: Entry[Any], text: str | None) -> Any:
+    try:
+        return None if text is None else entry.parse(text)
+    except ValueError:
+        return None
 
 
 def plan_of(message: Path) -> list[list[float]]:
@@ -103,13 +104,6 @@ def moving_of(message: MarkerArray) -> list[dict[str, Any]]:
         for each in there
         if each.type == Marker.CYLINDER
     ]
-
-
-def _number(values: dict[str, str], key: str) -> float | None:
-    try:
-        return float(values[key])
-    except (KeyError, ValueError):
-        return None
 
 
 def _short(text: str) -> str:

@@ -10,8 +10,6 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Final
 from urllib.parse import parse_qs, urlsplit
 
-from cmpsp_ros.view.errors import ViewError
-
 VARIABLE: Final = 'CMPSP_VIEW_TOKEN'
 """Environment variable with the token; without it each server makes one of its own.
 
@@ -21,6 +19,10 @@ Neither an argument nor a parameter, which all can read who see the processes or
 _BYTES: Final = 16
 _TOKEN: Final = re.compile(r'[A-Za-z0-9_-]{8,}')
 _COOKIE: Final = 'cmpsp_view_token'
+
+
+class ViewError(ValueError):
+    """The view cannot be served; the message says where, what was found and what is wanted."""
 
 
 class Access:

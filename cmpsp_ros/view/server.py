@@ -16,9 +16,8 @@ from importlib.resources import files
 from typing import Any, ClassVar, Final
 from urllib.parse import parse_qs, urlsplit
 
-from cmpsp_ros.view.access import Access
-from cmpsp_ros.view.board import Board, Known
-from cmpsp_ros.view.errors import ViewError
+from cmpsp_ros.view.access import Access, ViewError
+from cmpsp_ros.view.shared_state import ClientState, SharedState
 
 _PAGES: Final = {
     '/': ('page.html', 'text/html; charset=utf-8'),
@@ -42,13 +41,13 @@ _IDLE_TIMEOUT: Final = 30.0
 
 
 class ViewServer:
-    """Serves a board in a thread of its own."""
+    """Serves the shared state in a thread of its own."""
 
-    def __init__(self, board: Board, host: str, port: int) -> None:
+    def __init__(self, state: SharedState, host: str, port: int) -> None:
         """Open the port.
 
         Args:
-            board: What to show.
+            state: What to show.
             host: Address to listen on.
             port: Port to listen on; 0 for any that is free.
 
@@ -56,7 +55,7 @@ class ViewServer:
             ViewError: It cannot be listened on, or the token of the environment is not fit.
         """
         self._access = Access(host)
-        handler = type('_Handler', (_Handler,), {'board': board, 'access': self._access})
+        handler = type('_Handler', (_Handler,), {'state': state, 'access': self._access})
         try:
             self._server = ThreadingHTTPServer((host, port), handler)
         except (OSError, OverflowError) as error:
@@ -88,7 +87,7 @@ class ViewServer:
 class _Handler(BaseHTTPRequestHandler):
     """Answers one browser."""
 
-    board: ClassVar[Board]
+    state: ClassVar[SharedState]
     access: ClassVar[Access]
     protocol_version = 'HTTP/1.1'
     timeout = _IDLE_TIMEOUT
@@ -106,8 +105,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._send(HTTPStatus.SEE_OTHER, b'', 'text/plain', enter)
         elif not self.access.knows(self.headers.get('Cookie', '')):
             self._send(HTTPStatus.UNAUTHORIZED, _LOCKED, 'text/plain')
-        elif url.path == '/news':
-            self._send_news(url.query)
+        elif url.path == '/updates':
+            self._send_updates(url.query)
         elif url.path in _PAGES:
             name, kind = _PAGES[url.path]
             self._send(HTTPStatus.OK, _asset(name), kind)
@@ -117,14 +116,14 @@ class _Handler(BaseHTTPRequestHandler):
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (named by http.server)
         """Say nothing: a page asks many times a second."""
 
-    def _send_news(self, query: str) -> None:
+    def _send_updates(self, query: str) -> None:
         try:
-            known = _known(query)
+            known = _client_state(query)
         except ValueError:
             self._send(HTTPStatus.BAD_REQUEST, b'Wanted whole numbers.\n', 'text/plain')
             return
-        news = json.dumps(self.board.news(known), allow_nan=False, separators=(',', ':'))
-        self._send(HTTPStatus.OK, news.encode(), 'application/json')
+        updates = json.dumps(self.state.updates(known), allow_nan=False, separators=(',', ':'))
+        self._send(HTTPStatus.OK, updates.encode(), 'application/json')
 
     def _send(
         self, status: HTTPStatus, body: bytes, kind: str, more: Mapping[str, str] = _NOTHING
@@ -138,7 +137,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
 
-def _known(query: str) -> Known:
+def _client_state(query: str) -> ClientState:
     """What a browser says it has.
 
     Raises:
@@ -148,7 +147,7 @@ def _known(query: str) -> Known:
     if any(value < -1 for value in said.values()):
         raise ValueError(query)
     course, run = said.pop('course', -1), said.pop('run', -1)
-    return Known(course, run, {name: max(rows, 0) for name, rows in said.items()})
+    return ClientState(course, run, {name: max(rows, 0) for name, rows in said.items()})
 
 
 def _asset(name: str) -> bytes:

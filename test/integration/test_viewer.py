@@ -15,7 +15,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
@@ -38,12 +38,12 @@ class Page:
     def __init__(self, address):
         self.address = address
 
-    def news(self):
-        with urllib.request.urlopen(f'{self.address}news', timeout=LIMIT) as answer:
+    def updates(self):
+        with urllib.request.urlopen(f'{self.address}updates', timeout=LIMIT) as answer:
             return json.load(answer)
 
     def decision(self):
-        return self.news().get('decision', {})
+        return self.updates().get('decision', {})
 
 
 @pytest.fixture
@@ -68,36 +68,38 @@ def start_robot(spawn):
         arguments = ['--ros-args', '-r', f'__ns:={namespace}', *patient]
         for name in ('sim_node', 'guidance_node'):
             module = MODULES[name]
-            spawn([sys.executable, '-m', module, *arguments, '--params-file', CASE3])
+            more = ['--params-file', CASE3, '-p', 'autostart:=true']
+            spawn([sys.executable, '-m', module, *arguments, *more])
 
     return start
 
 
 def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until):
     running, page = start_view()
-    assert page.news()['silence'] is None
+    assert page.updates()['silence'] is None
     start_robot()
 
     def under_way():
-        news = page.news()
-        is_nominal = news.get('decision', {}).get('rung') == 'nominal'
-        return news if is_nominal and {'plan', 'robot', 'place', 'driven'} <= set(news) else None
+        updates = page.updates()
+        is_nominal = updates.get('decision', {}).get('level') == 'nominal'
+        there = {'plan', 'robot', 'place', 'driven'} <= set(updates)
+        return updates if is_nominal and there else None
 
-    news = wait_until(under_way, LIMIT)
-    assert news['decision']['reason'].endswith('.')
-    assert news['robot'] == {
+    updates = wait_until(under_way, LIMIT)
+    assert updates['decision']['reason'].endswith('.')
+    assert updates['robot'] == {
         'robot.radius': 0.0, 'robot.max_wheel_speed': 51.0, 'final_time': 10.0,
     }  # fmt: skip
-    drawn = {(each['kind'], each['of']) for each in news['course']}
+    drawn = {(each['kind'], each['of']) for each in updates['course']}
     assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn
     wait_until(lambda: page.decision()['finished'], LIMIT)
-    news = page.news()
+    updates = page.updates()
     # Who was not there from the beginning is shown the whole path as well.
-    path, steps = news['series']['path'], news['series']['steps']
-    assert math.dist(path[-1], news['place'][:2]) < 0.1
+    path, steps = updates['series']['path'], updates['series']['steps']
+    assert math.dist(path[-1], updates['place'][:2]) < 0.1
     assert math.dist(path[0], path[-1]) > 5.0
     # On a busy machine odometry may be late, and the node stops meanwhile.
-    assert sum(rung == 'nominal' for *_, rung in steps) > 10
+    assert sum(level == 'nominal' for *_, level in steps) > 10
     assert steps[-1][1:3] == [0.0, 0.0]
     running.signal(signal.SIGINT)
     assert running.wait(LIMIT) == 0
@@ -108,21 +110,21 @@ def test_it_follows_one_namespace_alone(start_view, start_robot, wait_until):
     _, of_r1 = start_view('--namespace', '/r1')
     _, of_r2 = start_view('--namespace', 'r2')
     start_robot('/r1')
-    wait_until(lambda: of_r1.decision().get('rung'), LIMIT)
-    assert of_r1.news()['namespace'] == '/r1'
-    assert of_r2.news()['namespace'] == '/r2'
+    wait_until(lambda: of_r1.decision().get('level'), LIMIT)
+    assert of_r1.updates()['namespace'] == '/r1'
+    assert of_r2.updates()['namespace'] == '/r2'
     assert not of_r2.decision()
 
 
 def test_another_run_begins_on_an_empty_page(start_view, start_robot, wait_until, ros):
     _, page = start_view()
     start_robot()
-    wait_until(lambda: len(page.news()['series']['steps']) > 5, LIMIT)
-    before = page.news()['run']
+    wait_until(lambda: len(page.updates()['series']['steps']) > 5, LIMIT)
+    before = page.updates()['run']
     client = ros.node.create_client(Trigger, '/guidance/reset')
     ros.spin_until(client.service_is_ready, LIMIT)
     ros.spin_until(client.call_async(Trigger.Request()).done, LIMIT)
-    wait_until(lambda: page.news()['run'] > before and page.news()['series']['steps'], LIMIT)
+    wait_until(lambda: page.updates()['run'] > before and page.updates()['series']['steps'], LIMIT)
 
 
 def test_a_port_that_is_taken_is_exit_code_2(spawn):
@@ -144,7 +146,7 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
 
     def decided():
         try:
-            return page.decision().get('rung')
+            return page.decision().get('level')
         except urllib.error.URLError:
             return None
 
@@ -155,7 +157,7 @@ def test_a_demo_shows_itself(spawn, wait_until, tmp_path):
     assert f'{page.address} shows the run' in running.stderr
     assert (folder / 'viewer.log').exists()
     with pytest.raises(urllib.error.URLError):
-        page.news()
+        page.updates()
 
 
 def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros, browse):
@@ -168,17 +170,19 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     arrow.points = [Point(x=1.0, y=2.0), Point(x=1.5, y=2.25)]
     plan = Marker(ns='plan', type=Marker.LINE_STRIP)
     facts = {'rung': 'nominal', 'goal': 'b', 'goal_x': '0.5', 'goal_y': '-1.0', 'goal_time': '17'}
-    decision = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
+    status = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
+    decision = DiagnosticArray(status=[status])
 
     def shown():
         markers.publish(MarkerArray(markers=[plan, disc, arrow]))
         decisions.publish(decision)
-        news = page.news()
-        return news if news.get('moving') and news.get('decision') else None
+        updates = page.updates()
+        return updates if updates.get('moving') and updates.get('decision') else None
 
-    news = wait_until(shown, LIMIT)
-    assert news['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'to': [1.5, 2.25]}]
-    assert news['decision']['goal'] == {'name': 'b', 'at': [0.5, -1.0], 'time': 17.0}
+    updates = wait_until(shown, LIMIT)
+    assert updates['moving'] == [{'at': [1.0, 2.0], 'size': 0.6, 'to': [1.5, 2.25]}]
+    goal = [updates['decision'][f'goal_{each}'] for each in ('name', 'x', 'y', 'time')]
+    assert goal == ['b', 0.5, -1.0, 17.0]
     dom, complaints = browse(page)
     assert complaints == []
     assert 'data-moving="1"' in dom
@@ -206,18 +210,18 @@ def browse(tmp_path):
 def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_until, browse):
     _, page = start_view()
     start_robot()
-    wait_until(lambda: len(page.news()['series']['steps']) > 10, LIMIT)
-    wait_until(lambda: 'robot' in page.news(), LIMIT)
+    wait_until(lambda: len(page.updates()['series']['steps']) > 10, LIMIT)
+    wait_until(lambda: 'robot' in page.updates(), LIMIT)
     dom, complaints = browse(page)
     assert complaints == []
     body = re.search(r'<body ([^>]*)>', dom)[1]
     shown = dict(re.findall(r'data-(\w+)="(\w+)"', body))
-    # On a busy machine it may be any rung.
-    assert shown['rung'] in RUNGS
+    # On a busy machine it may be any level.
+    assert shown['level'] in RUNGS
     assert int(shown['course']) == 10
     assert int(shown['steps']) > 10
     assert int(shown['path']) > 10
-    assert re.search(rf'id="rung"[^>]*>{shown["rung"]}<', dom)
+    assert re.search(rf'id="level"[^>]*>{shown["rung"]}<', dom)
     assert re.search(r'id="commanded">-?\d', dom)
 
 
@@ -226,14 +230,15 @@ def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):
     decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
     markers = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
     evil = '</p><img src=x onerror="document.title=1"><script>document.title=2</script>'
-    decision = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    status = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    decision = DiagnosticArray(status=[status])
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns=evil, text=evil)
     text.scale.z = math.nan
 
     def shown():
         decisions.publish(decision)
         markers.publish(MarkerArray(markers=[text]))
-        return page.decision() and page.news().get('course')
+        return page.decision() and page.updates().get('course')
 
     wait_until(shown, LIMIT)
     dom, complaints = browse(page)

@@ -2,10 +2,9 @@
 
 from cmpsp_ros.bags.audit.checks import audit, audit_record
 from cmpsp_ros.bags.audit.finding import Finding, Outcome
-from cmpsp_ros.bags.audit.junit import write_junit
+from cmpsp_ros.bags.audit.output import remarks, table, write_junit
 from cmpsp_ros.bags.audit.record import Record, read_record
 from cmpsp_ros.bags.audit.sources import Sources
-from cmpsp_ros.bags.audit.table import remarks, table
 
 __all__ = [
     'Finding',

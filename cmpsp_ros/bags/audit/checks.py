@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from cmpsp_ros.bags.audit import command_checks, ladder_checks, path_checks
+from cmpsp_ros.bags.audit import command_checks, fallback_checks, path_checks
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
 from cmpsp_ros.bags.audit.record import Record, read_record
 from cmpsp_ros.bags.audit.sources import Sources
@@ -59,9 +59,9 @@ CHECKS: Final = (
     _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
     _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
     _Check('stop_at_end', 'Stop: at the end', command_checks.stop_at_end, ('control_period',)),
-    _Check('reasons', 'Ladder: reasons given', ladder_checks.reasons),
-    _Check('shifted', 'Ladder: old plans dropped', ladder_checks.shifted, ('failure_tolerance',)),
-    _Check('nominal', 'Ladder: nominal is clear', ladder_checks.nominal, _ROAD),
+    _Check('reasons', 'Ladder: reasons given', fallback_checks.reasons),
+    _Check('shifted', 'Ladder: old plans dropped', fallback_checks.shifted, ('failure_tolerance',)),
+    _Check('nominal', 'Ladder: nominal is clear', fallback_checks.nominal, _ROAD),
 )
 
 

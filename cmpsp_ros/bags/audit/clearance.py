@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.history import History
-from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 

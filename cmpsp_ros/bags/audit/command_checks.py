@@ -11,7 +11,7 @@ from cmpsp_ros.bags.audit.commands import agreeing
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record
-from cmpsp_ros.bags.decisions import wheel_speeds
+from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 

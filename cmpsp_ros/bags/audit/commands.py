@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.odometry import Odometry
-from cmpsp_ros.bags.decisions import Said
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.messages.odometry import stamp_of
@@ -127,7 +127,7 @@ def agreeing(commands: Commands, said: Array, pairs: Pairs) -> Flags:
 
 
 def timed(
-    commands: Commands, odometry: Odometry, pairs: Pairs, decisions: Sequence[Said]
+    commands: Commands, odometry: Odometry, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
     """Commands with the stamps of what they answer.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from cmpsp_ros.bags.audit.sources import Places, Sources
-from cmpsp_ros.bags.node_parameters import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import Driven
+from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
 

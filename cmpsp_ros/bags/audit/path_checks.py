@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.clearance import EDGES, space_of
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.goals import goals_of
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
-from cmpsp_ros.bags.audit.record import Leg, Record
-from cmpsp_ros.bags.encounters import Encounter
-from cmpsp_ros.bags.passing import Passing
+from cmpsp_ros.bags.audit.record import Leg, Record, Run
+from cmpsp_ros.bags.runs.encounters import Encounter
+from cmpsp_ros.bags.runs.goals import Passing
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
@@ -70,9 +72,9 @@ def others(record: Record) -> Verdict:
     named = record.history.epochs[0].settings.moving_obstacles.others
     if not named:
         return skipped('No other robots are to be kept clear of (others.namespaces).')
-    if not record.meetings:
+    if not record.robot_encounters:
         return skipped(f'The bag tells not where {", ".join(named)} drove.')
-    return _apart(record, record.meetings, '')
+    return _apart(record, record.robot_encounters, '')
 
 
 def _apart(record: Record, met: Sequence[Encounter], where: str) -> Verdict:
@@ -186,7 +188,7 @@ def goal(record: Record) -> Verdict:
     remaining = math.inf
     for leg in record.legs:
         for run in leg.runs:
-            for place in goals_of(record, run):
+            for place in _goals_of(record, run):
                 stamp = run.start + to_nanoseconds(place.time)
                 remaining = min(remaining, (stamp - run.end) / NANOSECONDS)
                 if stamp <= run.end:
@@ -261,3 +263,26 @@ def _spare(
         end = arc_ends(start, twist[None], held)
         spare = space.at(end, near)[0] - (floor - _SAMPLE_TOLERANCE)
     return spare
+
+
+def _goals_of(record: Record, run: Run) -> list[Goal]:
+    """The goals of a run, in order, as they were when they should have been passed.
+
+    Those of the parameters are dropped from when the first goal was told on `goal_pose`, and each
+    of these when another was told before its time.
+    """
+    told = [each for each in record.decisions if run.start <= each.stamp <= run.end]
+    told = [each for each in told if each.goal is not None and each.goals_received]
+    until = float('inf') if not told else (told[0].stamp - run.start) / NANOSECONDS
+    goals = []
+    for index, goal in enumerate(record.history.at(run.start).goals):
+        then = record.history.at(run.start + round(goal.time * NANOSECONDS)).goals
+        if goal.time <= until:
+            goals.append(replace(then[index], time=goal.time))
+    for each, after in zip_longest(told, told[1:]):
+        assert each.goal is not None  # noqa: S101 (looked at above)
+        if after is None or after.goal != each.goal:
+            end = float('inf') if after is None else (after.stamp - run.start) / NANOSECONDS
+            if each.goal.time <= end:
+                goals.append(each.goal)
+    return goals

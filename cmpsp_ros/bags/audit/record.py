@@ -13,13 +13,12 @@ from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, 
 from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
-from cmpsp_ros.bags.decisions import Said, read_decisions, wheel_speeds
-from cmpsp_ros.bags.encounters import Encounter, encounters
+from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.other_robots import meetings, read_others
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import Driven
-from cmpsp_ros.bags.tracks import read_tracks
+from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
+from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.tracks import Track
 
@@ -85,7 +84,7 @@ class Record:
     history: History
     odometry: Odometry
     commands: Commands
-    decisions: tuple[Said, ...]
+    decisions: tuple[DecisionRecord, ...]
     tracks: tuple[Track, ...]
     others: Mapping[str, Driven]
     pairs: Pairs
@@ -107,14 +106,14 @@ class Record:
         )
 
     @cached_property
-    def meetings(self) -> tuple[Encounter, ...]:
+    def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the other robots where they were meanwhile."""
         settings = self.history.epochs[0].settings
-        known = settings.moving_obstacles
-        both = settings.robot_radius + known.others_radius
+        both = settings.robot_radius + settings.moving_obstacles.others_radius
+        timeout = settings.moving_obstacles.timeout
         paths = (leg.guided for leg in self.legs)
         return tuple(
-            each for path in paths for each in meetings(path, self.others, both, known.timeout)
+            each for path in paths for each in robot_encounters(path, self.others, both, timeout)
         )
 
     @property
@@ -172,7 +171,9 @@ def _record(bag: Bag, sources: Sources) -> Record:
     )
 
 
-def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[Said]) -> list[Leg]:
+def _legs(
+    odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[DecisionRecord]
+) -> list[Leg]:
     begins = [int(each.received[0]) for each in odometry]
     legs = []
     for each, begin, end in zip(odometry, [0, *begins[1:]], [*begins[1:], None], strict=True):
@@ -187,7 +188,7 @@ def _legs(odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[
     return legs
 
 
-def _runs(commands: Commands, decisions: Sequence[Said], end: int) -> tuple[Run, ...]:
+def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> tuple[Run, ...]:
     """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [answers[0].stamp] if answers else [int(commands.stamps[0])]

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, scene
-from cmpsp_ros.bags.run import read_driven
-from cmpsp_ros.bags.tracks import seen_at
+from cmpsp_ros.bags.runs.goals import goals_driven_to
+from cmpsp_ros.bags.runs.run import read_driven
+from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
@@ -28,8 +28,7 @@ Array = NDArray[np.float64]
 _STILL, _MOVING = (640, 480), (480, 320)
 _STILLS, _RATE = 4, 10
 _FAINT = 0.3
-_WAY_POINTS = 200
-_WAY_RATE = 10
+_WAY_POINTS, _WAY_RATE = 400, 25
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
 _DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
@@ -69,7 +68,7 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     stamps = [first + to_nanoseconds(each) for each in times]
     corners = max(_WAY_POINTS, math.ceil(length * _WAY_RATE))
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
-    led = aims(record.decisions, settings)
+    led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
     model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))
     moments = [

@@ -31,6 +31,7 @@ _LOOK = """
   <visual>
     <headlight ambient="0.45 0.45 0.45" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
     <map znear="0.002" zfar="5"/>
+    <quality shadowsize="8192" numslices="64"/>
     <global offwidth="1920" offheight="1080"/>
   </visual>
   <asset>
@@ -90,7 +91,8 @@ def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
 
 
 def _way(way: Array) -> Iterator[str]:
-    yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1')
+    # On the floor, not in it: two surfaces at one height take turns from pixel to pixel.
+    yield from _line(way, _LINE / 2.0, '0.1 0.35 0.8 1', height=_LINE / 2.0)
 
 
 def _goal(index: int, place: Point) -> Iterator[str]:
@@ -98,10 +100,10 @@ def _goal(index: int, place: Point) -> Iterator[str]:
     yield _geom('sphere', '0.05', (*place, 2.0 * HEIGHT), _GREEN, f'goal {index}')
 
 
-def _line(corners: Array, radius: float, color: str) -> Iterator[str]:
+def _line(corners: Array, radius: float, color: str, height: float = 0.0) -> Iterator[str]:
     for (x0, y0), (x1, y1) in pairwise(corners.tolist()):
         if (x0, y0) != (x1, y1):
-            ends = f'{x0} {y0} 0 {x1} {y1} 0'
+            ends = f'{x0} {y0} {height} {x1} {y1} {height}'
             yield (
                 f'<geom type="capsule" fromto="{ends}" size="{radius}" rgba="{color}" '
                 'contype="0" conaffinity="0"/>'

@@ -25,7 +25,7 @@ def rungs(views: Sequence[View]) -> Figure:
     """Bands of the ladder over time, one row a bag."""
     traces: list[Figure] = []
     for rung, color in RUNGS.items():
-        bands = [(view, each) for view in views for each in view.bands if each.rung == rung]
+        bands = [(view, each) for view in views for each in view.bands if each.level == rung]
         if not bands:
             continue
         traces.append(

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
-from cmpsp_ros.bags.report.slider import goals_of, told_of
+from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape, outline
@@ -102,7 +102,7 @@ def _traces(views: Sequence[View]) -> list[Figure]:
         }
         for number, (prefix, view) in enumerate(zip(prefixes, views, strict=True))
     ]
-    traces: list[Figure] = [*driven, *plans, *robots, *_discs(prefixes), *_aims(prefixes)]
+    traces: list[Figure] = [*driven, *plans, *robots, *_discs(prefixes), *_goal_rings(prefixes)]
     return [{'type': 'scatter', **each} for each in (*traces, *_goals(views), *_ways(views))]
 
 
@@ -125,7 +125,7 @@ def _discs(prefixes: Sequence[str]) -> list[Figure]:
     ]
 
 
-def _aims(prefixes: Sequence[str]) -> list[Figure]:
+def _goal_rings(prefixes: Sequence[str]) -> list[Figure]:
     """Rings around the goal that is driven to at the slider's time."""
     return [
         {
@@ -181,7 +181,7 @@ def _ways(views: Sequence[View]) -> list[Figure]:
             'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'},
         }
         for view in views
-        for told in told_of(view)
+        for told in tracks_of_each(view)
     ]
 
 

@@ -13,9 +13,9 @@ from matplotlib.patches import Patch, Polygon
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
-from cmpsp_ros.bags.report.slider import goals_of, told_of
+from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.bags.road_picture import draw_road
+from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.view.palette import (
     EDGE,
     GOAL,
@@ -62,7 +62,7 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
         axes.add_patch(Polygon(edge, fc=OBSTACLE, lw=0, zorder=2))
         axes.add_patch(Polygon(around, fill=False, ec=OBSTACLE, ls='--', zorder=2))
         axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
-    for told in (each for view in views for each in told_of(view)):
+    for told in (each for view in views for each in tracks_of_each(view)):
         x, y = [each.x for each in told], [each.y for each in told]
         axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)
     for number, view in enumerate(views):
@@ -81,9 +81,9 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
 def _draw_rungs(axes: Axes, views: Sequence[View]) -> None:
     for number, view in enumerate(views):
         for band in view.bands:
-            color = RUNGS.get(band.rung, 'white')
+            color = RUNGS.get(band.level, 'white')
             axes.barh(number, band.end - band.begin, 0.6, left=band.begin, color=color)
-    there = {band.rung for view in views for band in view.bands}
+    there = {band.level for view in views for band in view.bands}
     keys = [Patch(color=color, label=rung) for rung, color in RUNGS.items() if rung in there]
     if keys:
         axes.legend(handles=keys, ncols=len(keys), loc='lower left', bbox_to_anchor=(0.0, 1.0))

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.aims import aims
 from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
+from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import Track
 
@@ -33,36 +33,36 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 'value': numbers(np.minimum(*view.clearance[1:])),
             },
             'said': [
-                [round(view.record.seconds(each.stamp), 6), each.rung, each.reason]
+                [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions
             ],
             'goals': [
                 [round(seconds, 6), *goal.position, label_of(goal)]
-                for seconds, goal in aims_of(view)
+                for seconds, goal in goals_over_time(view)
             ],
-            'moving': [_told(view, each) for each in told_of(view)],
+            'moving': [_told(view, each) for each in tracks_of_each(view)],
             'timeout': view.settings.moving_obstacles.timeout,
         }
         for view in views
     ]
 
 
-def told_of(view: View) -> list[list[Track]]:
+def tracks_of_each(view: View) -> list[list[Track]]:
     """What was told of each obstacle that moved, in order of time."""
     grouped = groupby(view.record.tracks, key=lambda each: each.id)
     return [list(told) for _, told in grouped]
 
 
-def aims_of(view: View) -> list[tuple[float, Goal]]:
+def goals_over_time(view: View) -> list[tuple[float, Goal]]:
     """From when on [s] each goal was driven to, in order of time; none where a road is followed."""
-    found = aims(view.record.decisions, view.settings)
+    found = goals_driven_to(view.record.decisions, view.settings)
     return [(view.record.seconds(stamp), goal) for stamp, goal in found]
 
 
 def goals_of(views: Sequence[View]) -> list[Goal]:
     """All goals there were, each once."""
     asked = (goal for view in views for goal in view.settings.goals)
-    driven_to = (goal for view in views for _, goal in aims_of(view))
+    driven_to = (goal for view in views for _, goal in goals_over_time(view))
     places = {(goal.position, goal.name): goal for goal in (*driven_to, *asked)}
     named = {position for position, name in places if name}
     return [goal for (place, name), goal in places.items() if name or place not in named]

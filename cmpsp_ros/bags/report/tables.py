@@ -37,15 +37,15 @@ def findings(view: View) -> str:
         ]
         for each in view.findings
     ]
-    return _table(['', 'check', 'worst', 'limit', 'at', 'what was found'], rows)
+    return _table(['', 'check', 'worst', 'limit', 'at', 'what was found'], rows, stacked=True)
 
 
 def ladder(view: View) -> str:
     """The bands of the ladder with their sentences."""
     rows = [
         [
-            f'<span class="swatch" style="background:{RUNGS.get(each.rung, "#fff")}"></span>'
-            f'{escape(each.rung)}',
+            f'<span class="swatch" style="background:{RUNGS.get(each.level, "#fff")}"></span>'
+            f'{escape(each.level)}',
             f'{each.begin:.2f} to {each.end:.2f} s',
             str(each.steps),
             escape(each.reason),
@@ -54,7 +54,7 @@ def ladder(view: View) -> str:
     ]
     if len(view.bands) > _MOST_BANDS:
         rows.append(['', '', '', f'and {len(view.bands) - _MOST_BANDS} more'])
-    return _table(['rung', 'time', 'steps', 'reason'], rows)
+    return _table(['level', 'time', 'steps', 'reason'], rows, stacked=True)
 
 
 def parameters(views: Sequence[View]) -> str:
@@ -101,7 +101,7 @@ def _figures(view: View) -> dict[str, str]:
     by_check = {each.check: each for each in view.findings}
     counts = Counter[str]()
     for band in view.bands:
-        counts[band.rung] += band.steps
+        counts[band.level] += band.steps
     deadline = 1e3 * view.settings.control_period
     least = [by_check[each].worst for each in ('road', 'obstacles', 'moving')]
     known = [each for each in least if each is not None]
@@ -127,11 +127,17 @@ def _swatched(views: Sequence[View], view: View) -> str:
 
 
 def _table(
-    head: Sequence[str], rows: Iterable[Sequence[str]], marks: Sequence[bool] | None = None
+    head: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    marks: Sequence[bool] | None = None,
+    *,
+    stacked: bool = False,
 ) -> str:
+    """A table; one that is stacked has a paragraph for each row where the page is narrow."""
     cells = ''.join(f'<th scope="col">{each}</th>' for each in head)
     lines = [f'<tr>{cells}</tr>']
     for number, row in enumerate(rows):
         mark = ' class="differs"' if marks and marks[number] else ''
         lines.append(f'<tr{mark}>{"".join(f"<td>{each}</td>" for each in row)}</tr>')
-    return f'<div class="table"><table>{"".join(lines)}</table></div>'
+    kind = 'table stacked' if stacked else 'table'
+    return f'<div class="{kind}"><table>{"".join(lines)}</table></div>'

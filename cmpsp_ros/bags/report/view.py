@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit import Finding, Outcome, Record, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
-from cmpsp_ros.bags.decisions import Said
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
@@ -43,14 +43,14 @@ class Band:
     """Control steps in a row of the same kind.
 
     Attributes:
-        rung: FallbackLevel of the ladder, or `arrived`.
+        level: Fallback level, or `arrived`.
         begin: From when on [s].
         end: Until when [s].
         steps: How many.
         reason: What the first of them said.
     """
 
-    rung: str
+    level: str
     begin: float
     end: float
     steps: int
@@ -199,10 +199,10 @@ def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
-    """Short names by which bags are told apart."""
+    """Short names by which bags are told apart; a link has the name of what it leads to."""
     short = [
         each.parent.name if each.name == 'bag' and each.parent.name else each.name
-        for each in (path.absolute() for path in paths)
+        for each in (path.resolve() for path in paths)
     ]
     if len(set(short)) == len(short):
         return short
@@ -222,10 +222,10 @@ def _points(message: object) -> Array:
     return np.array([(each.pose.position.x, each.pose.position.y) for each in poses])
 
 
-def _shown(said: Said) -> str:
-    return 'arrived' if said.finished else said.rung
+def _shown(decision: DecisionRecord) -> str:
+    return 'arrived' if decision.finished else decision.level
 
 
-def _kind(said: Said) -> tuple[str, str]:
+def _kind(decision: DecisionRecord) -> tuple[str, str]:
     """FallbackLevel and sentence, without the figures in it."""
-    return _shown(said), re.sub(r'[-+]?\d[\d.e+-]*', '#', said.reason)
+    return _shown(decision), re.sub(r'[-+]?\d[\d.e+-]*', '#', decision.reason)

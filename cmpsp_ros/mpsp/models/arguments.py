@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Array, Hessian, check_bounds
+from cmpsp_ros.mpsp.problem import Array, Hessian, check_bounds, numbers
 
 
 def whole_number(name: str, value: object) -> int:
@@ -35,18 +35,6 @@ def vector(name: str, value: ArrayLike, length: int | None = None) -> Array:
     if not np.isfinite(array).all():
         raise ProblemError(f'{name}: found {array}, wanted finite numbers')
     return array
-
-
-def numbers(name: str, value: ArrayLike) -> Array:
-    """``value`` as an array of numbers, a copy.
-
-    Raises:
-        ProblemError: Names the argument.
-    """
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f'{name}: found {value!r}, wanted numbers') from None
 
 
 def control_bounds(

@@ -14,7 +14,6 @@ from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.arguments import (
     check_hessian,
     control_bounds,
-    numbers,
     terminal_target,
     vector,
     whole_number,
@@ -26,6 +25,7 @@ from cmpsp_ros.mpsp.problem import (
     Hessian,
     Linearisation,
     OptimalControlProblem,
+    numbers,
 )
 
 if TYPE_CHECKING:
@@ -209,6 +209,15 @@ class _Expressions:
         of_L = self._by_z(self._by_z(self._casadi.sum1(self._columns['L'])).T)
         return self._function('gauss_newton', [of_L, R.T @ R])
 
+    @cached_property
+    def curvature(self) -> Any:
+        """Second derivative of ``F``, ``h`` and ``g`` by ``(x, u)``, weighted with ``w``."""
+        column = self._casadi.vertcat(*(self._columns[name] for name in _DIFFERENTIATED))
+        w = type(self._symbols['x']).sym('w', column.shape[0])
+        second = self._by_z(self._by_z(self._casadi.dot(w, column)).T)
+        inputs = [*self._symbols.values(), w]
+        return self._casadi.Function('curvature', inputs, [self._casadi.densify(second)])
+
     def _by_z(self, column: Any) -> Any:
         jacobian = self._casadi.jacobian
         return self._casadi.horzcat(*(jacobian(column, self._symbols[name]) for name in 'xu'))
@@ -278,7 +287,18 @@ class _CasadiProblem(OptimalControlProblem):
             self._checked = True
         return result
 
-    def _over_horizon(self, name: str, X: Array, U: Array) -> list[Array]:
+    def constraint_curvature(
+        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
+    ) -> tuple[Array, Array, Array]:
+        n, N = self.size.state, self.size.horizon
+        weights = np.zeros((N + 1, n + self.size.output + self.size.path))
+        weights[:N, :n] = costates
+        weights[N, n : n + self.size.output] = terminal
+        weights[:, n + self.size.output :] = path
+        (second,) = self._over_horizon('curvature', X, U, weights)
+        return second[:, :n, :n], second[:, n:, :n], second[:, n:, n:]
+
+    def _over_horizon(self, name: str, X: Array, U: Array, *more: Array) -> list[Array]:
         """Outputs of a function at all stages, each of shape ``(N + 1, rows, columns)``.
 
         One call of a mapped function: several times faster than a call a stage, most of which is
@@ -287,7 +307,7 @@ class _CasadiProblem(OptimalControlProblem):
         stages = self.size.horizon + 1
         if name not in self._mapped:
             self._mapped[name] = getattr(self._expressions, name).map(stages)
-        outputs = self._mapped[name].call([X.T, U.T, self._p.T])
+        outputs = self._mapped[name].call([X.T, U.T, self._p.T, *(each.T for each in more)])
         return [
             output.full().reshape(output.shape[0], stages, output.shape[1] // stages).swapaxes(0, 1)
             for output in outputs

@@ -95,6 +95,16 @@ class ControlRateProblem(OptimalControlProblem):
             g_U=lin.g_U,
         )
 
+    def constraint_curvature(
+        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
+    ) -> tuple[Array, Array, Array]:
+        """That of the inner problem: the added state follows a linear equation."""
+        n, r, stages = self._inner.size.state, self.size.control, len(U)
+        inner = self._inner.constraint_curvature(X[:, :n], U, costates[:, :n], terminal, path)
+        XX, UX = np.zeros((stages, n + r, n + r)), np.zeros((stages, r, n + r))
+        XX[:, :n, :n], UX[:, :, :n] = inner[:2]
+        return XX, UX, inner[2]
+
 
 class ControlRateData(NamedTuple):
     """Data of a compiled problem with the cost.

@@ -102,7 +102,7 @@ def check_derivatives(
         ProblemError: ``U``, an array of the linearisation or an argument has the wrong shape or
             value.
     """
-    problem.check_controls(U)
+    U = problem.checked_controls(U)
     if hessian is not None:
         check_hessian(hessian)
     if not tolerance > 0.0:

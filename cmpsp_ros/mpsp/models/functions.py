@@ -240,6 +240,20 @@ class _FunctionsProblem(OptimalControlProblem):
                     second[k] += _weighted(residuals, value).hessian(k, Z[k])
         return gradient, second
 
+    def constraint_curvature(
+        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
+    ) -> tuple[Array, Array, Array]:
+        Z, n, N = np.hstack([X, U]), self.size.state, self.size.horizon
+        second = np.zeros((N + 1, Z.shape[1], Z.shape[1]))
+        for k in range(N):
+            second[k] = _weighted(self._functions.F, costates[k]).hessian(k, Z[k])
+        if self._functions.h is not None:
+            second[N] += _weighted(self._functions.h, terminal).hessian(N, Z[N])
+        if self._functions.g is not None:
+            for k in np.flatnonzero(path.any(axis=1)).tolist():
+                second[k] += _weighted(self._functions.g, path[k]).hessian(k, Z[k])
+        return second[:, :n, :n], second[:, n:, :n], second[:, n:, n:]
+
     def _output_error(self, Z: Array) -> Array:
         if self._functions.h is None:
             return np.empty(0)
@@ -255,10 +269,10 @@ class _FunctionsProblem(OptimalControlProblem):
         return g
 
 
-def _weighted(residuals: StageFunction, weights: Array) -> StageFunction:
-    """``weights' residuals`` as a function, whose Hessian is what Gauss-Newton leaves out."""
+def _weighted(function: StageFunction, weights: Array) -> StageFunction:
+    """``weights' function`` as a function."""
     result = StageFunction(
-        residuals.name, lambda k, x, u: weights @ residuals(k, np.concatenate([x, u])), 0, ()
+        function.name, lambda k, x, u: weights @ function(k, np.concatenate([x, u])), 0, ()
     )
-    result.scheme = residuals.scheme
+    result.scheme = function.scheme
     return result

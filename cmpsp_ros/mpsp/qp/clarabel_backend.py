@@ -235,7 +235,7 @@ def _with_equalities(rows: Rows) -> Rows:
 
 def _is_finite(subproblem: Subproblem, rows: Rows, weight: Array) -> bool:
     given = np.concatenate([rows.lower, rows.upper, weight, subproblem.trust_radius])
-    return subproblem.is_finite and not bool(np.isnan(given).any())
+    return not subproblem.linearisation.not_finite and not bool(np.isnan(given).any())
 
 
 def _violation_weights(qp: StageQP, rows: Rows, hard: NDArray[np.bool_]) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cmpsp_ros.mpsp.analysis.convergence import Record, record
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
@@ -13,6 +14,7 @@ from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalCont
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.sqp.constraint_curvature import add_constraint_curvature
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
@@ -29,17 +31,14 @@ class CMPSP:
             ProblemError: An option does not fit the problem, or its back end is not installed.
         """
         size = problem.size
-        options.check(size)
+        fitted = options.fitted(size)
         self._problem = problem
         self._options = options
-        free = np.full(size.state, np.inf)
-        self._trust_radius = free if options.trust_radius is None else options.trust_radius
+        self._trust_radius = fitted.trust_radius
         self._driver = Driver(
             size,
-            options.penalty_terminal,
-            options.penalty_path,
-            self._trust_radius,
-            (options.qp, options.hessian),
+            *fitted,
+            (options.qp, 'exact' if options.constraint_curvature else options.hessian),
         )
         ws = self._driver.ws
         ws.run['line_search'], ws.run['elastic'] = options.line_search, options.elastic
@@ -48,7 +47,7 @@ class CMPSP:
         ws.lower[:, : size.control] = problem.control_lower
         ws.upper[:, : size.control] = problem.control_upper
 
-    def init(self, U: Array) -> Iterate:
+    def init(self, U: ArrayLike) -> Iterate:
         """Predict along a guessed control history, brought within its bounds.
 
         Args:
@@ -57,8 +56,11 @@ class CMPSP:
         Raises:
             ProblemError: The guess has the wrong shape or is not finite.
         """
-        self._problem.check_controls(U)
-        U = np.clip(U, self._problem.control_lower, self._problem.control_upper)
+        U = np.clip(
+            self._problem.checked_controls(U),
+            self._problem.control_lower,
+            self._problem.control_upper,
+        )
         X = self._problem.predict(U)
         evaluation = self._problem.evaluate(X, U)
         return Iterate(0, U, X, evaluation, _size(U, evaluation))
@@ -67,6 +69,8 @@ class CMPSP:
         """The quadratic program (45) (54) (57) at an iterate."""
         problem = self._problem
         linearisation = problem.linearise(at.X, at.U, self._options.hessian)
+        if self._options.constraint_curvature and at.step is not None:
+            linearisation = add_constraint_curvature(problem, at, linearisation)
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
@@ -115,7 +119,7 @@ class CMPSP:
         not finite.
         """
         options, step = self._options, at.step
-        if not at.is_finite or (step is not None and not step.is_finite):
+        if at.not_finite or (step is not None and step.not_finite):
             return Status.NOT_FINITE
         size, limit = _size(at.U, at.evaluation), options.growth_limit
         if size.cost > limit * at.guess_size.cost or size.control > limit * at.guess_size.control:
@@ -199,9 +203,10 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
     run, back_end = driver.ws.run[0], driver.back_end
     assert back_end is not None  # noqa: S101 (a problem in Python has one)
     solution, elastic = back_end.solution, bool(run['level'] > 0)
-    is_finite = solution.status is QPStatus.SOLVED or subproblem.is_finite
+    solved = solution.status is QPStatus.SOLVED
+    not_finite = '' if solved else subproblem.linearisation.not_finite
     slack, miss = np.zeros_like(solution.path), np.zeros_like(solution.terminal)
-    if elastic and is_finite:
+    if elastic and not not_finite:
         dX = subproblem.propagate(solution.dU)
         slack = np.maximum(subproblem.path(solution.dU, dX), 0.0)
         miss = subproblem.terminal(solution.dU, dX)
@@ -219,12 +224,12 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
         float(run['full_change']),
         back_end.shift,
         bool(run['is_corrected']),
-        is_finite,
+        not_finite,
     )
 
 
 def solve(
-    problem: OptimalControlProblem, U: Array, options: Options, max_iterations: int
+    problem: OptimalControlProblem, U: ArrayLike, options: Options, max_iterations: int
 ) -> Solution:
     """Iterate from a guess until the iteration ends by itself or at the limit.
 
@@ -244,14 +249,16 @@ def solve(
     problem.check()
     iteration = CMPSP(problem, options)
     iterate = iteration.init(U)
-    if iterate.is_finite:
+    if not iterate.not_finite:
         problem.linearise(iterate.X, iterate.U, options.hessian).check_shapes(problem.size)
     history = []
     while True:
         status = iteration.terminate(iterate)
         # The subproblem at the new iterate gives its KKT residual, and the next step needs it.
-        subproblem = iteration.subproblem(iterate) if iterate.is_finite else None
+        subproblem = iteration.subproblem(iterate) if not iterate.not_finite else None
         history.append(record(iterate, subproblem))
+        if history[-1].kkt_residual <= options.kkt_tolerance > 0.0:
+            status = Status.CONVERGED
         if status is None and iterate.index >= max_iterations:
             status = Status.ITERATION_LIMIT
         if status is not None:

@@ -4,14 +4,17 @@
 const ASK_PERIOD = 66;
 const RETRY_PERIOD = 1000;
 const SILENT_AFTER = 1.5;
-const RUNGS = {nominal: '#009e73', elastic: '#b3a500', shifted: '#e69f00', stop: '#4d4d4d'};
+const LEVELS = {
+  nominal: '#009e73', elastic: '#b3a500', shifted: '#e69f00', stop: '#4d4d4d', arrived: '#0072b2',
+};
 
 const MOVING = '#b03a8c';
 
 const known = {course: -1, run: -1, series: {path: [], steps: []}};
-let news = {};
+let latest = {};
 let course = [];
 let bounds = null;
+let arrival = '';
 
 const element = (id) => document.getElementById(id);
 const isNumber = (value) => typeof value === 'number';
@@ -31,29 +34,33 @@ async function ask() {
   const query = `course=${known.course}&run=${known.run}&path=${path.length}&steps=${steps.length}`;
   let pause = ASK_PERIOD;
   try {
-    const answer = await fetch(`news?${query}`);
+    const answer = await fetch(`updates?${query}`);
     if (!answer.ok) throw new Error(answer.statusText);
     take(await answer.json());
     requestAnimationFrame(show);
   } catch {
     pause = RETRY_PERIOD;
-    state('The viewer does not answer; this is the last that was heard.', true);
+    if (hasArrived()) state('The run is over. This is its last picture.', false);
+    else state('The viewer does not answer. This is its last picture.', true);
   }
   setTimeout(ask, pause);
 }
 
-function take(latest) {
-  news = latest;
-  if (news.course_number !== known.course) {
-    course = news.course || [];
+function take(updates) {
+  latest = updates;
+  if (latest.course_number !== known.course) {
+    course = latest.course || [];
     bounds = null;
   }
-  if (news.run !== known.run) bounds = null;
-  for (const [name, rows] of Object.entries(news.series)) {
-    known.series[name] = known.series[name].slice(0, news.first[name]).concat(rows);
+  if (latest.run !== known.run) {
+    bounds = null;
+    arrival = '';
   }
-  known.course = news.course_number;
-  known.run = news.run;
+  for (const [name, rows] of Object.entries(latest.series)) {
+    known.series[name] = known.series[name].slice(0, latest.first[name]).concat(rows);
+  }
+  known.course = latest.course_number;
+  known.run = latest.run;
 }
 
 function state(text, wrong) {
@@ -62,35 +69,44 @@ function state(text, wrong) {
 }
 
 function show() {
-  const decision = news.decision || {};
-  const rung = decision.finished ? 'arrived' : decision.rung || '';
-  const silent = isNumber(news.silence) && news.silence > SILENT_AFTER && !decision.finished;
-  if (!news.decision) state('Listening; no decision has been heard yet.', false);
-  else if (silent) state(`No decision for ${Math.floor(news.silence)} s.`, true);
+  const decision = latest.decision || {};
+  const level = hasArrived() ? 'arrived' : decision.level || '';
+  if (decision.level === 'arrived') arrival = decision.reason;
+  const silent = isNumber(latest.silence) && latest.silence > SILENT_AFTER;
+  if (!latest.decision) state('Listening; no decision has been received yet.', false);
+  else if (hasArrived()) state('The run is over.', false);
+  else if (silent) state(`No decision for ${Math.floor(latest.silence)} s.`, true);
   else state('Live.', false);
-  say('rung', rung);
-  element('rung').dataset.rung = rung;
-  say('namespace', news.namespace === '/' ? '' : String(news.namespace || ''));
-  say('reason', decision.reason || '');
+  say('level', level);
+  element('level').dataset.level = level;
+  say('namespace', latest.namespace === '/' ? '' : String(latest.namespace || ''));
+  say('reason', (level === 'arrived' && arrival) || decision.reason || '');
   say('goal', goalOf(decision));
   say('time_left', fixed(decision.time_left, 1, 's'));
-  say('margin', signed(decision.margin));
-  say('worst_margin', signed(decision.worst_margin));
-  say('miss', isNumber(decision.miss) ? `${decision.miss.toExponential(1)} m` : '–');
-  say('commanded', pair([decision.right, decision.left], 'rad/s'));
-  say('driven', pair(news.driven, 'rad/s'));
+  say('clearance_now', signed(decision.clearance));
+  say('worst_clearance', signed(decision.worst_clearance));
+  const error = decision.terminal_error;
+  say('terminal_error', isNumber(error) ? `${error.toExponential(1)} m` : '–');
+  say('commanded', pair([decision.wheel_speed_right, decision.wheel_speed_left], 'rad/s'));
+  say('driven', pair(latest.driven, 'rad/s'));
   say('step_ms', fixed(decision.step_ms, 2, 'ms'));
   drawCourse();
   drawStrips();
   Object.assign(document.body.dataset, {
-    rung, steps: known.series.steps.length, path: known.series.path.length, course: course.length,
-    moving: (news.moving || []).length,
+    level, steps: known.series.steps.length, path: known.series.path.length, course: course.length,
+    moving: (latest.moving || []).length,
   });
 }
 
-function goalOf({goal}) {
-  if (!goal || !goal.name) return '–';
-  return isNumber(goal.time) ? `${goal.name} at ${goal.time.toFixed(1)} s` : goal.name;
+function goalOf({goal_name: name, goal_time: time}) {
+  if (!name) return '–';
+  return isNumber(time) ? `${name} at ${time.toFixed(1)} s` : name;
+}
+
+// The node stops once more when it is shut down after the goal; the run has arrived all the same.
+function hasArrived() {
+  const last = known.series.steps.findLast((step) => step[4] !== 'stop');
+  return last !== undefined && last[4] === 'arrived';
 }
 
 function canvas(id) {
@@ -120,8 +136,8 @@ function include(x, y, around) {
 
 function look() {
   for (const each of course) if (each.kind === 'disc') include(...each.at, 1.5 + each.size / 2);
-  for (const each of [...known.series.path, ...(news.plan || [])]) include(...each, 1);
-  if (news.place) include(news.place[0], news.place[1], 1);
+  for (const each of [...known.series.path, ...(latest.plan || [])]) include(...each, 1);
+  if (latest.place) include(latest.place[0], latest.place[1], 1);
 }
 
 function trace(pen, points, to) {
@@ -140,12 +156,12 @@ function drawCourse() {
     width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
   drawRoad(pen, to);
   for (const each of course) drawMarker(pen, each, to, scale);
-  for (const each of news.moving || []) drawMoving(pen, each, to, scale);
-  drawAim(pen, to);
-  const rung = RUNGS[(news.decision || {}).rung] || '#8a93a1';
+  for (const each of latest.moving || []) drawMoving(pen, each, to, scale);
+  drawGoal(pen, to);
+  const level = LEVELS[(latest.decision || {}).level] || '#8a93a1';
   stroke(pen, known.series.path, to, '#0072b2', 3, []);
-  if (!(news.decision || {}).finished) stroke(pen, news.plan || [], to, rung, 2.5, [7, 5]);
-  if (news.place && news.place.every(isNumber)) drawRobot(pen, news.place, to, scale);
+  if (!hasArrived()) stroke(pen, latest.plan || [], to, level, 2.5, [7, 5]);
+  if (latest.place && latest.place.every(isNumber)) drawRobot(pen, latest.place, to, scale);
 }
 
 function drawRoad(pen, to) {
@@ -196,11 +212,11 @@ function drawMoving(pen, {at, size, to: there}, to, scale) {
 }
 
 // A ring around the goal that is driven to.
-function drawAim(pen, to) {
-  const {goal} = news.decision || {};
-  if (!goal || !goal.name || !goal.at.every(isNumber)) return;
+function drawGoal(pen, to) {
+  const {goal_name: name, goal_x: x, goal_y: y} = latest.decision || {};
+  if (!name || !isNumber(x) || !isNumber(y)) return;
   pen.beginPath();
-  pen.arc(...to(goal.at), 13, 0, 2 * Math.PI);
+  pen.arc(...to([x, y]), 13, 0, 2 * Math.PI);
   pen.strokeStyle = '#1a9940';
   pen.lineWidth = 2.5;
   pen.stroke();
@@ -218,7 +234,7 @@ function stroke(pen, points, to, color, width, dashes) {
 
 function drawRobot(pen, place, to, scale) {
   const [x, y] = to(place);
-  const radius = ((news.robot || {})['robot.radius'] || 0) * scale;
+  const radius = ((latest.robot || {})['robot.radius'] || 0) * scale;
   pen.save();
   pen.translate(x, y);
   pen.rotate(-place[2]);
@@ -238,10 +254,10 @@ function drawRobot(pen, place, to, scale) {
   pen.restore();
 }
 
-// A step is (time left, right, left, clearance, rung).
+// A step is (time left, right wheel, left wheel, clearance, fallback level).
 function drawStrips() {
   const steps = known.series.steps;
-  const limit = (news.robot || {})['robot.max_wheel_speed'];
+  const limit = (latest.robot || {})['robot.max_wheel_speed'];
   const column = (index) => steps.map((step) => [step[0], step[index]]);
   drawStrip('wheels', [[column(1), '#0072b2'], [column(2), '#d55e00']], limit ? [limit] : []);
   drawStrip('clearance', [[column(3), '#009e73']], [0]);
@@ -254,7 +270,7 @@ function drawStrip(id, lines, marks) {
   const values = [...rows.map((row) => row[1]), ...marks];
   const low = Math.min(...values);
   const high = Math.max(...values);
-  const whole = Math.max((news.robot || {}).final_time || 0, ...rows.map((row) => row[0])) || 1;
+  const whole = Math.max((latest.robot || {}).final_time || 0, ...rows.map((row) => row[0])) || 1;
   const to = ([left, value]) => [
     40 + (width - 48) * (1 - left / whole), 8 + (height - 16) * (high - value) / (high - low || 1)];
   for (const mark of marks) stroke(pen, [[whole, mark], [0, mark]], to, '#a63d40', 1, [4, 4]);

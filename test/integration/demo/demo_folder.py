@@ -6,7 +6,7 @@ import json
 import struct
 
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.runs.run import read_run
 
 LIMIT = 60.0
 KEYS = [

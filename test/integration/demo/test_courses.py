@@ -10,9 +10,9 @@ import re
 import pytest
 from demo_folder import LIMIT
 
-from cmpsp_ros.bags.encounters import encounters
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.runs.encounters import encounters
+from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.settings import guidance_settings
 

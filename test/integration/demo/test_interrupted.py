@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from demo_folder import LIMIT, commands
 
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.runs.run import read_run
 
 pytestmark = pytest.mark.integration
 

@@ -12,9 +12,10 @@ from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names, Recorded
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 
 pytestmark = pytest.mark.integration
 
@@ -38,7 +39,7 @@ def is_forced(decision):
 def recorded(bag):
     with Bag(bag) as opened:
         topic = NAMES.decision
-        return [Recorded.of(topic, stamp, each) for stamp, each in opened.messages(topic)]
+        return [DecisionRecord.of(topic, stamp, each) for stamp, each in opened.messages(topic)]
 
 
 @pytest.fixture
@@ -142,7 +143,7 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     bag = tmp_path / 'run' / 'bag'
     demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
     assert demo.wait(LIMIT) == 0, demo.stderr
-    before = [decision_to_key_values(each.facts) for each in recorded(bag) if not each.halted]
+    before = [decision_to_key_values(each.entries) for each in recorded(bag) if not each.halted]
     # A slow machine must not make odometry late, in the time of the recording.
     start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
     played = []

@@ -15,8 +15,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from cmpsp_ros.bags.audit import Outcome, audit
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.robots.arcs import arc_ends
 

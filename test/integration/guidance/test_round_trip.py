@@ -11,7 +11,7 @@ import pytest
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
+from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.writer import BagWriter
 
 pytestmark = pytest.mark.integration

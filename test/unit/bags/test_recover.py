@@ -25,7 +25,7 @@ from rosbags.interfaces import (
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 REPOSITORY = Path(__file__).parents[3]
@@ -77,7 +77,7 @@ def content(folder):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 bag = BagWriter(Path(sys.argv[1]), eval(sys.argv[2]))

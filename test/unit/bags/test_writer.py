@@ -30,10 +30,10 @@ from ruamel.yaml import YAML
 
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.folder import UNFINISHED
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.folder import UNFINISHED
+from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 STRING = 'std_msgs/msg/String'
@@ -191,7 +191,7 @@ FILL_DISK = """
 import resource, sys
 from pathlib import Path
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.storage import Form
+from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 bag = BagWriter(Path(sys.argv[1]), Form(sys.argv[4]))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.run import read_run
+from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
 from cmpsp_ros.demo.summary import Summary, summarise, window
 from cmpsp_ros.parameters.catalogue import TABLE

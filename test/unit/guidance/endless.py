@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmpsp_ros.bags.passing import mean_speed
+from cmpsp_ros.bags.runs.goals import mean_speed
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE

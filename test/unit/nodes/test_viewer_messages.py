@@ -6,7 +6,7 @@ import json
 import math
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.time import Time
@@ -24,12 +24,12 @@ from cmpsp_ros.nodes.viewer_messages import (
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.view.board import Board, Known
+from cmpsp_ros.view.shared_state import ClientState, SharedState
 
 
 def status(reason='', **values):
     pairs = [KeyValue(key=key, value=value) for key, value in values.items()]
-    return DiagnosticStatus(message=reason, values=pairs)
+    return DiagnosticArray(status=[DiagnosticStatus(message=reason, values=pairs)])
 
 
 def test_a_pose_is_read_from_odometry():
@@ -47,12 +47,14 @@ def test_a_decision_is_read_number_by_number():
         status('All is well.', rung='nominal', step='3', time_left='9.4', finished='false',
                wheel_speed_right='45.5', margin='nan', miss='none'),
     )  # fmt: skip
-    assert (decision['reason'], decision['rung']) == ('All is well.', 'nominal')
-    assert (decision['step'], decision['time_left'], decision['right']) == (3.0, 9.4, 45.5)
-    assert math.isnan(decision['margin'])
-    assert decision['miss'] is decision['left'] is None
+    assert (decision['reason'], decision['level']) == ('All is well.', 'nominal')
+    numbers = [decision[each] for each in ('step', 'time_left', 'wheel_speed_right')]
+    assert numbers == [3, 9.4, 45.5]
+    assert math.isnan(decision['clearance'])
+    assert decision['terminal_error'] is decision['wheel_speed_left'] is None
     assert decision['finished'] is False
-    assert decision_of(status())['rung'] == ''
+    assert decision_of(status())['level'] is None
+    assert decision_of(status(rung='stop', finished='true'))['level'] == 'arrived'
 
 
 def test_texts_are_shortened():
@@ -96,9 +98,9 @@ def test_speeds_are_those_of_two_wheels():
 
 
 def test_everything_read_can_be_shown():
-    board = Board([])
-    board.show('driven', speeds_of(JointState(velocity=[math.nan, 2.0])))
-    board.show('decision', decision_of(status(margin='nan', miss='inf')))
-    news = json.loads(json.dumps(board.news(Known()), allow_nan=False))
-    assert news['driven'] == [None, 2.0]
-    assert news['decision']['miss'] is None
+    state = SharedState([])
+    state.show('driven', speeds_of(JointState(velocity=[math.nan, 2.0])))
+    state.show('decision', decision_of(status(margin='nan', miss='inf')))
+    updates = json.loads(json.dumps(state.updates(ClientState()), allow_nan=False))
+    assert updates['driven'] == [None, 2.0]
+    assert updates['decision']['terminal_error'] is None

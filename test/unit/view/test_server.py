@@ -11,17 +11,17 @@ from importlib.resources import files
 
 import pytest
 
-from cmpsp_ros.view.board import Board
-from cmpsp_ros.view.errors import ViewError
+from cmpsp_ros.view.access import ViewError
 from cmpsp_ros.view.server import ViewServer
+from cmpsp_ros.view.shared_state import SharedState
 
 ELSEWHERE = '127.1'
 """Leads to loopback, and is no address that is known to."""
 
 
 @pytest.fixture
-def board():
-    return Board(['path'])
+def state():
+    return SharedState(['path'])
 
 
 @pytest.fixture
@@ -31,11 +31,11 @@ def interface():
 
 
 @pytest.fixture
-def server(board, interface, monkeypatch):
+def server(state, interface, monkeypatch):
     # It looks twice a second whether it is to end: too seldom for so many tests.
     often = partialmethod(ThreadingHTTPServer.serve_forever, 0.01)
     monkeypatch.setattr(ThreadingHTTPServer, 'serve_forever', often)
-    server = ViewServer(board, interface, 0)
+    server = ViewServer(state, interface, 0)
     server.start()
     yield server
     server.close()
@@ -84,14 +84,14 @@ def test_the_page_makes_no_markup_of_what_it_is_told():
     assert named <= set(re.findall(r'id="(\w+)"', page))
 
 
-def test_news_are_what_is_new(get, board):
-    board.show_course(['<b>road</b>'])
-    board.add('path', [1.0, 2.0])
-    answer, body = get('/news')
+def test_updates_are_what_is_new(get, state):
+    state.show_course(['<b>road</b>'])
+    state.add('path', [1.0, 2.0])
+    answer, body = get('/updates')
     assert answer.headers.get_content_type() == 'application/json'
     first = json.loads(body)
     assert first['course'] == ['<b>road</b>']
-    _, body = get(f'/news?course={first["course_number"]}&run={first["run"]}&path=1')
+    _, body = get(f'/updates?course={first["course_number"]}&run={first["run"]}&path=1')
     second = json.loads(body)
     assert 'course' not in second
     assert second['series'] == {'path': []}
@@ -99,7 +99,7 @@ def test_news_are_what_is_new(get, board):
 
 @pytest.mark.parametrize('query', ['course=x', 'path=1.5', 'run=-2', 'path=' + '9' * 5000])
 def test_nonsense_is_refused(get, query):
-    answer, _ = get(f'/news?{query}')
+    answer, _ = get(f'/updates?{query}')
     assert answer.status == 400
 
 
@@ -114,13 +114,13 @@ def test_nothing_can_be_sent(get):
 
 @pytest.mark.parametrize('host', ['evil.example', 'evil.example:80', '127.0.0.1.evil.example', ''])
 def test_a_foreign_name_for_this_machine_is_refused(get, host):
-    for path in ('/', '/news'):
+    for path in ('/', '/updates'):
         assert get(path, Host=host)[0].status == 403
 
 
 @pytest.mark.parametrize('host', ['localhost', 'localhost:8765', '127.0.0.1:1'])
 def test_names_of_this_machine_are_not(get, host):
-    assert get('/news', Host=host)[0].status == 200
+    assert get('/updates', Host=host)[0].status == 200
 
 
 def test_on_loopback_nothing_has_to_be_known(server):
@@ -138,7 +138,14 @@ def test_elsewhere_nothing_is_told_without_the_token(get, server):
         {'Cookie': ';='},
     )
     for headers in wrong:
-        for path in ('/', '/?token=', '/?token=wrong', '/page.js', f'/news?token={token}', '/none'):
+        for path in (
+            '/',
+            '/?token=',
+            '/?token=wrong',
+            '/page.js',
+            f'/updates?token={token}',
+            '/none',
+        ):
             answer, body = get(path, **headers)
             assert answer.status == 401
             assert b'token' in body
@@ -147,22 +154,22 @@ def test_elsewhere_nothing_is_told_without_the_token(get, server):
 
 
 @pytest.mark.parametrize('interface', [ELSEWHERE])
-def test_elsewhere_the_address_with_the_token_leads_in(get, server, board):
-    board.show('place', [1.0])
+def test_elsewhere_the_address_with_the_token_leads_in(get, server, state):
+    state.show('place', [1.0])
     path = server.address.partition('/?')[2]
     answer, _ = get(f'/?{path}')
     assert (answer.status, answer.headers['Location']) == (303, '/')
     cookie, *limits = answer.headers['Set-Cookie'].split('; ')
     assert {'HttpOnly', 'SameSite=Strict'} <= set(limits)
     assert get('/', Cookie=cookie)[0].status == 200
-    answer, body = get('/news', Cookie=f'other=1; {cookie}', Host='robot.local:8765')
+    answer, body = get('/updates', Cookie=f'other=1; {cookie}', Host='robot.local:8765')
     assert answer.status == 200
     assert json.loads(body)['place'] == [1.0]
 
 
-def test_each_server_has_a_token_of_its_own_unless_told_one(board, monkeypatch):
+def test_each_server_has_a_token_of_its_own_unless_told_one(state, monkeypatch):
     def address():
-        server = ViewServer(board, ELSEWHERE, 0)
+        server = ViewServer(state, ELSEWHERE, 0)
         server.close()
         return server.address
 
@@ -172,24 +179,24 @@ def test_each_server_has_a_token_of_its_own_unless_told_one(board, monkeypatch):
 
 
 @pytest.mark.parametrize('token', ['short', 'with a space', 'wörtlich12', 'long-enough;but'])
-def test_a_token_that_is_none_is_refused_and_not_told(board, monkeypatch, token):
+def test_a_token_that_is_none_is_refused_and_not_told(state, monkeypatch, token):
     monkeypatch.setenv('CMPSP_VIEW_TOKEN', token)
     with pytest.raises(ViewError, match=r'CMPSP_VIEW_TOKEN: found .*, 8 or more letters') as error:
-        ViewServer(board, ELSEWHERE, 0)
+        ViewServer(state, ELSEWHERE, 0)
     assert token not in str(error.value)
 
 
-def test_a_port_that_is_taken_is_named(board):
-    first = ViewServer(board, '127.0.0.1', 0)
+def test_a_port_that_is_taken_is_named(state):
+    first = ViewServer(state, '127.0.0.1', 0)
     port = int(first.address.rsplit(':', 1)[1].strip('/'))
     try:
         with pytest.raises(ViewError, match=rf'127\.0\.0\.1, port {port}: found Address already'):
-            ViewServer(board, '127.0.0.1', port)
+            ViewServer(state, '127.0.0.1', port)
     finally:
         first.close()
 
 
 @pytest.mark.parametrize(('host', 'port'), [('127.0.0.1', 70000), ('no.such.host.invalid', 0)])
-def test_an_address_that_is_none_is_named(board, host, port):
+def test_an_address_that_is_none_is_named(state, host, port):
     with pytest.raises(ViewError, match=rf'{re.escape(host)}, port {port}: found .*, wanted an'):
-        ViewServer(board, host, port)
+        ViewServer(state, host, port)

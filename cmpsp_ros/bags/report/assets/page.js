@@ -115,7 +115,12 @@ function go(t) {
   show(Number(slider.value));
 }
 
+function link() {
+  location.replace(`#t=${Number(slider.value)}`);
+}
+
 function stop() {
+  if (playing.since !== null) link();
   playing.since = null;
   document.getElementById('play').textContent = 'Play';
 }
@@ -163,6 +168,8 @@ async function begin() {
     ),
   );
   goToLink();
+  // Let go, the slider leaves its time in the address, to be copied.
+  slider.addEventListener('change', link);
   slider.addEventListener('input', () => {
     stop();
     show(Number(slider.value));

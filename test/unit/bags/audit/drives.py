@@ -10,7 +10,7 @@ import numpy as np
 
 from cmpsp_ros.bags.audit import Outcome
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.messages import PATH, STATUS, TWIST, decision_message, path_message
+from cmpsp_ros.bags.messages import DECISION, PATH, TWIST, decision_message, path_message
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -117,7 +117,7 @@ class Drive:
         return path
 
     def _write_decisions(self, bag, node):
-        bag.topic(f'{node}/decision', STATUS)
+        bag.topic(f'{node}/decision', DECISION)
         bag.topic(f'{node}/predicted_path', PATH)
         for each in self.decisions:
             received = each.stamp + LATENCY

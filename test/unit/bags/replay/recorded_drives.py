@@ -9,8 +9,8 @@ import numpy as np
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.messages import (
+    DECISION,
     PATH,
-    STATUS,
     TWIST,
     command_message,
     decision_message,
@@ -99,7 +99,7 @@ class Drive:
             ('/parameter_events', EVENT),
             (f'{prefix}/odom', ODOMETRY),
             (f'{prefix}/cmd_vel', TWIST),
-            (f'{prefix}/guidance/decision', STATUS),
+            (f'{prefix}/guidance/decision', DECISION),
             (f'{prefix}/guidance/predicted_path', PATH),
         ):
             self.bag.topic(name, kind)
@@ -214,7 +214,7 @@ def altered(
 
 
 def said(message, key):
-    return next(each for each in message.values if each.key == key)
+    return next(each for each in message.status[0].values if each.key == key)
 
 
 def setting(number, **facts):
@@ -234,7 +234,9 @@ def without(*keys):
 
     def change(topic, _index, message):
         if topic == DECISIONS:
-            message.values = [each for each in message.values if each.key not in keys]
+            message.status[0].values = [
+                each for each in message.status[0].values if each.key not in keys
+            ]
         return message
 
     return change

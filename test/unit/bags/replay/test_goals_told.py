@@ -7,8 +7,8 @@ import pytest
 
 from cmpsp_ros.bags.audit import Outcome, audit
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 
 NAMES = Names.under('')
 ALONG = {'x': 7.0, 'y': -7.0, 'heading': math.pi / 4.0}

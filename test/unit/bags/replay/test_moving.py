@@ -12,8 +12,8 @@ from recorded_drives import SECOND, Drive, altered, make, odometry
 from cmpsp_ros.bags.audit import audit
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.guidance.messages.tracks import FLOATS, Track, Tracks
 
 CLOUD, TOPIC = 'sensor_msgs/msg/PointCloud2', '/moving_obstacles'

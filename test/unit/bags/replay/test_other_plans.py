@@ -10,8 +10,8 @@ from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.messages import PATH
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.messages.tracks import Tracks
 

@@ -11,8 +11,8 @@ from recorded_drives import DECISIONS, said, setting, without
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.parameters.settings import guidance_settings
 
 NAMES = Names.under('')
@@ -124,7 +124,8 @@ def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(dr
     def reword(old, new):
         def change(topic, _index, message):
             if topic == DECISIONS:
-                message.message = message.message.replace(old, new)
+                (status,) = message.status
+                status.message = status.message.replace(old, new)
             return message
 
         return change

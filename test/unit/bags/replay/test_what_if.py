@@ -6,10 +6,10 @@ import pytest
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.recording import Names
-from cmpsp_ros.bags.replay import replay
-from cmpsp_ros.bags.what_if import Change, what_if
-from cmpsp_ros.bags.what_if_picture import draw_what_if
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.bags.replay.what_if import Change, what_if
+from cmpsp_ros.bags.replay.what_if_picture import draw_what_if
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import load_parameter_file
 
@@ -20,7 +20,7 @@ WEIGHT = Change(None, {'weights.road_center': 30.0})
 def said(bag, topic):
     with Bag(bag) as opened:
         messages = [message for _, message in opened.messages(topic)]
-    return [{each.key: each.value for each in message.values} for message in messages]
+    return [{each.key: each.value for each in message.status[0].values} for message in messages]
 
 
 def test_nothing_changed_is_what_was_recorded(faulty, tmp_path):

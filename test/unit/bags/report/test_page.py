@@ -196,3 +196,6 @@ def test_a_report_that_cannot_be_written_is_named(drive, tmp_path):
 def test_bags_are_named_by_what_tells_them_apart(tmp_path):
     assert labels([tmp_path / 'a' / 'bag', tmp_path / 'b']) == ['a', 'b']
     assert labels([tmp_path / 'a', tmp_path / 'c' / 'a']) == ['a (1)', 'a (2)']
+    (tmp_path / '2026' / 'bag').mkdir(parents=True)
+    (tmp_path / 'latest').symlink_to(tmp_path / '2026')
+    assert labels([tmp_path / 'latest' / 'bag', tmp_path / 'latest']) == ['2026 (1)', '2026 (2)']

@@ -10,9 +10,8 @@ from scenarios import PERIOD
 from scenarios import drive as drive_law
 
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.goals import Follow, Goal
+from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import GoalError
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle

@@ -236,7 +236,7 @@ def test_unknown_hessian_and_derivatives_that_are_not_finite_are_named():
     problem = van_der_pol(L=lambda x, u: casadi.sumsqr(x) + casadi.sqrt(u - 1.0))
     U = np.zeros((9, 1))
     X = problem.predict(U)
-    with pytest.raises(ProblemError, match=r'^L_U: found a value that is not finite, at \[0, 0\]'):
+    with pytest.raises(ProblemError, match=r'^L_U: found (nan|inf) at stage 0, component 0'):
         problem.linearise(X, U)
     with pytest.raises(ProblemError, match="hessian: found 'newton'"):
         problem.linearise(X, U, 'newton')

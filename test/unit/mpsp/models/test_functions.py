@@ -315,7 +315,7 @@ def test_unknown_hessian_and_derivatives_that_are_not_finite_are_named():
     X = problem.predict(U)
     for kind in ('gauss_newton', 'exact', 'projected'):
         with pytest.raises(
-            ProblemError, match=r'^L_X: found a value that is not finite, at \[0, 0\]'
+            ProblemError, match=r'^L_X: found nan at stage 0, component 0, wanted finite numbers'
         ):
             problem.linearise(X, U, kind)
     with pytest.raises(ProblemError, match="hessian: found 'newton', wanted one of gauss_newton"):

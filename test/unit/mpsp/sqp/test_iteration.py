@@ -255,6 +255,11 @@ def test_back_ends_lead_to_the_same_solution(name):
         ({'penalty_terminal': np.ones(3)}, r'penalty_terminal: found shape \(3,\), wanted \(2,\)'),
         ({'penalty_path': np.ones(1)}, r'penalty_path: found shape \(1,\), wanted \(2,\)'),
         ({'trust_radius': np.ones(1)}, r'trust_radius: found shape \(1,\), wanted \(2,\)'),
+        ({'penalty_path': [1.0, -1.0]}, r'penalty_path: found \[1.0, -1.0\], wanted numbers >= 0'),
+        ({'penalty_terminal': np.nan}, 'penalty_terminal: found nan, wanted numbers >= 0'),
+        ({'penalty_terminal': 'much'}, "penalty_terminal: found 'much', wanted numbers"),
+        ({'trust_radius': -0.5}, 'trust_radius: found -0.5, wanted numbers >= 0'),
+        ({'kkt_tolerance': -1.0}, 'kkt_tolerance: found -1.0, wanted a number >= 0'),
         ({'qp': 'newton'}, "qp: found 'newton', wanted one of riccati_active_set, clarabel"),
     ],
 )
@@ -262,6 +267,28 @@ def test_options_that_do_not_fit_are_named(changes, message):
     problem = VanDerPol()
     with pytest.raises(ProblemError, match=message):
         CMPSP(problem, options_for(problem, **changes))
+
+
+def test_numbers_and_lists_will_do():
+    problem = VanDerPol(goal=(0.4, -0.2), floor=-0.5)
+    given = options_for(problem, trust_radius=np.full(2, 0.5))
+    plain = options_for(
+        problem, penalty_terminal=1e3, penalty_path=[1e3, 1e3], trust_radius=[0.5, 0.5]
+    )
+    wanted, found = (solve(problem, zeros(problem), each, 20) for each in (given, plain))
+    np.testing.assert_array_equal(found.iterate.U, wanted.iterate.U)
+    listed = solve(problem, zeros(problem).tolist(), given, 20)
+    np.testing.assert_array_equal(listed.iterate.U, wanted.iterate.U)
+
+
+def test_the_optimality_conditions_can_end_a_run():
+    problem = VanDerPol(goal=(0.4, -0.2), floor=-0.5)
+    never = options_for(problem, control_tolerance=0.0, output_tolerance=0.0)
+    assert solve(problem, zeros(problem), never, 12).status is not Status.CONVERGED
+    solution = solve(problem, zeros(problem), replace(never, kkt_tolerance=1e-6), 100)
+    assert solution.status is Status.CONVERGED
+    *before, last = solution.history
+    assert last.kkt_residual <= 1e-6 < min(each.kkt_residual for each in before)
 
 
 @pytest.mark.parametrize(

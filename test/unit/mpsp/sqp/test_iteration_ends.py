@@ -160,17 +160,19 @@ def test_qp_failed_where_it_may_not_be_relaxed():
 
 def test_prediction_that_is_not_finite():
     problem = VanDerPol(start=(1e150, 1e150))
-    iterate, status = run(problem, zeros(problem), options_for(problem), 50)
-    assert status is Status.NOT_FINITE
-    assert iterate.index == 0
-    assert not iterate.is_finite
+    solution = solve(problem, zeros(problem), options_for(problem), 50)
+    assert solution.status is Status.NOT_FINITE
+    assert solution.iterate.index == 0
+    assert ' First of them: the prediction: found ' in solution.sentence
+    assert ' at stage 1, component ' in solution.sentence
 
 
 def test_derivatives_that_are_not_finite():
     problem = Cusp()
-    iterate, status = run(problem, zeros(problem), options_for(problem), 50)
-    assert status is Status.NOT_FINITE
-    np.testing.assert_array_equal(iterate.U, zeros(problem))
+    solution = solve(problem, zeros(problem), options_for(problem), 50)
+    assert solution.status is Status.NOT_FINITE
+    assert ' First of them: L_U: found inf at stage 3, component 0.' in solution.sentence
+    np.testing.assert_array_equal(solution.iterate.U, zeros(problem))
 
 
 def test_full_step_that_blows_up_without_a_line_search():

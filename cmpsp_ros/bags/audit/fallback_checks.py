@@ -1,0 +1,102 @@
+"""Checks of the ladder: rungs that should not be where they are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
+from cmpsp_ros.bags.audit.record import Record
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+_ROUNDING = 1e-6
+"""What rounding may take from a clearance [m]."""
+
+
+def reasons(record: Record) -> Verdict:
+    """Whether every rung is a known one with a reason, and every stop a stop."""
+    if not record.decisions:
+        return _no_decision(record)
+    known = {rung.name.lower() for rung in FallbackLevel}
+    wrong = []
+    for each in record.decisions:
+        if each.level not in known:
+            wrong.append((each, f'is on rung {each.level!r}, which does not exist'))
+        elif not each.reason.strip():
+            wrong.append((each, f'is on rung {each.level} without a reason'))
+        elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0):
+            wrong.append((each, 'is on rung stop with wheels that turn'))
+        elif each.finished and each.level != 'stop':
+            wrong.append((each, f'is on rung {each.level} after the final time'))
+    if not wrong:
+        return passed_if(
+            True, f'All {len(record.decisions)} decisions say why.', worst=0.0, limit=0.0
+        )
+    first, what = wrong[0]
+    return passed_if(
+        False,
+        f'Of {len(record.decisions)} decisions {len(wrong)} should not be; the first {what}.',
+        worst=float(len(wrong)),
+        limit=0.0,
+        at=record.seconds(first.stamp),
+    )
+
+
+def shifted(record: Record) -> Verdict:
+    """Whether an old plan is followed for longer than `failure_tolerance` allows."""
+    if not record.decisions:
+        return _no_decision(record)
+    limit = record.history.epochs[0].settings.failure_tolerance
+    row, worst, at = 0, 0, record.start
+    for each in record.decisions:
+        row = row + 1 if each.level == 'shifted' else 0
+        if row > worst:
+            worst, at = row, each.stamp
+    sentence = (
+        'No old plan is followed for too long.'
+        if worst <= limit
+        else f'An old plan is followed for {worst} control steps in a row (failure_tolerance).'
+    )
+    return passed_if(
+        worst <= limit,
+        sentence,
+        worst=float(worst),
+        limit=float(limit),
+        unit='steps',
+        at=record.seconds(at) if worst else None,
+    )
+
+
+def nominal(record: Record) -> Verdict:
+    """Whether the path driven is clear wherever the rung says so."""
+    if not record.decisions:
+        return _no_decision(record)
+    answers = [each for each in record.decisions if not each.halted]
+    if not answers:
+        return skipped('No control step is on rung nominal.')
+    stamps = np.array([each.stamp for each in answers], dtype=np.int64)
+    if np.any(np.diff(stamps) < 0):
+        return skipped('Time jumps back, and rungs cannot be told apart by it.')
+    good = np.array([each.level == 'nominal' for each in answers])
+    worst, at = np.inf, record.start
+    for sweep in record.sweeps:
+        rung = np.searchsorted(stamps, sweep.stamps, side='right') - 1
+        period = sweep.settings.control_period * NANOSECONDS
+        under = (rung >= 0) & good[np.maximum(rung, 0)]
+        under &= sweep.stamps - stamps[np.maximum(rung, 0)] < period
+        least = sweep.clearance.min(axis=1)[under]
+        if len(least) and least.min() < worst:
+            worst, at = float(least.min()), int(sweep.stamps[under][least.argmin()])
+    if worst == np.inf:
+        return skipped('No control step is on rung nominal.')
+    passed = worst >= -_ROUNDING
+    sentence = (
+        'Wherever the rung is nominal, the path driven is clear.'
+        if passed
+        else f'While the rung is nominal, the path driven is {-worst:.3g} m too close.'
+    )
+    return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+
+
+def _no_decision(record: Record) -> Verdict:
+    return skipped(f'The bag has no decision in {record.places.decision or "any topic"}.')

@@ -1,0 +1,109 @@
+"""An audit as a table for the terminal, and as JUnit XML for continuous integration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
+
+from rich.table import Table
+from rich.text import Text
+
+from cmpsp_ros.bags.audit.finding import Finding, Outcome
+from cmpsp_ros.bags.audit.record import Record
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+
+_STYLES = {Outcome.PASSED: 'green', Outcome.FAILED: 'bold red', Outcome.SKIPPED: 'dim'}
+
+# Characters that XML 1.0 cannot hold, not even escaped.
+_NO_XML = re.compile('[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
+
+
+def table(findings: Sequence[Finding], title: str) -> Table:
+    """One row a check; what comes from a bag is shown as it is, without markup."""
+    rows = Table('', 'check', 'worst', 'limit', 'at', title=Text(title))
+    for each in findings:
+        rows.add_row(
+            _outcome(each),
+            each.title,
+            each.worst_text,
+            each.limit_text,
+            '' if each.at is None else f'{each.at:.2f} s',
+        )
+    return rows
+
+
+def remarks(findings: Sequence[Finding]) -> Iterator[Text]:
+    """A sentence on each check that has not been passed."""
+    for each in findings:
+        if each.outcome is not Outcome.PASSED:
+            yield _outcome(each).append(f' {each.title}: {each.sentence}')
+
+
+def _outcome(finding: Finding) -> Text:
+    return Text.assemble((finding.outcome.value, _STYLES[finding.outcome]))
+
+
+def write_junit(path: Path, findings: Sequence[Finding], record: Record) -> None:
+    """Write one test case a check; valid by the schema that Jenkins and GitLab read.
+
+    Args:
+        path: The file; what is there already is overwritten.
+        findings: What was found.
+        record: What was audited.
+
+    Raises:
+        BagError: The file cannot be written.
+    """
+    counts = {each: sum(one.outcome is each for one in findings) for each in Outcome}
+    suite = Element(
+        'testsuite',
+        {
+            'name': _text(f'audit of {record.path}'),
+            'timestamp': _date(record.start),
+            'hostname': 'localhost',
+            'tests': str(len(findings)),
+            'failures': str(counts[Outcome.FAILED]),
+            'errors': '0',
+            'skipped': str(counts[Outcome.SKIPPED]),
+            'time': f'{record.end:.3f}',
+        },
+    )
+    SubElement(suite, 'properties')
+    for each in findings:
+        _add_case(suite, each)
+    SubElement(suite, 'system-out')
+    SubElement(suite, 'system-err')
+    indent(suite)
+    try:
+        ElementTree(suite).write(path, encoding='utf-8', xml_declaration=True)
+    except OSError as error:
+        raise BagError(f'{path}: cannot be written: {error.strerror or error}') from error
+
+
+def _add_case(suite: Element, finding: Finding) -> None:
+    case = SubElement(
+        suite,
+        'testcase',
+        {'name': finding.title, 'classname': f'audit.{finding.check}', 'time': '0'},
+    )
+    if finding.outcome is Outcome.SKIPPED:
+        SubElement(case, 'skipped', {'message': _text(finding.sentence)})
+    elif finding.outcome is Outcome.FAILED:
+        failure = SubElement(
+            case, 'failure', {'message': _text(finding.sentence), 'type': finding.check}
+        )
+        when = '' if finding.at is None else f', at {finding.at:.3f} s'
+        failure.text = _text(f'worst {finding.worst_text}, limit {finding.limit_text}{when}')
+
+
+def _date(stamp: int) -> str:
+    seconds = stamp // NANOSECONDS
+    return datetime.fromtimestamp(seconds, UTC).strftime('%Y-%m-%dT%H:%M:%S')
+
+
+def _text(text: str) -> str:
+    return _NO_XML.sub('\N{REPLACEMENT CHARACTER}', text)

@@ -1,0 +1,228 @@
+"""One recorded decision: the only list of what a message of `~/decision` holds.
+
+Replay, audit, export, report and the live page all read decisions by this list. The keys are a
+contract with bags, layouts and other programs, and older than the names that they have here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.key_values import MOVING
+from cmpsp_ros.guidance.messages.tracks import read_keys
+
+Array = NDArray[np.float64]
+Waypoint = tuple[float, float, float, float]
+T = TypeVar('T')
+
+_LATEST = 1 << 62
+"""In the year 2116 [ns]; what is later fits no array of stamps."""
+
+_MISSING: Final = object()
+
+
+class Entry(Generic[T]):
+    """One entry of a decision's message, read where it is asked for.
+
+    Args:
+        parse: Makes a value of its text.
+        unit: Unit, empty where there is none.
+        key: Its key in the message, where that is not its name.
+        default: Value where the message has no such key; every decision has it when absent.
+    """
+
+    name: str
+
+    def __init__(
+        self, parse: Callable[[str], T], unit: str = '', *, key: str = '', default: Any = _MISSING
+    ) -> None:
+        self.parse, self.unit, self.key, self._default = parse, unit, key, default
+
+    def __set_name__(self, _owner: type, name: str) -> None:
+        self.name, self.key = name, self.key or name
+
+    @overload
+    def __get__(self, record: None, _owner: type) -> Entry[T]: ...
+    @overload
+    def __get__(self, record: DecisionRecord, _owner: type) -> T: ...
+    def __get__(self, record: DecisionRecord | None, _owner: type) -> Entry[T] | T:
+        if record is None:
+            return self
+        text = record.entries.get(self.key)
+        if text is None:
+            if self._default is not _MISSING:
+                value: T = self._default
+                return value
+            raise BagError(
+                f'{record.source}: found a decision without {self.key}, wanted one of this package'
+            )
+        try:
+            return self.parse(text)
+        except ValueError:
+            wanted = 'true or false' if self.parse is truth else 'a number'
+            raise BagError(
+                f'{record.source}: found {self.key} {text[:40]!r} in a decision, wanted {wanted}'
+            ) from None
+
+
+def status_of(message: Any) -> Any:
+    """The status in a message of `~/decision`: a `diagnostic_msgs/DiagnosticArray` of one.
+
+    In bags of before it was the `diagnostic_msgs/DiagnosticStatus` alone.
+    """
+    return message.status[0] if hasattr(message, 'status') else message
+
+
+def truth(text: str) -> bool:
+    """Whether text is `true`.
+
+    Raises:
+        ValueError: It is not `false` either.
+    """
+    if text not in {'true', 'false'}:
+        raise ValueError(f'found {text!r}, wanted true or false')
+    return text == 'true'
+
+
+@dataclass(frozen=True)
+class DecisionRecord:
+    """One decision, with everything that was published on it.
+
+    What each entry says is told in `cmpsp_ros.guidance.decision.Decision`.
+
+    Attributes:
+        source: Bag and topic, for errors.
+        received: When it was received [ns].
+        reason: Its sentence.
+        entries: Everything else in its message, as text by key.
+        command: Speed and turn rate on the command's topic [m/s, rad/s]; None where not recorded.
+        path: The predicted path; None where not recorded.
+    """
+
+    source: str
+    received: int
+    reason: str
+    entries: Mapping[str, str]
+    command: tuple[float, float] | None = None
+    path: tuple[Waypoint, ...] | None = None
+
+    step = Entry(int)
+    stamp = Entry(int, 'ns')
+    level = Entry(str, key='rung')
+    time_left = Entry(float, 's')
+    wheel_speed_right = Entry(float, 'rad/s')
+    wheel_speed_left = Entry(float, 'rad/s')
+    terminal_error = Entry(float, 'm', key='miss')
+    clearance = Entry(float, 'm', key='margin')
+    worst_clearance = Entry(float, 'm', key='worst_margin')
+    slack = Entry(float, 'm')
+    iterations = Entry(int)
+    qp_iterations = Entry(int)
+    active_rows = Entry(int)
+    failures = Entry(int)
+    wheel_slip = Entry(float, default=0.0)
+    finished = Entry(truth)
+    missed = Entry(truth, default=False)
+    _halted = Entry(truth, key='halted', default=None)
+    run = Entry[int | None](int, default=None)
+    revision = Entry[int | None](int, default=None)
+    tracks_known = Entry(str, key=MOVING, default='')
+    goal_name = Entry[str | None](str, key='goal', default=None)
+    goal_x = Entry(float, 'm')
+    goal_y = Entry(float, 'm')
+    goal_time = Entry(float, 's')
+    goal_heading = Entry[float | None](float, 'rad', default=None)
+    heading_error = Entry[float | None](float, 'rad', key='heading_miss', default=None)
+    goals_received = Entry(int, key='told', default=0)
+    step_ms = Entry[float | None](float, 'ms', default=None)
+
+    @classmethod
+    def of(cls, source: str, received: int, message: Any) -> DecisionRecord:
+        """A message of `~/decision`, without what else was published.
+
+        Raises:
+            BagError: It is none.
+        """
+        try:
+            status = status_of(message)
+            entries = {str(each.key): str(each.value) for each in status.values}
+            return cls(source, received, str(status.message), entries)
+        except (AttributeError, TypeError, IndexError) as error:
+            raise BagError(
+                f'{source}: found a message that is none of its type, wanted a decision'
+            ) from error
+
+    @property
+    def halted(self) -> bool:
+        """Whether it answers no odometry. Recordings that do not say so show it otherwise."""
+        known: bool | None = self._halted
+        if known is None:
+            return self.level == 'stop' and self.entries.get('miss') == 'nan'
+        return known
+
+    @property
+    def wheel_speeds(self) -> Array:
+        """Right and left wheel [rad/s], shape ``(2,)``."""
+        return np.array([self.wheel_speed_right, self.wheel_speed_left])
+
+    @property
+    def goal(self) -> Goal | None:
+        """What it drives to, where it says so."""
+        if self.goal_name is None:
+            return None
+        position = self.goal_x, self.goal_y
+        return Goal(position, self.goal_time, self.goal_heading, self.goal_name)
+
+    @property
+    def tracks(self) -> list[tuple[int | str, int]]:
+        """Numbers and stamps of what moves, as it was known; other robots by their namespaces."""
+        try:
+            return read_keys(self.tracks_known)
+        except ValueError as error:
+            raise BagError(f'{self.source}: {error}') from None
+
+
+ENTRIES: Final[Mapping[str, Entry[Any]]] = {
+    each.key: each for each in vars(DecisionRecord).values() if isinstance(each, Entry)
+}
+"""All entries by their keys, in the order in which they are written."""
+
+
+def read_decisions(bag: Bag, topic: str) -> tuple[DecisionRecord, ...]:
+    """Decisions of a topic, in order; none where the bag lacks the topic.
+
+    Raises:
+        BagError: A message is no decision of this package.
+    """
+    return tuple(_read(bag, topic)) if topic in bag.topics else ()
+
+
+def wheel_speeds(decisions: Iterable[DecisionRecord]) -> Array:
+    """Right and left wheel of each, shape ``(D, 2)`` [rad/s]."""
+    return np.array([each.wheel_speeds for each in decisions]).reshape(-1, 2)
+
+
+def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
+    source = f'{bag.path}: {topic}'
+    for received, message in bag.messages(topic):
+        record = DecisionRecord.of(source, received, message)
+        if not 0 <= record.stamp <= _LATEST:
+            raise BagError(f'{source}: found a stamp of {record.stamp} ns, wanted one of a clock')
+        # Whatever will be asked of it is asked now, so that errors are those of reading.
+        for name in _CHECKED:
+            getattr(record, name)
+        yield record
+
+
+_CHECKED: Final = (
+    *('step', 'run', 'revision', 'level', 'finished', 'halted'),
+    *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
+)

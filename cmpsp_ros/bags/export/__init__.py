@@ -1,0 +1,5 @@
+"""Bags as tables for pandas and spreadsheets."""
+
+from cmpsp_ros.bags.export.files import export
+
+__all__ = ['export']

@@ -1,0 +1,59 @@
+"""A guidance law that receives what the one in a recording received."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+
+from cmpsp_ros.bags.replay.inputs import (
+    GoalReceived,
+    Halted,
+    Input,
+    OdometryReceived,
+    ParametersChanged,
+    RunReset,
+    RunStarted,
+)
+from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.goals import GoalError
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.parameters.table import Values
+
+
+class Follower:
+    """Feeds inputs to a law, which begins with the first of them."""
+
+    law: GuidanceLaw
+
+    def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
+        """Wait for the law to be made.
+
+        Args:
+            settings_of: Settings of the law where these parameters were recorded.
+        """
+        self._settings_of = settings_of
+
+    def follow(self, event: Input) -> Decision | None:
+        """Take one input; the decision on it, if there is one.
+
+        Raises:
+            Exception: Whatever the law raises on odometry.
+        """
+        match event:
+            case RunStarted(values):
+                self.law = GuidanceLaw(self._settings_of(values))
+            case ParametersChanged(values):
+                self.law.reconfigure(self._settings_of(values))
+            case RunReset():
+                self.law.reset()
+            case GoalReceived(stamp, goal):
+                # A refusal is counted, as it was then.
+                with suppress(GoalError):
+                    self.law.tell(stamp, goal)
+            case Halted(decision):
+                finished = decision.finished
+                return self.law.halt(decision.stamp, decision.reason, finished=finished)
+            case OdometryReceived(odometry, tracks=tracks):
+                return self.law.update(odometry.stamp, odometry.pose, tracks)
+        return None

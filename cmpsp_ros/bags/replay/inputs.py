@@ -1,0 +1,251 @@
+"""The inputs of a recorded guidance law, in the order that its decisions imply.
+
+Odometry is in the bag, and so are goals, moving obstacles and plans of other robots. What they do
+not show - stops by the node's clock, resets, live changes of parameters, how many goals, which
+obstacles and which plans had come by then - every decision says of itself: `halted`, `run`,
+`revision`, `told`, `moving_obstacles`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import NodeParameters
+from cmpsp_ros.bags.replay.recording import Names, OdometrySample, Recording
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.messages.clock_reset import TimeJump
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.parameters.table import Values
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    """A law was made, with these parameters."""
+
+    values: Values
+
+
+@dataclass(frozen=True)
+class ParametersChanged:
+    """Parameters were changed live, to these."""
+
+    values: Values
+
+
+@dataclass(frozen=True)
+class RunReset:
+    """The run began again."""
+
+
+@dataclass(frozen=True)
+class GoalReceived:
+    """A goal came, with this time stamp [ns]."""
+
+    stamp: int
+    goal: Goal
+
+
+@dataclass(frozen=True)
+class OdometryReceived:
+    """Odometry came; the decision on it, if there was one, and what was known that moves."""
+
+    odometry: OdometrySample
+    decision: DecisionRecord | None
+    tracks: tuple[Seen, ...] = field(default=(), kw_only=True)
+
+
+@dataclass(frozen=True)
+class Halted:
+    """The node stopped the robot by itself."""
+
+    decision: DecisionRecord
+
+
+@dataclass(frozen=True)
+class OdometryMissing:
+    """A decision on odometry that is not in the bag."""
+
+    decision: DecisionRecord
+
+
+Input = (
+    RunStarted
+    | ParametersChanged
+    | RunReset
+    | GoalReceived
+    | OdometryReceived
+    | Halted
+    | OdometryMissing
+)
+
+
+class Inputs:
+    """The inputs of a recorded guidance law; to be iterated over once.
+
+    Attributes:
+        skipped: Decisions before the first that begins a run: what the law then knew is not in
+            the bag.
+    """
+
+    def __init__(self, bag: Bag, names: Names) -> None:
+        """Read the parameters and look for the topics.
+
+        Raises:
+            BagError: A topic or the parameters are missing, or cannot be used.
+        """
+        self._bag, self._node = bag, names.node
+        self._parameters = NodeParameters(bag, names.node)
+        self.skipped = 0
+        values = self.values
+        self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
+        self._time = TimeJump()
+
+    @property
+    def values(self) -> Values:
+        """The parameters, after all that was read by now."""
+        return self._parameters.values
+
+    @property
+    def given(self) -> frozenset[str]:
+        """Keys of the parameters that the recording has; the others are defaults."""
+        return self._parameters.given
+
+    def __iter__(self) -> Iterator[Input]:
+        """Read on.
+
+        Raises:
+            BagError: The bag is damaged, or lacks something that the law received.
+        """
+        before: DecisionRecord | None = None
+        # Whether all odometry since the last decision was heard, or some may have been refused.
+        heard = False
+        for decision in self._recording.decisions():
+            if before is None and decision.step > 0:
+                self.skipped += 1
+                continue
+            begins = before is None or _began_anew(before, decision)
+            odometry = None if decision.halted else self._find(decision)
+            if odometry is not None:
+                yield from self._between(odometry, heard=heard and not begins)
+            if before is None or begins:
+                yield from self._began(decision, again=before is not None)
+            else:
+                yield from self._beforehand(before, decision)
+            goals = self._goals(None if begins else before, decision)
+            if decision.halted:
+                yield from goals
+                yield Halted(decision)
+            elif odometry is None:
+                yield self._missing(decision)
+            else:
+                yield from self._received(odometry, decision, goals)
+            before, heard = decision, not decision.halted
+        if before is None:
+            raise BagError(
+                f'{self._bag.path}: found {self.skipped} decisions of {self._node}, wanted one'
+                ' that begins a run (step 0): what a law knew before cannot be replayed'
+            )
+
+    def _find(self, decision: DecisionRecord) -> OdometrySample | None:
+        waiting, stamp = self._recording.odometry, decision.stamp
+        return next((each for each in waiting if each.stamp == stamp), None)
+
+    def _between(self, wanted: OdometrySample, *, heard: bool) -> Iterator[Input]:
+        """Odometry that came before the one wanted, and was not decided on."""
+        waiting = self._recording.odometry
+        while (each := waiting.popleft()) is not wanted:
+            if heard:
+                yield from self._received(each, None)
+
+    def _received(
+        self,
+        odometry: OdometrySample,
+        decision: DecisionRecord | None,
+        goals: Iterable[GoalReceived] = (),
+    ) -> Iterator[Input]:
+        if self._time.back(odometry.stamp) > self.values['odom_timeout']:
+            yield RunReset()
+        yield from goals
+        tracks = () if decision is None else self._recording.tracks(decision)
+        yield OdometryReceived(odometry, decision, tracks=tracks)
+
+    def _began(self, decision: DecisionRecord, *, again: bool) -> Iterator[Input]:
+        began = 0
+        while (since := self._parameters.restart(until=decision.received)) is not None:
+            began = since
+        while self._has_change(until=decision.received):
+            self._change(used=again and not began, since=began)
+        yield RunStarted(self.values)
+
+    def _beforehand(self, before: DecisionRecord, decision: DecisionRecord) -> Iterator[Input]:
+        """What happened to the law since the decision before, apart from odometry."""
+        if decision.revision is None or before.revision is None:
+            self._refuse_to_guess(decision)
+        else:
+            for _ in range(decision.revision - before.revision):
+                if not self._has_change():
+                    raise BagError(
+                        f'{self._bag.path}: found a decision (stamp {decision.stamp}) after live'
+                        f' change {decision.revision} of the parameters of {self._node}, wanted'
+                        ' that change in /parameter_events'
+                    )
+                self._change(used=True)
+                yield ParametersChanged(self.values)
+        if decision.run != before.run or decision.step < before.step:
+            yield RunReset()
+
+    def _goals(self, before: DecisionRecord | None, decision: DecisionRecord) -> list[GoalReceived]:
+        """The goals that the law received since the decision before, or since a run began."""
+        waiting, count = self._recording.goals, decision.goals_received
+        if before is not None and decision.run == before.run and decision.step >= before.step:
+            count -= before.goals_received
+        else:
+            # What came before the run began was not heeded.
+            come = sum(received <= decision.received for received, _, _ in waiting)
+            for _ in range(come - count):
+                waiting.popleft()
+        if count > len(waiting):
+            raise BagError(
+                f'{self._bag.path}: found a decision (stamp {decision.stamp}) after'
+                f' {decision.goals_received} goals, wanted all of them on goal_pose'
+            )
+        return [
+            GoalReceived(stamp, goal)
+            for _, stamp, goal in (waiting.popleft() for _ in range(count))
+        ]
+
+    def _has_change(self, until: int | None = None) -> bool:
+        waiting = self._recording.changes
+        return bool(waiting) and (until is None or waiting[0][0] <= until)
+
+    def _change(self, *, used: bool, since: int = 0) -> None:
+        received, said = self._recording.changes.popleft()
+        if received >= since:
+            self._parameters.change(received, said, used=used)
+
+    def _refuse_to_guess(self, decision: DecisionRecord) -> None:
+        if self._has_change(until=decision.received):
+            raise BagError(
+                f'{self._bag.path}: found parameters of {self._node} that were changed live,'
+                f' wanted decisions that say from which on (this recording is of version'
+                f' {self._bag.version}, before they did)'
+            )
+
+    def _missing(self, decision: DecisionRecord) -> OdometryMissing:
+        if not self._recording.odometry and self._recording.unusable:
+            raise BagError(f'{self._bag.path}: no usable odometry: {self._recording.unusable}')
+        return OdometryMissing(decision)
+
+
+def _began_anew(before: DecisionRecord, decision: DecisionRecord) -> bool:
+    """Whether another law than before decides: the node was configured or started again."""
+    if before.run is None or decision.run is None:
+        return False
+    if before.revision is None or decision.revision is None:
+        return False
+    again = decision.run == before.run and decision.step < before.step
+    return decision.run < before.run or decision.revision < before.revision or again

@@ -1,0 +1,234 @@
+"""What the guidance node received and published, read from its bag in one go."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
+from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen, plan_of, plan_topic
+from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
+
+Array = NDArray[np.float64]
+
+_SLACK = 1_000_000_000
+"""By how much messages that belong together may lie apart in a bag [ns]."""
+
+_LATE = 50_000_000
+"""By how much a command may come into the bag after its decision [ns]."""
+
+_MOST = 10_000
+"""Messages of a topic that are kept: more than any robot sends in `_SLACK`."""
+
+_MOST_TRACKS = 100_000
+"""Sightings of obstacles that move, of all of them, that are kept."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Topics and node of a recorded guidance node, by full name."""
+
+    odom: str
+    cmd_vel: str
+    node: str
+
+    @classmethod
+    def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
+        """The names in a namespace, where odometry or commands are not remapped."""
+        prefix = namespace.rstrip('/')
+        return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
+
+    @property
+    def decision(self) -> str:
+        """Topic of the decisions."""
+        return f'{self.node}/decision'
+
+    @property
+    def goal_pose(self) -> str:
+        """Topic of goals that come under way."""
+        return f'{self.node.rpartition("/")[0]}/goal_pose'
+
+    @property
+    def path(self) -> str:
+        """Topic of the predicted paths."""
+        return f'{self.node}/predicted_path'
+
+    @property
+    def moving(self) -> str:
+        """Topic of the obstacles that move."""
+        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
+
+    def others(self, namespaces: Iterable[str]) -> dict[str, str]:
+        """Namespaces of other robots by the topics of their plans; without this node's own."""
+        plans = {plan_topic(each): each for each in namespaces}
+        plans.pop(self.path, None)
+        return plans
+
+
+@dataclass(frozen=True)
+class OdometrySample:
+    """Odometry that a decision can be made on.
+
+    Attributes:
+        received: When the recorder got it [ns].
+        stamp: Its own time stamp [ns].
+        pose: Pose, shape ``(3,)`` [m, m, rad].
+    """
+
+    received: int
+    stamp: int
+    pose: Array
+
+
+class Recording:
+    """The messages of one guidance node, each kept only as long as it may be needed.
+
+    Attributes:
+        odometry: Read already and not yet used, in order.
+        unusable: Why the first unusable odometry is so; empty when there was none.
+        changes: When a live change of parameters was received [ns], and what it says; not yet
+            used, in order.
+        goals: When a goal was received [ns], with its time stamp [ns]; not yet used, in order.
+    """
+
+    def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
+        """Check that the bag has what a guidance node hears and says.
+
+        Args:
+            bag: An open bag.
+            names: Names of node and topics.
+            frame_id: Frame in which odometry is usable.
+            others: Namespaces of the robots whose plans it hears.
+
+        Raises:
+            BagError: A topic is missing.
+        """
+        self._others = names.others(others)
+        optional = (
+            EVENTS,
+            names.cmd_vel,
+            names.path,
+            names.moving,
+            names.goal_pose,
+            *self._others,
+        )
+        self._bag, self._names, self._frame_id = bag, names, frame_id
+        there = (topic for topic in optional if topic in bag.topics)
+        self._topics = [names.odom, names.decision, *there]
+        self.odometry: deque[OdometrySample] = deque(maxlen=_MOST)
+        self.unusable = ''
+        self.changes: deque[tuple[int, dict[str, Any]]] = deque()
+        self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
+        self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
+        self._paths: dict[int, tuple[Waypoint, ...]] = {}
+        self._tracks: dict[tuple[int | str, int], Seen] = {}
+        self._first = True
+
+    def decisions(self) -> Iterator[DecisionRecord]:
+        """Iterate over the decisions; odometry and changes are read ahead of each.
+
+        Raises:
+            BagError: The bag is damaged, or no recording of a guidance node.
+        """
+        pending: deque[DecisionRecord] = deque()
+        for topic, received, message in self._bag.together(self._topics):
+            while pending and received > pending[0].received + _SLACK:
+                yield self._complete(pending.popleft())
+            if topic == self._names.decision:
+                pending.append(DecisionRecord.of(f'{self._bag.path}: {topic}', received, message))
+            else:
+                try:
+                    self._take(topic, received, message)
+                except (AttributeError, TypeError, ValueError) as error:
+                    raise BagError(
+                        f'{self._bag.path}: {topic}: found a message that is none of its type at'
+                        f' {received} ns: {error}'
+                    ) from error
+            if max(len(pending), len(self._paths), len(self.changes)) > _MOST:
+                raise BagError(f'{self._bag.path}: found over {_MOST} decisions within a second')
+        while pending:
+            yield self._complete(pending.popleft())
+
+    def tracks(self, decision: DecisionRecord) -> tuple[Seen, ...]:
+        """Obstacles that move, and plans of other robots, as they were known to a decision.
+
+        Raises:
+            BagError: One of them is not in the bag.
+        """
+        for number, stamp in decision.tracks:
+            if (number, stamp) not in self._tracks:
+                what, topic = f'obstacle {number} as it was seen', self._names.moving
+                if isinstance(number, str):
+                    what, topic = f'the plan that {number} made', plan_topic(number)
+                raise BagError(
+                    f'{self._bag.path}: found a decision (stamp {decision.stamp}) on {what} at'
+                    f' {stamp} ns, wanted that in {topic}'
+                )
+        return tuple(self._tracks[key] for key in decision.tracks)
+
+    def _take(self, topic: str, received: int, message: Any) -> None:
+        if topic == self._names.odom:
+            try:
+                pose = pose_of(message, self._frame_id)
+            except OdometryError as error:
+                self.unusable = self.unusable or str(error)
+            else:
+                self.odometry.append(OdometrySample(received, stamp_of(message), pose))
+        elif topic == self._names.cmd_vel:
+            twist = getattr(message, 'twist', message)
+            self._commands.append((received, (twist.linear.x, twist.angular.z)))
+        elif topic == self._names.moving:
+            with suppress(TrackError):
+                self._note(tracks_of(message, self._frame_id))
+        elif topic in self._others:
+            with suppress(TrackError):
+                self._note([plan_of(message, self._others[topic], self._frame_id)])
+        elif topic == self._names.goal_pose:
+            # What the node refuses at sight never reaches the law.
+            with suppress(GoalError):
+                self.goals.append((received, *goal_of(message, self._frame_id)))
+        elif topic == self._names.path:
+            poses = [each.pose for each in message.poses]
+            # A robot that stands says so with one pose, and that is no plan.
+            if len(poses) != 1:
+                self._paths[stamp_of(message)] = tuple(
+                    (each.position.x, each.position.y, each.orientation.z, each.orientation.w)
+                    for each in poses
+                )
+        elif (said := changes_in(message, self._names.node)) is not None:
+            self.changes.append((received, said))
+
+    def _note(self, tracks: Iterable[Seen]) -> None:
+        """Keep what was received; what cannot be used the node refused too."""
+        for each in tracks:
+            self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
+        while len(self._tracks) > _MOST_TRACKS:
+            del self._tracks[next(iter(self._tracks))]
+
+    def _complete(self, decision: DecisionRecord) -> DecisionRecord:
+        if self._first:
+            # Commands whose decisions the recorder came too late for.
+            while len(self._commands) > 1 and self._commands[1][0] < decision.received:
+                self._commands.popleft()
+            self._first = False
+        # The clock may show the time of odometry that a plan is made on a moment later.
+        path = None if decision.halted else self._paths.pop(decision.stamp, None)
+        return replace(decision, command=self._command_of(decision), path=path)
+
+    def _command_of(self, decision: DecisionRecord) -> tuple[float, float] | None:
+        """The command sent just before a decision was published."""
+        if not self._commands or self._commands[0][0] > decision.received + _LATE:
+            return None
+        return self._commands.popleft()[1]

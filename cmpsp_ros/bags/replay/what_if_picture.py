@@ -1,0 +1,94 @@
+"""Picture of a what-if: both laws' commands in time, and their plans on the road."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.replay.what_if import WhatIf
+from cmpsp_ros.bags.runs.road_picture import draw_road
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.world.obstacles.shapes import outline
+
+Array = NDArray[np.float64]
+
+_PLANS = 4
+_ROOM = 0.5
+
+_ROAD, _EDGE, _OBSTACLE, _DRIVEN = '#e6e6e6', '#8c8c8c', '#c8402f', '#1a1a1a'
+_RECORDED, _CHANGED = '#0072b2', '#d55e00'
+
+
+def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
+    """Draw it.
+
+    Args:
+        result: What came out.
+        title: What was changed, in one line.
+        path: PNG file.
+    """
+    figure = Figure(figsize=(13.0, 6.5), layout='constrained')
+    figure.suptitle(f'{title}\nOpen loop: the robot followed the recorded commands only.')
+    grid = figure.add_gridspec(2, 2)
+    above = figure.add_subplot(grid[0, 0])
+    below = figure.add_subplot(grid[1, 0], sharex=above)
+    _draw_commands((above, below), result)
+    _draw_plans(figure.add_subplot(grid[:, 1]), result)
+    figure.savefig(path, dpi=120)
+
+
+def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
+    commanded = [each for each in result.recorded if each.command is not None]
+    begin = result.recorded[0].stamp
+    before = np.array([each.stamp - begin for each in commanded]) / 1e9
+    changed = np.array([each.stamp - begin for _, each in result.decisions]) / 1e9
+    recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 2)
+    twists = np.array([each.twist for _, each in result.decisions]).reshape(-1, 2)
+    for index, (one, name) in enumerate(
+        zip(axes, ('speed [m/s]', 'turn rate [rad/s]'), strict=True)
+    ):
+        one.step(before, recorded_twists[:, index], where='post', color=_RECORDED, label='recorded')
+        one.step(changed, twists[:, index], where='post', color=_CHANGED, ls='--', label='changed')
+        one.set_ylabel(name)
+        one.grid(alpha=0.3)
+    axes[0].legend()
+    axes[-1].set_xlabel('time since the first decision [s]')
+
+
+def _draw_plans(axes: Axes, result: WhatIf) -> None:
+    _draw_scenery(axes, result.settings)
+    driven = np.array([each.pose[:2] for each in result.odometry]).reshape(-1, 2)
+    recorded = [np.array(each.path)[:, :2] for each in result.recorded if each.path]
+    changed = [each.plan.poses[:, :2] for _, each in result.decisions if each.plan is not None]
+    for plans, color, style, name in (
+        (recorded, _RECORDED, '-', 'recorded plans'),
+        (changed, _CHANGED, '--', 'changed plans'),
+    ):
+        for index, plan in enumerate(_some(plans)):
+            label = name if index == 0 else None
+            axes.plot(*plan.T, style, color=color, lw=1.2, label=label, zorder=4)
+    axes.plot(*driven.T, color=_DRIVEN, lw=2.0, label='driven, as recorded', zorder=3)
+    axes.plot(*result.settings.goal, '*', color='#0b7a3b', ms=14, label='goal', zorder=5)
+    points = np.vstack([driven, [result.settings.goal], *recorded, *changed])
+    (west, south), (east, north) = points.min(axis=0) - _ROOM, points.max(axis=0) + _ROOM
+    axes.set(xlim=(west, east), ylim=(south, north), xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+    axes.legend(loc='best')
+
+
+def _draw_scenery(axes: Axes, settings: GuidanceSettings) -> None:
+    draw_road(axes, settings.road, _ROAD, _EDGE)
+    for obstacle in settings.obstacles:
+        edge = outline(obstacle, obstacle.radius)
+        axes.add_patch(Polygon(edge, color=_OBSTACLE, zorder=2))
+
+
+def _some(plans: Sequence[Array]) -> list[Array]:
+    """A few of the plans, from the first on."""
+    return [plans[part * len(plans) // _PLANS] for part in range(_PLANS)] if plans else []

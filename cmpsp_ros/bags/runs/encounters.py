@@ -1,0 +1,117 @@
+"""How near a robot came to obstacles that moved, and to other robots."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.run import Driven, driven_in
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+_STANDS = 1e-3
+"""Speed and turn rate below which a robot stands [m/s, rad/s]."""
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """Part of a path, driven while something moved as it was told to, or another robot as it did.
+
+    Attributes:
+        name: What messages call it.
+        stamps: Beginning of each arc [ns], shape ``(K,)``.
+        clearance: From it, the robot's own radius taken off, shape ``(K,)`` [m].
+        stands: Whether the robot stood meanwhile, shape ``(K,)``: what then drives into it is no
+            collision of the robot's.
+    """
+
+    name: str
+    stamps: Stamps
+    clearance: Array
+    stands: NDArray[np.bool_]
+
+
+def encounters(
+    path: Driven, tracks: Sequence[Track], robot_radius: float, timeout: float
+) -> Iterator[Encounter]:
+    """Every part of a path with what moved meanwhile, at constant velocity since it was seen.
+
+    Args:
+        path: The path driven.
+        tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
+        robot_radius: Of the robot's footprint [m].
+        timeout: Age at which an obstacle that is not told of again is forgotten [s].
+    """
+    begin, end = int(path.stamps[0]), int(path.stamps[-1])
+    for index, each in enumerate(tracks):
+        until = each.stamp + round(timeout * NANOSECONDS)
+        if index + 1 < len(tracks) and tracks[index + 1].id == each.id:
+            until = min(until, tracks[index + 1].stamp)
+        first, last = max(each.stamp, begin), min(until, end)
+        if first >= last:
+            continue
+        part = path.between(first, last)
+        states = np.array([[each.x, each.y, each.vx, each.vy, each.radius + robot_radius]])
+        disc = MovingDiscs((each.name,), states, 0.0, np.zeros(1, np.int64))
+        arcs = part.poses[:-1], part.twists[:-1], part.durations
+        since = (part.stamps[:-1] - each.stamp) / NANOSECONDS
+        stands = np.abs(part.twists[:-1]).max(axis=1) <= _STANDS
+        yield Encounter(each.name, part.stamps[:-1], disc.along(*arcs, since)[:, 0], stands)
+
+
+def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:
+    """Paths of other robots by namespace: the simulator's own where there are some, else odometry.
+
+    Args:
+        bag: An open bag.
+        namespaces: Of the robots; those that the bag tells nothing of are left out.
+        own: Namespace that is left out.
+
+    Raises:
+        BagError: The bag is damaged.
+    """
+    return {
+        each: driven_in(bag, each) for each in namespaces if each != own and _is_told(bag, each)
+    }
+
+
+def _is_told(bag: Bag, namespace: str) -> bool:
+    """Whether a bag tells where a robot drove."""
+    topics = (f'{namespace}/{topic}' for topic in ('sim/truth', 'odom'))
+    return any(topic in bag.topics and bag.topics[topic].count > 1 for topic in topics)
+
+
+def robot_encounters(
+    path: Driven, others: Mapping[str, Driven], radius: float, timeout: float
+) -> Iterator[Encounter]:
+    """Every part of a path with each other robot where it was meanwhile.
+
+    Args:
+        path: The path driven.
+        others: As from `read_others`.
+        radius: Of the footprints of both robots together [m].
+        timeout: Time for which another robot is taken to go on as it was seen last [s].
+    """
+    for namespace, other in others.items():
+        for each in encounters(path, _tracks(other), radius, timeout):
+            yield replace(each, name=f'robot {namespace}')
+
+
+def _tracks(driven: Driven) -> list[Track]:
+    """A path as straight lines from each of its poses to the next, of a point."""
+    velocities = np.diff(driven.poses[:, :2], axis=0) / driven.durations[:, None]
+    rows = zip(
+        driven.stamps.tolist(),
+        driven.poses[:, :2].tolist(),
+        [*velocities.tolist(), [0.0, 0.0]],
+        strict=True,
+    )
+    return [Track(0, stamp, 0.0, x, y, vx, vy) for stamp, (x, y), (vx, vy) in rows]

@@ -1,0 +1,169 @@
+"""A recorded run as arrays: what was decided, commanded and driven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.tracks import read_tracks
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
+from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.robots.arcs import arc_ends
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A plan as published on `~/predicted_path`.
+
+    Attributes:
+        stamp: When it was made [ns].
+        points: Predicted positions ``(N + 1, 2)`` [m].
+    """
+
+    stamp: int
+    points: Array
+
+
+@dataclass(frozen=True)
+class Driven:
+    """The path driven, as arcs of constant wheel speeds.
+
+    Attributes:
+        stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
+        poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
+        twists: Speed and turn rate from each on, shape ``(K + 1, 2)`` [m/s, rad/s].
+    """
+
+    stamps: Stamps
+    poses: Array
+    twists: Array
+
+    @property
+    def durations(self) -> Array:
+        """Length of each arc, shape ``(K,)`` [s]."""
+        durations: Array = np.diff(self.stamps) / NANOSECONDS
+        return durations
+
+    def at(self, stamp: int) -> Array:
+        """Pose ``(3,)`` at an instant between the first stamp and the last, on its arc."""
+        index = np.searchsorted(self.stamps, stamp, side='right') - 1
+        since = np.array([(stamp - self.stamps[index]) / NANOSECONDS])
+        pose: Array = arc_ends(self.poses[index, None], self.twists[index, None], since)[0]
+        return pose
+
+    def between(self, first: int, last: int) -> Driven:
+        """The part of the path between two instants."""
+        inside = (self.stamps > first) & (self.stamps < last)
+        index = np.searchsorted(self.stamps, [first, last], side='right') - 1
+        return Driven(
+            np.concatenate([[first], self.stamps[inside], [last]]),
+            np.vstack([self.at(first), self.poses[inside], self.at(last)]),
+            np.vstack([self.twists[index[0]], self.twists[inside], self.twists[index[1]]]),
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recorded run.
+
+    Attributes:
+        decisions: In order.
+        plans: In order; empty where nobody listened to them.
+        driven: The path driven: the simulator's own where there is one, else odometry's.
+        tracks: Obstacles that moved, as they were told of, by number and time.
+        wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
+        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
+            ``(W, 2)`` [rad/s].
+    """
+
+    decisions: tuple[DecisionRecord, ...]
+    plans: tuple[Planned, ...]
+    driven: Driven
+    tracks: tuple[Track, ...]
+    wheel_stamps: Stamps
+    wheel_speeds: Array
+
+
+def read_run(path: Path, namespace: str = '') -> Run:
+    """Read a run of our nodes from its bag.
+
+    Args:
+        path: The bag.
+        namespace: Namespace of the nodes, as in `/r1`.
+
+    Raises:
+        BagError: Not a bag, or a topic of a run is missing.
+    """
+    with Bag(path) as bag:
+        decided = f'{namespace}/guidance/decision'
+        decisions = read_decisions(bag, decided)
+        if not decisions:
+            found = 'no decision in' if decided in bag.topics else 'no topic'
+            there = ', '.join(sorted(bag.topics)) or 'no topic at all'
+            raise BagError(f'{path}: {found} {decided}; there is {there}')
+        plans: tuple[Planned, ...] = ()
+        if f'{namespace}/guidance/predicted_path' in bag.topics:
+            plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
+        node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
+        stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
+        tracks = read_tracks(bag, f'{namespace}/moving_obstacles', None)
+        return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
+
+
+def read_driven(path: Path, namespace: str = '') -> Driven:
+    """Read the path driven alone: the simulator's own where there is one, else odometry's.
+
+    Args:
+        path: The bag.
+        namespace: Namespace of the nodes, as in `/r1`.
+
+    Raises:
+        BagError: Not a bag, or there is no path in it.
+    """
+    with Bag(path) as bag:
+        return driven_in(bag, namespace)
+
+
+def driven_in(bag: Bag, namespace: str) -> Driven:
+    """As `read_driven`, of an open bag."""
+    truth = f'{namespace}/sim/truth'
+    topic = truth if truth in bag.topics else f'{namespace}/odom'
+    rows: dict[int, tuple[list[float], list[float]]] = {}
+    for _, message in bag.messages(topic):
+        # Of two at one instant the later counts: a command took effect there.
+        pose, twist = message.pose.pose, message.twist.twist
+        place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
+        rows[stamp_of(message)] = place, [twist.linear.x, twist.angular.z]
+    if len(rows) < 2:
+        raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
+    ordered = sorted(rows.items())
+    return Driven(
+        np.array([stamp for stamp, _ in ordered], dtype=np.int64),
+        np.array([pose for _, (pose, _) in ordered]),
+        np.array([twist for _, (_, twist) in ordered]),
+    )
+
+
+def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
+    for _, message in bag.messages(topic):
+        points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
+        # One pose is where the robot stands.
+        if len(points) > 1:
+            yield Planned(stamp_of(message), np.array(points))
+
+
+def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
+    rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
+    stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)

@@ -1,0 +1,119 @@
+"""Bags of anybody's making, looked at before rosbags reads them.
+
+rosbags believes what a file says of its sizes: it unpacks, parses and allocates whatever is asked
+for. Everything that it will ask for is bounded here first, so that its reader can be used as it is.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+import yaml
+from rosbags.rosbag2 import Reader, ReaderError
+
+from cmpsp_ros.bags.storage.folder import METADATA
+from cmpsp_ros.bags.storage.limits import (
+    MAX_CHUNK,
+    MAX_FILES,
+    MAX_METADATA,
+    MAX_TOPICS,
+    check_file,
+    check_yaml,
+    inflate,
+    inflate_file,
+)
+from cmpsp_ros.bags.storage.mcap_checks import check_mcap
+from cmpsp_ros.bags.storage.sqlite_checks import check_sqlite
+
+if TYPE_CHECKING:
+    from typing import Any
+
+INFORMATION = 'rosbag2_bagfile_information'
+
+_CHECKS = {'mcap': check_mcap, 'sqlite3': check_sqlite}
+_STORAGES = {'.mcap': 'mcap', '.db3': 'sqlite3'}
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """Read what a bag's folder says about it.
+
+    Raises:
+        ReaderError: Too large, not YAML, or not a bag's.
+
+    """
+    path = folder / METADATA
+    check_file(path, MAX_METADATA)
+    text = path.read_text(encoding='utf-8')
+    check_yaml(text)
+    try:
+        document = yaml.load(text, Loader=yaml.CSafeLoader)
+    except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError) as error:
+        msg = f'{METADATA} is damaged: {" ".join(str(error).split())}'
+        raise ReaderError(msg) from error
+    information = document.get(INFORMATION) if isinstance(document, dict) else None
+    if not isinstance(information, dict):
+        msg = f'{METADATA} has no {INFORMATION}'
+        raise ReaderError(msg)
+    return information
+
+
+def check_bag(path: Path) -> dict[str, Any]:
+    """Make sure that rosbags can read a bag in bounded memory and time.
+
+    Args:
+        path: A folder with metadata, or a single storage file.
+
+    Returns:
+        What the folder says about the bag; empty for a single file.
+
+    Raises:
+        ReaderError: Damaged, or beyond what is read.
+
+    """
+    if not path.is_dir():
+        _check_storage(path, _STORAGES.get(path.suffix, ''))
+        return {}
+    information = read_metadata(path)
+    storage = str(information.get('storage_identifier'))
+    compression = str(information.get('compression_mode')).lower()
+    for file in _files(path, information):
+        if compression != 'file':
+            _check_storage(file, storage)
+        else:
+            with TemporaryDirectory() as folder:
+                _check_storage(inflate_file(file, Path(folder, file.stem)), storage)
+        if compression == 'message':
+            with Reader(file) as reader:
+                for _, _, raw in reader.messages():
+                    inflate(raw, 'zstd', MAX_CHUNK)
+    topics = information.get('topics_with_message_count')
+    if isinstance(topics, list) and len(topics) > MAX_TOPICS:
+        msg = f'{len(topics)} topics, at most {MAX_TOPICS} are read'
+        raise ReaderError(msg)
+    return information
+
+
+def _files(folder: Path, information: dict[str, Any]) -> list[Path]:
+    paths = information.get('relative_file_paths')
+    if not isinstance(paths, list) or not 0 < len(paths) <= MAX_FILES:
+        msg = f'{METADATA} names no files, or more than {MAX_FILES}'
+        raise ReaderError(msg)
+    names = [str(each).rpartition('/')[2] for each in paths]
+    if len(set(names)) < len(names):
+        msg = f'{METADATA} names a file twice'
+        raise ReaderError(msg)
+    for name in names:
+        if not (folder / name).exists():
+            msg = f'{METADATA} names {name}, which is not there'
+            raise ReaderError(msg)
+    return [folder / name for name in names]
+
+
+def _check_storage(path: Path, storage: str) -> None:
+    check_file(path)
+    if storage not in _CHECKS:
+        msg = f'storage {storage!r}, wanted one of {", ".join(_CHECKS)}'
+        raise ReaderError(msg)
+    _CHECKS[storage](path)

@@ -1,0 +1,168 @@
+"""What a bag may ask for: every size is bounded before anything is allocated for it."""
+
+from __future__ import annotations
+
+import stat
+import sys
+from typing import TYPE_CHECKING
+
+import yaml
+from lz4.frame import LZ4FrameDecompressor  # type: ignore[import-untyped]
+from rosbags.rosbag2 import ReaderError
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_MEGABYTE = 1 << 20
+
+MAX_METADATA = 2 * _MEGABYTE
+"""Size of a `metadata.yaml`, and of all QoS profiles in a storage file [bytes]."""
+
+MAX_DEPTH = 20
+"""Nesting of YAML; what rosbag2 writes is 7 deep."""
+
+MAX_FILES = 10_000
+"""Storage files of one bag."""
+
+MAX_TOPICS = 2_000
+"""Topics of one bag."""
+
+MAX_SUMMARY = 64 * _MEGABYTE
+"""Index at the end of an mcap file [bytes]; a day at one chunk a second takes 20 MB."""
+
+MAX_CHUNKS = 200_000
+"""Chunks of an mcap file; a day at one chunk a second has 86,400."""
+
+MAX_CHUNK = 64 * _MEGABYTE
+"""Chunk of an mcap file, uncompressed, and any single message [bytes]."""
+
+MAX_HELD = 192 * _MEGABYTE
+"""Messages held to bring chunks that overlap in time into order [bytes]."""
+
+MAX_INFLATED_FILE = 2048 * _MEGABYTE
+"""Storage file that is compressed as a whole, uncompressed [bytes]."""
+
+MAX_SEQUENCE = 1_000_000
+"""Elements of one sequence in a message."""
+
+# Of messages zstd makes a tenth to a fiftieth; of zeros, a twenty-thousandth.
+_MAX_RATIO = 100
+_FREE_RATIO = 256 * _MEGABYTE
+
+_WINDOW_LOG = 26
+_PIECE = _MEGABYTE
+
+
+def check_file(path: Path, limit: int | None = None) -> None:
+    """Make sure that a path is a file that can be read to its end.
+
+    Args:
+        path: The path; a pipe or device in its place would be waited for without end.
+        limit: Largest size [bytes], None for any.
+
+    Raises:
+        ReaderError: It is something else, or larger.
+
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        msg = f'{path.name} is not a regular file'
+        raise ReaderError(msg)
+    if limit is not None and status.st_size > limit:
+        msg = f'{path.name} has {status.st_size} bytes, at most {limit} are read'
+        raise ReaderError(msg)
+
+
+def check_yaml(text: str) -> None:
+    """Make sure that text, parsed as YAML, grows no larger than it is.
+
+    Raises:
+        ReaderError: Not YAML, nested too deeply, or with aliases, which multiply what they name.
+
+    """
+    depth = 0
+    try:
+        for event in yaml.parse(text, Loader=yaml.CSafeLoader):
+            if isinstance(event, yaml.AliasEvent):
+                msg = f'YAML with an alias {event.anchor!r}, which no bag needs'
+                raise ReaderError(msg)
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if depth > MAX_DEPTH:
+                msg = f'YAML nested more than {MAX_DEPTH} deep'
+                raise ReaderError(msg)
+    except yaml.YAMLError as error:
+        msg = f'not YAML: {" ".join(str(error).split())}'
+        raise ReaderError(msg) from error
+
+
+def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) -> bytes:
+    """Uncompress data.
+
+    Args:
+        data: One frame.
+        compression: `zstd`, `lz4`, or empty for none.
+        limit: Largest result [bytes].
+        partly: Whether data may be cut off; the result then is the beginning of the whole.
+
+    Raises:
+        ReaderError: Another compression, damaged, cut off, or the result is larger.
+
+    """
+    if compression == 'zstd':
+        options = {int(zstd.DecompressionParameter.window_log_max): _WINDOW_LOG}
+        inflater = zstd.ZstdDecompressor(options=options)
+    elif compression == 'lz4':
+        inflater = LZ4FrameDecompressor()
+    elif compression == '':
+        inflater = None
+    else:
+        msg = f'unknown compression {compression!r}'
+        raise ReaderError(msg)
+    if inflater is None:
+        inflated, whole = data, True
+    else:
+        try:
+            inflated = inflater.decompress(data, max_length=limit + 1)
+        except (zstd.ZstdError, RuntimeError) as error:
+            msg = f'damaged {compression} data: {error}'
+            raise ReaderError(msg) from error
+        whole = inflater.eof and not inflater.unused_data
+    if len(inflated) > limit:
+        msg = f'more than {limit} bytes uncompressed'
+        raise ReaderError(msg)
+    if not (whole or partly):
+        msg = f'{compression} data cut off'
+        raise ReaderError(msg)
+    return inflated
+
+
+def inflated_allowed(size: int) -> int:
+    """What all chunks of a file of a size [bytes] may come to when uncompressed [bytes]."""
+    return _FREE_RATIO + _MAX_RATIO * size
+
+
+def inflate_file(source: Path, target: Path) -> Path:
+    """Uncompress a file that is compressed by zstd as a whole.
+
+    Returns:
+        The target.
+
+    Raises:
+        ReaderError: It is larger than `MAX_INFLATED_FILE` when uncompressed.
+
+    """
+    check_file(source)
+    size = 0
+    with zstd.open(source, 'rb') as file, target.open('wb') as whole:
+        while piece := file.read(_PIECE):
+            size += whole.write(piece)
+            if size > MAX_INFLATED_FILE:
+                msg = f'{source.name} has more than {MAX_INFLATED_FILE} bytes uncompressed'
+                raise ReaderError(msg)
+    return target

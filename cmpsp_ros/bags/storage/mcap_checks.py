@@ -1,0 +1,206 @@
+"""Mcap files of anybody's making: the sizes and places in them, checked before rosbags reads them.
+
+The index says what rosbags will read, unpack and hold at a time; so the index is checked, and
+each chunk against it.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import TYPE_CHECKING, NamedTuple
+
+from rosbags.rosbag2 import ReaderError
+
+from cmpsp_ros.bags.storage.limits import (
+    MAX_CHUNK,
+    MAX_CHUNKS,
+    MAX_HELD,
+    MAX_METADATA,
+    MAX_SUMMARY,
+    MAX_TOPICS,
+    check_yaml,
+    inflated_allowed,
+)
+from cmpsp_ros.bags.storage.mcap_records import (
+    CHANNEL,
+    CHUNK,
+    CHUNK_INDEX,
+    FOOTER,
+    MAGIC,
+    SCHEMA,
+    STATISTICS,
+    ChunkHead,
+    Fields,
+    Record,
+    chunk,
+    chunk_head,
+    content,
+    records,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+    from typing import BinaryIO
+
+_MAX_DEFINITION = 1 << 20
+_END_SIZE = 37
+_PROFILES = 'offered_qos_profiles'
+
+WITHOUT_INDEX = 'without an index, as a recording that was cut off; `cmpsp recover` makes one'
+
+
+class _Indexed(NamedTuple):
+    """A chunk as the index has it: its place, and what is in its head."""
+
+    offset: int
+    head: ChunkHead
+
+
+class _Summary(NamedTuple):
+    """What was found in an index."""
+
+    chunks: list[_Indexed]
+    is_complete: bool
+
+
+def check_mcap(path: Path) -> None:
+    """Make sure that a file can be read in bounded memory and time.
+
+    Raises:
+        ReaderError: Not an mcap file, cut off, damaged, or beyond what is read.
+
+    """
+    with path.open('rb') as file:
+        size = path.stat().st_size
+        begin, start = _data_section(file, path.name, size)
+        summary = _check_summary(file, path.name, start, size - _END_SIZE)
+        if summary.chunks:
+            _check_chunks(file, summary.chunks, size)
+        elif summary.is_complete:
+            _check_records(file, path.name, begin, start)
+        else:
+            raise ReaderError(WITHOUT_INDEX)
+
+
+def _data_section(file: BinaryIO, name: str, size: int) -> tuple[int, int]:
+    """Where the data begin, and the index after them."""
+    if file.read(len(MAGIC)) != MAGIC:
+        msg = f'{name} is not an mcap file'
+        raise ReaderError(msg)
+    file.seek(max(0, size - _END_SIZE))
+    end = file.read()
+    start = int.from_bytes(end[9:17], 'little')
+    header = next(records(file, len(MAGIC), size), None)
+    is_whole = end.endswith(MAGIC) and end[0] == FOOTER and header is not None
+    if not is_whole or header is None or not header.end <= start <= size - _END_SIZE:
+        msg = f'{name} is {WITHOUT_INDEX}'
+        raise ReaderError(msg)
+    content(file, header, _MAX_DEFINITION)
+    if size - start > MAX_SUMMARY:
+        msg = f'index of {size - start} bytes, at most {MAX_SUMMARY} are read'
+        raise ReaderError(msg)
+    return header.end, start
+
+
+def _check_summary(file: BinaryIO, name: str, start: int, end: int) -> _Summary:
+    topics = profiles = schemas = 0
+    count: int | None = None
+    chunks: list[_Indexed] = []
+    for record in records(file, start, end):
+        body = content(file, record, MAX_SUMMARY)
+        start = record.end
+        if record.opcode == CHANNEL:
+            topics += 1
+            profiles += _check_channel(body)
+        elif record.opcode == SCHEMA:
+            schemas += 1
+            if record.size > _MAX_DEFINITION:
+                msg = f'message definition of {record.size} bytes'
+                raise ReaderError(msg)
+        elif record.opcode == CHUNK_INDEX:
+            chunks.append(_indexed(Fields(body)))
+        elif record.opcode == STATISTICS:
+            count = Fields(body).uint(8)
+        if topics > MAX_TOPICS or profiles > MAX_METADATA or len(chunks) > MAX_CHUNKS:
+            msg = (
+                f'more than {MAX_TOPICS} topics, {MAX_METADATA} bytes of QoS profiles'
+                f' or {MAX_CHUNKS} chunks'
+            )
+            raise ReaderError(msg)
+    if start != end:
+        msg = f'{name} has a damaged index, at byte {start}'
+        raise ReaderError(msg)
+    return _Summary(chunks, count == 0 or (count is not None and schemas > 0))
+
+
+def _indexed(fields: Fields) -> _Indexed:
+    start, end, offset, _ = (fields.uint(8) for _ in range(4))
+    fields.sized()
+    fields.uint(8)
+    compression, compressed, size = fields.text(), fields.uint(8), fields.uint(8)
+    return _Indexed(offset, ChunkHead(start, end, size, 0, compression, compressed))
+
+
+def _check_chunks(file: BinaryIO, chunks: Sequence[_Indexed], size: int) -> None:
+    """Make sure that each chunk is as the index says, and what they come to in all."""
+    if len({each.offset for each in chunks}) < len(chunks):
+        msg = 'index that names a chunk twice'
+        raise ReaderError(msg)
+    inflated, allowed = sum(each.head.size for each in chunks), inflated_allowed(size)
+    if inflated > allowed:
+        msg = f'chunks of {inflated} bytes uncompressed, at most {allowed} are read'
+        raise ReaderError(msg)
+    _check_overlap([each.head for each in chunks])
+    for offset, head in chunks:
+        record = next(records(file, offset, size), Record(0, 0, 0))
+        if record.opcode != CHUNK:
+            msg = f'no chunk at offset {offset}'
+            raise ReaderError(msg)
+        # What is not compressed is as large as it says, and need not be read twice.
+        found = chunk(content(file, record)).head if head.compression else chunk_head(file, record)
+        if found._replace(checksum=0) != head:
+            msg = f'chunk at offset {offset} is not the one that was indexed'
+            raise ReaderError(msg)
+
+
+def _check_overlap(heads: Sequence[ChunkHead]) -> None:
+    """Chunks that overlap in time are held together, to bring their messages into order."""
+    held, ends = 0, list[tuple[int, int]]()
+    for head in sorted(heads):
+        while ends and ends[0][0] < head.start:
+            held -= heapq.heappop(ends)[1]
+        heapq.heappush(ends, (head.end, head.size))
+        held += head.size
+        if held > MAX_HELD:
+            msg = f'more than {MAX_HELD} bytes of messages overlap in time'
+            raise ReaderError(msg)
+
+
+def _check_records(file: BinaryIO, name: str, begin: int, end: int) -> None:
+    """Make sure of the records of a file without an index of chunks."""
+    inflated, allowed = 0, inflated_allowed(end)
+    for record in records(file, begin, end):
+        begin = record.end
+        if record.opcode == CHUNK:
+            inflated += len(chunk(content(file, record)).data)
+        if inflated > allowed or (record.size > MAX_CHUNK and record.opcode != CHUNK):
+            msg = f'record of {record.size} bytes, or over {allowed} bytes uncompressed'
+            raise ReaderError(msg)
+    if begin != end:
+        msg = f'{name} is damaged at byte {begin}'
+        raise ReaderError(msg)
+
+
+def _check_channel(body: bytes) -> int:
+    """Check the QoS profiles of a channel; returns their length."""
+    fields = Fields(body)
+    fields.take(4)
+    fields.text()
+    fields.text()
+    text = fields.texts().get(_PROFILES, '')
+    if len(text) > MAX_METADATA:
+        msg = f'QoS profiles of {len(text)} bytes'
+        raise ReaderError(msg)
+    check_yaml(text)
+    return len(text)

@@ -1,0 +1,111 @@
+"""What is shown at this moment, written by one thread and read by many.
+
+A browser asks again and again for what is new to it. A slow one skips states and is never behind,
+and nothing is queued for it.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+LONGEST: Final = 20_000
+"""Rows of a series; one that is full begins again."""
+
+
+@dataclass(frozen=True)
+class ClientState:
+    """What a browser has already.
+
+    Attributes:
+        course: Number of the course that it shows.
+        run: Number of the run that its series belong to.
+        rows: Rows that it has of each series.
+    """
+
+    course: int = -1
+    run: int = -1
+    rows: dict[str, int] = field(default_factory=dict)
+
+
+class SharedState:
+    """The latest of everything, and series of the present run."""
+
+    def __init__(self, series: Sequence[str]) -> None:
+        """Begin with nothing.
+
+        Args:
+            series: Names of what is kept row by row.
+        """
+        self._lock = threading.Lock()
+        self._latest: dict[str, Any] = {}
+        self._course: Any = None
+        self._course_number = 0
+        self._run = 0
+        self._series: dict[str, list[list[Any]]] = {name: [] for name in series}
+        self._heard: float | None = None
+
+    def show(self, name: str, value: Any) -> None:
+        """Replace what is shown under a name."""
+        with self._lock:
+            self._latest[name] = _plain(value)
+
+    def show_course(self, course: Any) -> None:
+        """Replace what does not move: it is large, and sent to each browser once."""
+        with self._lock:
+            self._course, self._course_number = _plain(course), self._course_number + 1
+
+    def add(self, series: str, row: Sequence[Any]) -> None:
+        """Add a row to a series."""
+        with self._lock:
+            rows = self._series[series]
+            if len(rows) >= LONGEST:
+                self._clear()
+            rows.append(_plain(row))
+
+    def begin(self) -> None:
+        """Begin another run: all series are empty."""
+        with self._lock:
+            self._clear()
+
+    def alive(self) -> None:
+        """Note that something was heard now."""
+        with self._lock:
+            self._heard = time.monotonic()
+
+    def updates(self, known: ClientState) -> dict[str, Any]:
+        """Everything that a browser does not have, as plain values for JSON."""
+        with self._lock:
+            same = known.run == self._run
+            first = {name: known.rows.get(name, 0) if same else 0 for name in self._series}
+            updates: dict[str, Any] = {
+                **self._latest,
+                'course_number': self._course_number,
+                'run': self._run,
+                'first': first,
+                'series': {name: rows[first[name] :] for name, rows in self._series.items()},
+                'silence': None if self._heard is None else time.monotonic() - self._heard,
+            }
+            if known.course != self._course_number:
+                updates['course'] = self._course
+            return updates
+
+    def _clear(self) -> None:
+        self._run += 1
+        for rows in self._series.values():
+            rows.clear()
+
+
+def _plain(value: Any) -> Any:
+    """A value of which JSON knows all: numbers that are none become null."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    return value

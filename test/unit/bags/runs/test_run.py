@@ -1,0 +1,219 @@
+"""A recorded run as arrays, and the path between its samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rosbags.typesys import Stores, get_typestore
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.runs.run import Driven, read_run
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
+
+SECOND = 1_000_000_000
+STORE = get_typestore(Stores.ROS2_JAZZY)
+STATUS, PATH = 'diagnostic_msgs/msg/DiagnosticStatus', 'nav_msgs/msg/Path'
+ODOMETRY, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
+
+
+def driven(twists, seconds, begin=5 * SECOND):
+    """A path of arcs, each driven for so many seconds; the last twist begins at the end."""
+    stamps = begin + np.concatenate([[0], np.cumsum(np.round(np.array(seconds) * 1e9))])
+    poses = [np.array([1.0, 2.0, 0.5])]
+    for twist, duration in zip(twists, seconds, strict=False):
+        poses.append(arc_ends(poses[-1][None], np.array([twist]), np.array([duration]))[0])
+    return Driven(stamps.astype(np.int64), np.array(poses), np.array(twists, dtype=float))
+
+
+def reached(path):
+    """Least and greatest distance of each arc from the origin."""
+    lengths = path.twists[:-1] * path.durations[:, None]
+    arcs = np.column_stack([path.poses[:-1], lengths]).tolist()
+    return np.array([reach_of(arc_from(*each), 0.0, 0.0) for each in arcs]).T
+
+
+def make(name, *fields):
+    return STORE.types[name](*fields)
+
+
+def header(stamp):
+    time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
+    return make('std_msgs/msg/Header', time, 'odom')
+
+
+def pose_message(x, y, quaternion):
+    turn = make('geometry_msgs/msg/Quaternion', *quaternion)
+    return make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', x, y, 0.0), turn)
+
+
+def odometry(stamp, x, heading, speed):
+    vector = STORE.types['geometry_msgs/msg/Vector3']
+    pose = pose_message(x, 0.0, (0.0, 0.0, math.sin(heading / 2.0), math.cos(heading / 2.0)))
+    twist = make('geometry_msgs/msg/Twist', vector(speed, 0.0, 0.0), vector(0.0, 0.0, 0.1))
+    return make(
+        ODOMETRY,
+        header(stamp),
+        'base_link',
+        make('geometry_msgs/msg/PoseWithCovariance', pose, np.zeros(36)),
+        make('geometry_msgs/msg/TwistWithCovariance', twist, np.zeros(36)),
+    )
+
+
+def joints(stamp, speeds):
+    none = np.zeros(0)
+    return make(JOINTS, header(stamp), ['right', 'left'], none, np.array(speeds), none)
+
+
+def decision(stamp, **more):
+    wheels = {'wheel_speed_right': '45.0', 'wheel_speed_left': '44.0'}
+    told = {'stamp': str(stamp), 'step': '0', 'rung': 'nominal', 'finished': 'false'}
+    values = {**told, **wheels, **more}
+    pairs = [make('diagnostic_msgs/msg/KeyValue', *item) for item in values.items()]
+    return make(STATUS, 0, 'decision', 'Well.', '', pairs)
+
+
+def path(stamp, points):
+    upright = (0.0, 0.0, 0.0, 1.0)
+    poses = [
+        make('geometry_msgs/msg/PoseStamped', header(stamp), pose_message(x, y, upright))
+        for x, y in points
+    ]
+    return make(PATH, header(stamp), poses)
+
+
+def write(folder, topics):
+    with BagWriter(folder) as bag:
+        for name, (kind, messages) in topics.items():
+            bag.topic(name, kind)
+            for received, message in enumerate(messages):
+                bag.write(name, received, bytes(STORE.serialize_cdr(message, kind)))
+    return folder
+
+
+def topics(prefix=''):
+    return {
+        f'{prefix}/guidance/decision': (
+            STATUS,
+            [decision(7, step_ms='0.30000000000000004'), decision(9, rung='stop', finished='true')],
+        ),
+        f'{prefix}/sim/truth': (ODOMETRY, [odometry(8, 1.0, 0.0, 1.0), odometry(9, 2.0, 3.5, 2.0)]),
+        f'{prefix}/sim/wheel_speeds': (JOINTS, [joints(8, (1.0, 2.0)), joints(9, (3.0, 4.0))]),
+        f'{prefix}/guidance/wheel_speeds': (JOINTS, [joints(8, (5.0, 6.0))]),
+        f'{prefix}/odom': (ODOMETRY, [odometry(8, 8.0, 0.0, 1.0), odometry(9, 9.0, 0.0, 1.0)]),
+    }
+
+
+def test_at_a_sample_it_is_the_sample_and_between_two_it_is_on_the_arc():
+    path_driven = driven([(1.0, 0.5), (2.0, -1.0), (0.0, 0.0)], [1.0, 0.5])
+    for stamp, pose in zip(path_driven.stamps, path_driven.poses, strict=True):
+        assert path_driven.at(int(stamp)).tolist() == pose.tolist()
+    x, y, heading = path_driven.at(5 * SECOND + SECOND // 2)
+    radius = 2.0
+    assert heading == pytest.approx(0.75)
+    assert x == pytest.approx(1.0 + radius * (math.sin(0.75) - math.sin(0.5)))
+    assert y == pytest.approx(2.0 - radius * (math.cos(0.75) - math.cos(0.5)))
+    assert path_driven.durations.tolist() == [1.0, 0.5]
+
+
+TWISTS = st.tuples(st.floats(-2.0, 2.0), st.floats(-3.0, 3.0))
+
+
+@given(
+    twists=st.lists(TWISTS, min_size=4, max_size=4),
+    parts=st.tuples(*[st.integers(0, 3 * SECOND)] * 3),
+)
+def test_a_part_of_the_path_is_the_path(twists, parts):
+    whole = driven(twists, [1.0, 1.0, 1.0], begin=0)
+    first, middle, last = sorted(parts)
+    part = whole.between(first, last)
+    assert (part.stamps[0], part.stamps[-1]) == (first, last)
+    assert len(part.stamps) == len(part.poses) == len(part.twists)
+    assert np.all(np.diff(part.stamps) >= 0)
+    for stamp in (first, middle, last):
+        assert part.at(stamp) == pytest.approx(whole.at(stamp), abs=1e-9)
+    least, greatest = reached(part)
+    whole_least, whole_greatest = reached(whole)
+    assert least.min() >= whole_least.min() - 1e-9
+    assert greatest.max() <= whole_greatest.max() + 1e-9
+
+
+def test_the_whole_is_a_part_too():
+    whole = driven([(1.0, 0.5), (2.0, -1.0), (0.0, 0.0)], [1.0, 0.5])
+    part = whole.between(int(whole.stamps[0]), int(whole.stamps[-1]))
+    assert part.stamps.tolist() == whole.stamps.tolist()
+    assert part.poses.tolist() == whole.poses.tolist()
+    assert part.twists.tolist() == whole.twists.tolist()
+
+
+def test_a_simulated_run_is_read_from_the_simulator_s_own_topics(tmp_path):
+    run = read_run(write(tmp_path / 'bag', topics()))
+    first, last = run.decisions
+    assert (first.stamp, first.level, first.reason) == (7, 'nominal', 'Well.')
+    assert (first.finished, first.step_ms) == (False, 0.1 + 0.2)
+    assert (last.level, last.finished, last.step_ms) == ('stop', True, None)
+    assert run.plans == ()
+    assert run.driven.stamps.tolist() == [8, 9]
+    assert run.driven.poses[:, 0].tolist() == [1.0, 2.0]
+    assert run.driven.poses[1, 2] == pytest.approx(3.5 - 2.0 * math.pi)
+    assert run.driven.twists.tolist() == [[1.0, 0.1], [2.0, 0.1]]
+    assert run.wheel_stamps.tolist() == [8, 9]
+    assert run.wheel_speeds.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_without_a_simulator_odometry_and_commands_stand_in(tmp_path):
+    there = {name: each for name, each in topics().items() if not name.startswith('/sim')}
+    there['/guidance/predicted_path'] = (PATH, [path(7, [(1.0, 2.0), (3.0, 4.0)])])
+    run = read_run(write(tmp_path / 'bag', there))
+    assert run.driven.poses[:, 0].tolist() == [8.0, 9.0]
+    assert run.wheel_speeds.tolist() == [[5.0, 6.0]]
+    (plan,) = run.plans
+    assert plan.stamp == 7
+    assert plan.points.tolist() == [[1.0, 2.0], [3.0, 4.0]]
+
+
+def test_one_robot_of_several_is_read_by_its_namespace(tmp_path):
+    both = {**topics('/r1'), **topics('/r2')}
+    both['/r2/sim/truth'] = (ODOMETRY, [odometry(8, 50.0, 0.0, 1.0), odometry(9, 60.0, 0.0, 1.0)])
+    bag = write(tmp_path / 'bag', both)
+    assert read_run(bag, '/r1').driven.poses[0, 0] == 1.0
+    assert read_run(bag, '/r2').driven.poses[0, 0] == 50.0
+
+
+def test_of_two_at_one_instant_the_later_counts_and_time_is_put_in_order(tmp_path):
+    there = topics()
+    there['/sim/truth'] = (
+        ODOMETRY,
+        [odometry(9, 2.0, 0.0, 1.0), odometry(8, 1.0, 0.0, 1.0), odometry(9, 2.0, 0.0, 7.0)],
+    )
+    run = read_run(write(tmp_path / 'bag', there))
+    assert run.driven.stamps.tolist() == [8, 9]
+    assert run.driven.twists[:, 0].tolist() == [1.0, 7.0]
+
+
+@pytest.mark.parametrize(
+    ('topic', 'content', 'said'),
+    [
+        ('/guidance/decision', None, 'no topic /guidance/decision'),
+        ('/guidance/decision', (STATUS, []), 'no decision in /guidance/decision'),
+        ('/sim/truth', (ODOMETRY, [odometry(8, 1.0, 0.0, 1.0)]), 'found 1 messages in /sim/truth'),
+        ('/sim/wheel_speeds', None, 'no topic /sim/wheel_speeds'),
+    ],
+)
+def test_a_run_that_lacks_something_is_refused_by_its_name(tmp_path, topic, content, said):
+    there = {**topics(), topic: content}
+    there = {name: each for name, each in there.items() if each is not None}
+    bag = write(tmp_path / 'bag', there)
+    with pytest.raises(BagError, match=said):
+        read_run(bag)
+
+
+def test_decisions_of_another_program_are_refused_as_such(tmp_path):
+    foreign = make(STATUS, 0, 'decision', 'Well.', '', [])
+    bag = write(tmp_path / 'bag', {**topics(), '/guidance/decision': (STATUS, [foreign])})
+    with pytest.raises(BagError, match='/guidance/decision'):
+        read_run(bag)

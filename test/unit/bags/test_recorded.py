@@ -1,0 +1,79 @@
+"""Bags that an earlier version wrote: replayed, audited, reported and exported as they were.
+
+`recorded/` holds a lockstep run of real nodes, one with live changes, a goal under way, stops and
+resets, and one among moving obstacles.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cmpsp_ros.bags.audit import Outcome, audit
+from cmpsp_ros.bags.decision_record import ENTRIES, read_decisions
+from cmpsp_ros.bags.export import export
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.comparison import Comparison
+from cmpsp_ros.bags.replay.follower import Follower
+from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.report import write_report
+from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.guidance.key_values import decision_to_key_values
+from cmpsp_ros.parameters.settings import guidance_settings
+
+FOLDER = Path(__file__).parent / 'recorded'
+DECISIONS = {'case3': 52, 'changed_live': 23, 'moving': 51}
+each_bag = pytest.mark.parametrize('name', DECISIONS)
+
+
+def untimed(keys):
+    return {key for key in keys if not key.endswith('_ms')}
+
+
+@each_bag
+def test_every_decision_is_replayed_and_says_the_same_things(name):
+    """Not to the last bit: another machine, or another solver, may round otherwise."""
+    comparison, count = Comparison(1e-5), 0
+    with Bag(FOLDER / name) as bag:
+        inputs, follower = Inputs(bag, Names.under('')), Follower(guidance_settings)
+        for event in inputs:
+            assert not isinstance(event, OdometryMissing)
+            decision, recorded = follower.follow(event), getattr(event, 'decision', None)
+            assert (decision is None) == (recorded is None)
+            if decision is None:
+                continue
+            count += 1
+            assert untimed(decision_to_key_values(decision)) == untimed(recorded.entries)
+            different = {each.field for each in comparison.differences(count, recorded, decision)}
+            # How much work it took is the solver's own affair.
+            assert different <= {'iterations', 'qp_iterations', 'active_rows'}
+    assert (count, inputs.skipped) == (DECISIONS[name], 0)
+
+
+@each_bag
+def test_the_audit_finds_what_it_found(name):
+    failed = {each.check for each in audit(FOLDER / name) if each.outcome is Outcome.FAILED}
+    assert failed == ({'jumps', 'nominal', 'obeyed', 'road'} if name == 'changed_live' else set())
+
+
+@each_bag
+def test_report_and_tables_are_made(name, tmp_path):
+    write_report([FOLDER / name], tmp_path / 'report.html')
+    counts = export(FOLDER / name, tmp_path / 'tables')
+    assert counts[tmp_path / 'tables' / 'decisions.csv'] == DECISIONS[name]
+
+
+def test_a_run_is_read_as_it_was():
+    run = read_run(FOLDER / 'case3')
+    last = run.decisions[-2]
+    assert (last.step, last.level, last.finished, last.missed) == (50, 'stop', True, False)
+    assert last.terminal_error < 1e-9
+    assert run.decisions[5].clearance > 0.0
+
+
+def test_every_entry_of_a_decision_is_known():
+    with Bag(FOLDER / 'changed_live') as bag:
+        decisions = read_decisions(bag, '/guidance/decision')
+    assert untimed(key for each in decisions for key in each.entries) <= ENTRIES.keys()

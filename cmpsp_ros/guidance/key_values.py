@@ -47,7 +47,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
 
 
 def _of_goal(decision: Decision) -> dict[str, object]:
-    """What is to be told of the goal where there is more to it than a point that never changes."""
+    """The goal, where it has a name, a heading, or was received."""
     goal, values = decision.goal, dict[str, object]()
     if goal is not None and goal.name:
         (x, y), time = goal.position, goal.time

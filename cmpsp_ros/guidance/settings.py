@@ -27,7 +27,7 @@ _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the cost (95) and of the two true control costs beside it.
+    """Weights of the cost (95) and of two true control costs.
 
     Attributes:
         road_center: ``q`` of (95), on the squared distance to the centre line [1/m^2].
@@ -104,7 +104,7 @@ class Safety:
     """What the path must keep clear of, and where.
 
     Attributes:
-        margin: Kept from every obstacle and road edge beside the robot's own radius [m].
+        margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
     """
 
@@ -151,7 +151,7 @@ class GuidanceSettings:
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
         hold: Whether the robot holds its position at the goal after the final time.
-        nominal_speed: Speed along the road to a goal that is told without a time; 0 for eight
+        nominal_speed: Speed along the road to a goal that comes without a time; 0 for eight
             tenths of the top speed, or 1 m/s without a wheel limit [m/s].
         follow: How to follow the road, where that is the task; there is no goal then.
         control_period: Time between two control steps [s].

@@ -49,7 +49,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 def prepare(settings: GuidanceSettings) -> None:
     """Decide in all the ways that the settings, or live changes of them, may ask for.
 
-    After it neither an emergency nor a parameter that is changed under way makes a control step
+    After it neither an emergency nor a parameter that is changed live makes a control step
     wait for a compiler.
 
     Raises:
@@ -79,7 +79,7 @@ def warm_up(settings: GuidanceSettings) -> None:
 
 
 def run_kernels(settings: GuidanceSettings) -> None:
-    """Run every kernel of robot and road beside those of the planner.
+    """Run every kernel of robot and road except those of the planner.
 
     Each of them is compiled once, for all kinds of road.
     """
@@ -100,7 +100,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
-    """Settings whose rehearsal is short: compiled code is the same for any horizon and count."""
+    """Settings with a short warm-up: compiled code is the same for any horizon and count."""
     solver = settings.solver
     few = replace(
         solver,
@@ -127,7 +127,7 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
 
 
 def _meet_trouble(settings: GuidanceSettings) -> None:
-    """Start well, leave the road, be lost, and be too late: every rung is reached."""
+    """Start well, leave the road, be lost, and be too late: every fallback level is reached."""
     road, law = settings.road, GuidanceLaw(settings)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     on, off = road.middle(), road.beside()

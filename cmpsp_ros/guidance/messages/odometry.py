@@ -1,4 +1,4 @@
-"""Odometry: what of it the guidance law is told, and what nothing may be decided on."""
+"""Odometry messages: the pose in them, and what makes them unusable."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class OdometryError(ValueError):
-    """Odometry that nothing may be decided on; the message says why."""
+    """Odometry that is unusable; the message says why."""
 
 
 def stamp_of(message: Any) -> int:

@@ -1,4 +1,4 @@
-"""Obstacles that move, as the guidance law is told of them: one message, one moment, any number.
+"""Moving obstacles as messages: one message, one instant, any number.
 
 They come as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them: fields
 ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number.
@@ -31,12 +31,12 @@ _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
 
 class TrackError(ValueError):
-    """A message on obstacles that nothing is made of; it says why."""
+    """A message on obstacles that is unusable; the message says why."""
 
 
 @dataclass(frozen=True, order=True)
 class Track:
-    """One obstacle that moves, as it was seen; of two at one time the greater counts.
+    """One moving obstacle, as it was seen; of two at one time the greater counts.
 
     Attributes:
         id: Its number, the same in each message.
@@ -135,7 +135,7 @@ def check_age(stamp: int, now: int, timeout: float, what: str = 'Obstacles are')
 
 
 class Tracks(Generic[Item]):
-    """What is known of all that moves; by their stamps, in whatever order they are heard."""
+    """The reports on moving obstacles, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
         """Know of none."""

@@ -1,8 +1,8 @@
 """What is infeasible whatever the plan, checked before a run: a goal too far, a gap too narrow.
 
-Both checks are conservative, a warning is never wrong: the shortest way is one
-without obstacles, and of a gap only its width counts. On other roads than an annulus the shortest
-way is the straight one, and gaps are not looked at; nor are they beside what is no disc, or moves.
+Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
+and of a gap only its width counts. On other roads than an annulus the shortest path is the straight
+one, and gaps are not checked; nor are they next to polygons, lines and moving obstacles.
 """
 
 from __future__ import annotations

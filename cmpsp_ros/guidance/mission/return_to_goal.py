@@ -1,6 +1,6 @@
 """The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
 
-A robot that stands beside its goal gets nowhere by driving along the road, and a linearisation says
+A robot at rest beside its goal gets nowhere by driving along the road, and a linearisation says
 nothing of sideways motion at rest. A robot with two driven wheels turns where it stands.
 """
 

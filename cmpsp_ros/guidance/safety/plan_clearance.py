@@ -26,8 +26,8 @@ class PlanClearance:
     def along(self, decision: Decision) -> Array:
         """Least clearance of a plan from each pose to the next, and at the last.
 
-        It is from road edges, obstacles and what moves, the robot's own radius taken off; its least
-        is the decision's `worst_margin` where no command is under way.
+        From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
+        decision's `worst_margin` where no command is pending.
 
         Args:
             decision: One with a plan of ``N`` stages.

@@ -58,12 +58,12 @@ def sweep_plan(
         durations: Of the steps.
         wheel_radius: Of the robot.
         half_track: Of the robot.
-        between: Whether the way between samples counts.
+        between: Whether the path between samples counts.
         road: Where on it the robot's centre may be.
         corners: Of the obstacles, as `shape_functions` has them.
         first: Where the corners of each begin.
         radii: Least distances from the obstacles without theirs.
-        moving: States of the discs that move at the beginning of each step, shape ``(N, D, 5)``.
+        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 5)``.
         growth: Of their radii [m/s].
         progress: Arc length along the road of a place near the pose [m].
     """
@@ -103,7 +103,7 @@ def sweep_plan(
             bound = worst[EDGES + j] + radii[j] if k > 0 else math.inf
             least = sweep(arc, corners, first, j, bound)
             _record(found, worst, k, EDGES + j, least - radii[j], between)
-        # Of the time as of the way only the end counts where only the samples do.
+        # Where only the samples count, so does only the end of the time.
         begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
         for j in range(moving.shape[1]):
             radius = moving[k, j, RADIUS] + growth * begin

@@ -13,7 +13,7 @@ from benchmarks.verify.clarabel_reference import solve
 from benchmarks.verify.scenario import Maker, Scenario
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
@@ -67,7 +67,7 @@ def penalties(subproblem: Subproblem, weights: Weights) -> Penalties:
     """Weights of every row of one of the robot's programs."""
     stages, paths = subproblem.linearisation.g.shape
     path = np.full((stages, paths), weights.obstacle)
-    path[:, :EDGES] = weights.edge
+    path[:, :N_EDGE_CONSTRAINTS] = weights.edge
     return Penalties(np.full(len(subproblem.linearisation.output_error), weights.goal), path)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -64,5 +64,7 @@ def goal_space(
     near = samples.at(goal)[0] < 0.0
     if not near.any() or path.at(goal).min() < 0.0:
         return None
-    road: Any = path.road if near[:EDGES].any() else samples.road
-    return replace(samples, road=road, radii=np.where(near[EDGES:], path.radii, samples.radii))
+    road: Any = path.road if near[:N_EDGE_CONSTRAINTS].any() else samples.road
+    return replace(
+        samples, road=road, radii=np.where(near[N_EDGE_CONSTRAINTS:], path.radii, samples.radii)
+    )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES, LINE, POINT, POSE
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -47,7 +47,9 @@ class OcpFormulation:
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
-        self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
+        self.penalty_path = np.array(
+            [_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + [_OBSTACLE_PENALTY] * obstacles
+        )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self._by_guess = settings.safety.between_samples and math.isinf(
             settings.robot.max_wheel_speed
@@ -146,9 +148,11 @@ class OcpFormulation:
 _MOST_ENDS = 64
 
 
-def terminal_outputs(target: Target) -> int:
-    """What is to be met at the end: a `LINE`, a `POINT` or a `POSE`."""
-    return POINT if target.heading is None else LINE if target.is_line else POSE
+def terminal_constraint(target: Target) -> TerminalConstraint:
+    """What is to be met at the end."""
+    if target.heading is None:
+        return TerminalConstraint.POINT
+    return TerminalConstraint.LINE if target.is_line else TerminalConstraint.POSE
 
 
 def terminal_penalty(outputs: int) -> Array:

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.formulation.guidance_problem import (
 )
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
-    terminal_outputs,
+    terminal_constraint,
     terminal_penalty,
 )
 from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
@@ -124,7 +124,7 @@ class Planner:
         self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, limit: int
     ) -> SolveResult:
         """Do by the QP back ends what the compiled solver cannot: they can add curvature."""
-        steps, outputs = len(horizon.durations), terminal_outputs(self._target)
+        steps, outputs = len(horizon.durations), terminal_constraint(self._target)
         other = self._others.get(outputs)
         if other is None or steps >= len(other.ws.lower):
             other = self._make_driver(len(self._ws.lower) - 1, outputs, by_name=True)
@@ -163,7 +163,7 @@ class Planner:
 
     def _use_driver(self, steps: int) -> None:
         """Use memory for so many steps at least; in a new one no last plan is known."""
-        outputs = terminal_outputs(self._target)
+        outputs = terminal_constraint(self._target)
         known = self._drivers.get(outputs)
         if known is None or steps >= len(known.ws.lower):
             known = self._make_driver(steps, outputs, by_name=not self._compiled)
@@ -193,7 +193,7 @@ class Planner:
         return driver
 
     def _set_tolerances(self, driver: Driver) -> None:
-        run, outputs = driver.ws.run, terminal_outputs(self._target)
+        run, outputs = driver.ws.run, terminal_constraint(self._target)
         target = target_of(*_goal_of(self._target), outputs)
         default = Options(terminal_penalty(outputs), self._formulation.penalty_path)
         run['line_search'] = default.line_search

@@ -10,7 +10,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -213,10 +213,10 @@ class Audit:
         Returns:
             A sentence, empty where the pose is inside none.
         """
-        away = self.clearance_at(pose)[EDGES:]
+        away = self.clearance_at(pose)[N_EDGE_CONSTRAINTS:]
         if not away.size or not away.min() < -TOUCHING:
             return ''
-        name = self._names[EDGES + int(away.argmin())]
+        name = self._names[N_EDGE_CONSTRAINTS + int(away.argmin())]
         return f'The robot is {-away.min():.3g} m inside {name}: nothing is begun there.'
 
     def names(self, constraints: Sequence[int], moving: MovingDiscs = NOTHING_MOVES) -> str:

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.world.obstacles.moving_discs import RADIUS, VELOCITY_X, VELOCITY_Y, X, Y
@@ -77,11 +77,11 @@ def sweep_plan(
     progress = road_functions.find(road, x, y, heading, progress)
     progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
     worst[0], worst[1] = -over, -over_other
-    moved = EDGES + radii.shape[0]
+    moved = N_EDGE_CONSTRAINTS + radii.shape[0]
     for j in range(radii.shape[0]):
-        worst[EDGES + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
+        worst[N_EDGE_CONSTRAINTS + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
         if first[j + 1] - first[j] > 1:
-            worst[EDGES + j] -= ROUGHNESS
+            worst[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
     for j in range(moving.shape[1]):
         worst[moved + j] = (
             _clearance_at_rest(moving, j, growth, x, y, durations[0], between) - ROUGHNESS
@@ -100,9 +100,9 @@ def sweep_plan(
         _record(found, worst, k, 0, clearance, between)
         _record(found, worst, k, 1, other, between)
         for j in range(radii.shape[0]):
-            bound = worst[EDGES + j] + radii[j] if k > 0 else math.inf
+            bound = worst[N_EDGE_CONSTRAINTS + j] + radii[j] if k > 0 else math.inf
             least = sweep(arc, corners, first, j, bound)
-            _record(found, worst, k, EDGES + j, least - radii[j], between)
+            _record(found, worst, k, N_EDGE_CONSTRAINTS + j, least - radii[j], between)
         # Where only the samples count, so does only the end of the time.
         begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
         for j in range(moving.shape[1]):
@@ -120,7 +120,7 @@ def sweep_plan(
     # NaN if any of them is.
     found[2], found[3] = worst[nearest] + 0.0 * total, nearest
     found[7], found[8] = min(worst[0], worst[1]), math.inf
-    for what in range(EDGES, worst.shape[0]):
+    for what in range(N_EDGE_CONSTRAINTS, worst.shape[0]):
         found[8] = min(found[8], worst[what])
 
 

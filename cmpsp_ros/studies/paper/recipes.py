@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
@@ -116,7 +116,7 @@ def _improve(
     adds = recipe is Recipe.ONE_PLAN
     options = Options(
         penalty_terminal=np.full(2, _GOAL_PENALTY),
-        penalty_path=np.array([_EDGE_PENALTY] * EDGES + obstacles),
+        penalty_path=np.array([_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + obstacles),
         elastic=adds,
         line_search=adds,
         trust_radius=(

@@ -6,7 +6,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
-    terminal_outputs,
+    terminal_constraint,
     terminal_penalty,
 )
 from cmpsp_ros.guidance.planning.candidate import SolveResult
@@ -21,7 +21,7 @@ def improve(settings, pose, held, guess, horizon):
     formulation, solver, durations = OcpFormulation(settings), settings.solver, horizon.durations
     target = settings.target
     space = formulation.space(guess, durations, target, pose)
-    goal, outputs = np.array(target.position), terminal_outputs(target)
+    goal, outputs = np.array(target.position), terminal_constraint(target)
     heading = np.nan if target.heading is None else target.heading
     problem = GuidanceProblem(
         settings.robot, space, formulation.cost, pose, goal, durations, heading, outputs

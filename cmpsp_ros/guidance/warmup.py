@@ -11,16 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.candidate import Candidate, SolveResult
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
-from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -28,6 +23,7 @@ from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
     lookahead_point,
@@ -41,7 +37,7 @@ Array = NDArray[np.float64]
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
-_STEPS_ACROSS = 50
+_POST = 0.1
 _A_ROAD = Corridor(((0.0, 0.0), (1.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
@@ -60,9 +56,7 @@ def prepare(settings: GuidanceSettings) -> None:
     warm_up(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
-    circular = _on_annulus(settings)
-    _search_paths(circular)
-    _compare_plans(circular)
+    _compare_plans(settings)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
@@ -140,43 +134,20 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
     """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
-    _improved(replace(settings, solver=replace(settings.solver, qp=CLARABEL)))
-
-
-def _improved(settings: GuidanceSettings) -> tuple[PlanningContext, SolveResult]:
-    """A plan of one iteration."""
+    by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
-    context = PlanningContext.at_pose(settings, pose, horizon, np.zeros(2))
-    planner = Planner(OcpFormulation(settings))
-    return context, planner.improve(context, context.center_line_guess, iterations=1)
-
-
-def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:
-    """Settings with a road where plans are compared, which a live change may bring."""
-    if isinstance(settings.road, Annulus):
-        return settings
-    return replace(settings, road=Annulus(), goal=(10.0, 0.0))
-
-
-def _search_paths(settings: GuidanceSettings) -> None:
-    """Search as far as from one side of a road to the other, wherever the goal is at present."""
-    road = settings.annulus
-    start, durations = (
-        PlanStart(road.middle(), settings.robot),
-        np.full(_STEPS_ACROSS, settings.control_period),
-    )
-    opposite = Target((2.0 * road.center[0] - float(start.pose[0]), road.center[1]))
-    guess = along_road(settings, start, opposite, durations)
-    space = OcpFormulation(settings).static_free_space(guess, durations, opposite)
-    guide_paths(settings, space, start, opposite, durations)
+    context = PlanningContext.at_pose(by_name, pose, horizon, np.zeros(2))
+    Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:
-    """Find a plan's homotopy class and its score, which is done where there are several."""
-    context, result = _improved(settings)
-    start, plan = context.start, result.plan
-    verdict = Audit(settings).check(start, plan.controls, context.horizon.durations)
-    candidate = Candidate.of(result, verdict, context.goal)
-    Ranking(settings, settings.annulus).score(candidate, context.previous_control)
-    class_of(settings.annulus, start.pose[None, :2].copy(), plan.poses, settings.goal)
+    """Decide on a road where plans are compared, which a live change may bring."""
+    road = settings.road if isinstance(settings.road, Annulus) else Annulus()
+    x, y = road.center
+    opposite = 2.0 * x - float(road.middle()[0]), y
+    post = Obstacle('post', (x, y - road.center_radius), _POST)
+    solver = replace(settings.solver, candidates=_PLANS)
+    warm_up(
+        replace(settings, road=road, goal=opposite, follow=None, obstacles=(post,), solver=solver)
+    )

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.safety.plan_clearance import PlanClearance
+from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.nodes.guidance.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -103,7 +103,7 @@ def test_each_stage_has_the_colour_of_its_own_clearance(decision):
     settings = settings_of(**{'safety.margin': 0.05})
     law = GuidanceLaw(settings)
     made = law.update(0, np.array([0.0, -9.25, 0.0]))
-    room = PlanClearance(settings).along(made)
+    room = plan_clearance(settings, made)
     _, line, _ = PlanMarkers(settings).fill(made).markers
     assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
     assert len(set(map(rgb, line.colors))) > 5

@@ -15,8 +15,10 @@ from benchmarks.families.presets import Preset
 from benchmarks.families.task import Task
 from benchmarks.methods.peers import peers
 from benchmarks.quiet import collector_off, unheard
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 
 Array = NDArray[np.float64]
 
@@ -114,21 +116,22 @@ def long_task(steps: int) -> Task:
 
 def _measure(task: Task, samples: int, beside: bool, missing: dict[str, str]) -> LongStep:
     settings, steps = task.settings, task.steps
-    planner, controls = Planner(settings), task.guess(steps)
+    planner, controls = Planner(OcpFormulation(settings)), task.guess(steps)
     horizon = remaining(0, *map(to_nanoseconds, (settings.control_period, settings.final_time)))
     counts, rows = [], []
 
     def step(pose: Array, iterations: int | None = None) -> Array:
         """Improve the plan from a pose near its beginning; the plan itself stays."""
-        improvement = planner.improve(pose, np.zeros(2), controls, horizon, iterations=iterations)
-        if not improvement.solved or improvement.elastic:
-            reason = 'it needs slack' if improvement.solved else improvement.reason
+        context = PlanningContext.at_pose(settings, pose, horizon, np.zeros(2))
+        result = planner.improve(context, controls, iterations)
+        if not result.solved or result.elastic:
+            reason = 'it needs slack' if result.solved else result.reason
             raise BenchError(f'long horizons: found no plan ({reason})')
         # Controls at the end of the horizon move nothing, so their bounds do not count.
         bounds = planner._ws.program.stages['bounds'][:steps]  # noqa: SLF001
         active = np.count_nonzero(bounds) / bounds.size
-        counts.append((active, improvement.qp_iterations, improvement.work))
-        return improvement.plan.controls
+        counts.append((active, result.qp_iterations, result.work))
+        return result.plan.controls
 
     controls = step(task.pose, _FIRST_ITERATIONS)
     rng = np.random.default_rng(steps)

@@ -18,8 +18,8 @@ from benchmarks.quiet import collector_off
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.solve_result import Improvement
 
 Array = NDArray[np.float64]
 
@@ -95,8 +95,10 @@ def _drive(name: str, scenario: Scenario) -> RobotDrive:
             times.append(took)
             work.append(sum(counted))
             levels[decision.rung.name.lower()] += 1
-            pose = settings.model.roll_out(pose, decision.wheel_speeds[None], held)[-1]
-    return RobotDrive(name, np.array([times]), np.array(work), dict(levels), settings.miss(pose))
+            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
+    return RobotDrive(
+        name, np.array([times]), np.array(work), dict(levels), settings.target.errors(pose)[0]
+    )
 
 
 @contextmanager
@@ -105,7 +107,7 @@ def _counted_work() -> Iterator[list[int]]:
     counted: list[int] = []
     improve = Planner.improve
 
-    def counting(planner: Planner, *args: Any, **options: Any) -> Improvement:
+    def counting(planner: Planner, *args: Any, **options: Any) -> SolveResult:
         improvement = improve(planner, *args, **options)
         counted.append(improvement.work)
         return improvement

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.families.presets import Preset
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem, guidance_data
 from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 
@@ -75,7 +76,7 @@ class Task:
             weights.control_change,
             weights.control_effort,
         )
-        return cls(settings, preset.pose, at_samples(settings), cost)
+        return cls(settings, preset.pose, sample_space(settings), cost)
 
     @property
     def steps(self) -> int:
@@ -88,7 +89,12 @@ class Task:
 
     def guess(self, steps: int) -> Array:
         """The preset's first control history, shape ``(N + 1, 2)`` [rad/s]."""
-        return initial_guess(self.settings, self.pose, self.durations(steps))
+        return initial_guess(
+            self.settings,
+            PlanStart(self.pose, self.settings.robot),
+            self.settings.target,
+            self.durations(steps),
+        )
 
     def settings_for(self, steps: int) -> GuidanceSettings:
         """The preset's settings with so many control periods in its time."""

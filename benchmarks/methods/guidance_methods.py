@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
@@ -21,6 +24,7 @@ Array = NDArray[np.float64]
 class _Parts(NamedTuple):
     """What a step is put together from, for one control period [ns] and final time [ns]."""
 
+    settings: GuidanceSettings
     planner: Planner
     audit: Audit
     period: int
@@ -53,7 +57,9 @@ class FullStep:
         if steps not in self._made:
             settings = self._task.settings_for(steps)
             period, final = map(to_nanoseconds, (settings.control_period, settings.final_time))
-            self._made[steps] = _Parts(Planner(settings), Audit(settings), period, final)
+            self._made[steps] = _Parts(
+                settings, Planner(OcpFormulation(settings)), Audit(settings), period, final
+            )
         self._parts = self._made[steps]
         self._parts.planner.forget()
         self._plan: Plan | None = None
@@ -66,19 +72,20 @@ class FullStep:
         Raises:
             BenchError: The plan may not be followed.
         """
-        planner, audit, period, final = self._parts
+        settings, planner, audit, period, final = self._parts
         horizon = remaining(self._now, period, final)
         guess = U if self._plan is None else shift(self._plan.controls, self._plan.horizon, horizon)
-        improvement = planner.improve(pose, self._held, guess, horizon)
-        plan = improvement.plan
-        verdict = audit.check(pose, plan.controls, horizon.durations)
-        if not improvement.solved:
-            raise BenchError(improvement.reason)
+        context = PlanningContext.at_pose(settings, pose, horizon, self._held)
+        result = planner.improve(context, guess)
+        plan = result.plan
+        verdict = audit.check(context.start, plan.controls, horizon.durations)
+        if not result.solved:
+            raise BenchError(result.reason)
         if not verdict.passed:
             raise BenchError(verdict.reason)
         self._plan, self._held = plan, plan.controls[0]
         self._now += period
-        self.elastic += improvement.elastic
+        self.elastic += result.elastic
         return plan.controls
 
 

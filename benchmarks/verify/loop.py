@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from benchmarks.verify.case import Draft, Program, Rng
 from benchmarks.verify.clarabel_reference import solve
 from benchmarks.verify.scenario import Maker, Scenario
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
@@ -66,7 +67,7 @@ def penalties(subproblem: Subproblem, weights: Weights) -> Penalties:
     """Weights of every row of one of the robot's programs."""
     stages, paths = subproblem.linearisation.g.shape
     path = np.full((stages, paths), weights.obstacle)
-    path[:, :EDGES] = weights.edge
+    path[:, :N_EDGE_CONSTRAINTS] = weights.edge
     return Penalties(np.full(len(subproblem.linearisation.output_error), weights.goal), path)
 
 
@@ -92,7 +93,9 @@ def _visits(scenario: Scenario, rng: Rng) -> Iterator[Visit]:
         late = int(rng.uniform(0.0, 0.2) * period) if rng.random() < 0.3 else 0
         coming = remaining(min(step * period + late, final - 1), period, final)
         if horizon is None:
-            guess = initial_guess(settings, pose, coming.durations)
+            guess = initial_guess(
+                settings, PlanStart(pose, settings.robot), settings.target, coming.durations
+            )
         else:
             guess = shift(U, horizon, coming)
         horizon = coming
@@ -134,7 +137,7 @@ def _pose_problem(
         weights.control_change,
         weights.control_effort,
     )
-    space = at_samples(settings, float(durations.max()))
+    space = sample_space(settings, float(durations.max()))
     problem = GuidanceProblem(settings.robot, space, cost, pose, np.array(settings.goal), durations)
     if weights.control_rate > 0.0:
         return ControlRateProblem(problem, weights.control_rate, held[0])

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.messages.key_values import MOVING
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.key_values import MOVING
 from cmpsp_ros.guidance.messages.tracks import read_keys
-from cmpsp_ros.guidance.mission.goals import Goal
 
 Array = NDArray[np.float64]
 Waypoint = tuple[float, float, float, float]

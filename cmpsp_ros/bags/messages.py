@@ -7,7 +7,7 @@ from typing import Any
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.key_values import facts, severity, waypoints
+from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
 
 DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'
@@ -16,7 +16,10 @@ PATH = 'nav_msgs/msg/Path'
 
 def decision_message(decision: Decision, name: str) -> bytes:
     """Everything about a decision but its plan, serialised as a `DECISION`."""
-    pairs = [_make('diagnostic_msgs/msg/KeyValue', *item) for item in facts(decision).items()]
+    pairs = [
+        _make('diagnostic_msgs/msg/KeyValue', *item)
+        for item in decision_to_key_values(decision).items()
+    ]
     status = _make(
         'diagnostic_msgs/msg/DiagnosticStatus',
         severity(decision),

@@ -18,7 +18,7 @@ from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
@@ -53,7 +53,7 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
     draw_road(axes, settings.road, ROAD, EDGE)
-    kept = at_samples(settings)
+    kept = sample_space(settings)
     for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
         edge, around = outline(obstacle, obstacle.radius), outline(obstacle, radius)
         axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.guidance.mission.feasibility_precheck import doubts, shortest_time
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError, Problem
@@ -93,7 +93,7 @@ def load_scenario(
         raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
     check_start(values)
     check_pace(values)
-    remarks += doubts(settings, _start(values))
+    remarks += infeasibility_warnings(settings, _start(values))
     return Scenario(name, values, settings, tuple(remarks), namespace)
 
 

@@ -14,7 +14,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.encounters import encounters
 from cmpsp_ros.bags.runs.goals import Passing, mean_speed
 from cmpsp_ros.bags.runs.run import Run
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -156,7 +156,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
         deadline_misses=sum(time > 1e3 * settings.control_period for time in times),
-        rungs={rung.name.lower(): counts[rung.name.lower()] for rung in Rung},
+        rungs={rung.name.lower(): counts[rung.name.lower()] for rung in FallbackLevel},
         control_steps=len(steps),
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,

@@ -10,17 +10,17 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-from cmpsp_ros.guidance.mission.goals import Goal
 
 Array = NDArray[np.float64]
 
-_UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
+UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
 
-class Rung(IntEnum):
-    """Rungs of the ladder: what is commanded, from best to last."""
+class FallbackLevel(IntEnum):
+    """What is commanded, from best to last; `SHIFTED` is the previous plan."""
 
     NOMINAL = 0
     ELASTIC = 1
@@ -71,8 +71,8 @@ class Decision(NamedTuple):
     Attributes:
         stamp: Time stamp of the odometry that it answers [ns].
         step: Number of the control step, from 0.
-        rung: Rung of the ladder.
-        reason: Why that rung, in a sentence.
+        rung: The fallback level.
+        reason: Why that level, in a sentence.
         wheel_speeds: Commanded wheel speeds (right, left), shape ``(2,)`` [rad/s].
         twist: The same as speed and turn rate, shape ``(2,)`` [m/s, rad/s].
         time_left: Time to the final time [s]; 0 once it has passed, infinite where there is none.
@@ -88,23 +88,23 @@ class Decision(NamedTuple):
         qp_iterations: Iterations of the QP back end in the last of them.
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
-        wheel_slip: Part of the wheels' turning that is reckoned to be lost.
+        wheel_slip: Wheel-slip ratio that is estimated and compensated.
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
-        tracks: Obstacles that move and plans of other robots, as they were known.
+        tracks: Moving obstacles and plans of other robots, as they were known.
         goal: What it drives to, at which time; None where a road is followed.
         heading_miss: Difference of the plan's last heading from the goal's [rad]; None where any
             will do.
-        told: How many goals the law had been told since the run began.
+        told: How many goals were received since the run began.
         phases: Computing time by phase [ms], where a timer was given.
     """
 
     stamp: int
     step: int
-    rung: Rung
+    rung: FallbackLevel
     reason: str
     wheel_speeds: Array
     twist: Array
@@ -128,4 +128,4 @@ class Decision(NamedTuple):
     goal: Goal | None = None
     heading_miss: float | None = None
     told: int = 0
-    phases: Mapping[str, float] = _UNTIMED
+    phases: Mapping[str, float] = UNTIMED

@@ -1,130 +1,128 @@
-"""What every decision tells beside what it decides: of the run, of the goal, how far it is."""
+"""Decisions, made from what the law remembers and what it has found."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
-from cmpsp_ros.guidance.mission.goal_manager import Itinerary
+from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Verdict
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
 
-class Account:
-    """Makes the decisions of a law, and counts.
+def follow(
+    state: LawState,
+    stamp: int,
+    level: FallbackLevel,
+    reason: str,
+    plan: Plan,
+    verdict: Verdict,
+    robot: DifferentialDrive,
+    errors: tuple[float, float | None],
+    result: SolveResult | None = None,
+    phases: Mapping[str, float] = UNTIMED,
+) -> Decision:
+    """To follow a plan.
 
-    Attributes:
-        run: How often the law has been reset before.
-        revision: How often it has been given new settings before.
-        step: Control steps of this run so far.
-        failures: Failed control steps in a row.
+    Args:
+        state: Of the law.
+        stamp: Time stamp of the odometry that it answers [ns].
+        level: The fallback level.
+        reason: Why that level.
+        plan: The plan.
+        verdict: Of the audit.
+        robot: Kinematics by which wheel speeds are commanded.
+        errors: Distance of the plan's end from the goal [m], and of its last heading [rad].
+        result: Of the iterations of this step, if there were any.
+        phases: Computing time by phase [ms].
     """
+    controls = plan.controls[0]
+    return Decision(
+        stamp=stamp,
+        step=state.step,
+        rung=level,
+        reason=reason,
+        wheel_speeds=controls,
+        twist=robot.twist(controls),
+        time_left=_time_left(state, state.now),
+        plan=plan,
+        miss=errors[0],
+        margin=verdict.margin,
+        worst_margin=verdict.worst_margin,
+        failures=state.failures,
+        run=state.run,
+        revision=state.revision,
+        goal=state.goals.goal,
+        heading_miss=errors[1],
+        told=state.goals.goals_received,
+        slack=result.slack if result is not None and result.elastic else 0.0,
+        iterations=0 if result is None else result.iterations,
+        qp_iterations=0 if result is None else result.qp_iterations,
+        active_rows=0 if result is None else result.active_rows,
+        phases=phases,
+    )
 
-    def __init__(self, itinerary: Itinerary) -> None:
-        """Begin before the first run.
 
-        Args:
-            itinerary: The goals, which are told with every decision.
-        """
-        self._itinerary = itinerary
-        self.run = self.revision = -1
-        self.step = self.failures = 0
+def stop(
+    state: LawState, stamp: int, pose: Array, reason: str, clearance: float, **numbers: Any
+) -> Decision:
+    """To stop.
 
-    def begin(self) -> None:
-        """Begin another run."""
-        self.run += 1
-        self.step = self.failures = 0
+    Args:
+        state: Of the law.
+        stamp: Time stamp of the odometry that it answers, or of now [ns].
+        pose: Where the robot is, NaN if unknown, shape ``(3,)`` [m, m, rad].
+        reason: Why.
+        clearance: There [m].
+        numbers: Other fields of `Decision`.
+    """
+    error, heading_error = state.goals.target.errors(pose)
+    return Decision(
+        stamp=stamp,
+        step=state.step,
+        rung=FallbackLevel.STOP,
+        reason=reason,
+        wheel_speeds=np.zeros(2),
+        twist=np.zeros(2),
+        time_left=_time_left(state, 0 if state.start is None else stamp - state.start),
+        plan=None,
+        miss=error,
+        margin=clearance,
+        worst_margin=clearance,
+        failures=state.failures,
+        run=state.run,
+        revision=state.revision,
+        goal=state.goals.goal,
+        heading_miss=heading_error,
+        told=state.goals.goals_received,
+        **numbers,
+    )
 
-    def following(
-        self,
-        stamp: int,
-        rung: Rung,
-        reason: str,
-        plan: Plan,
-        verdict: Verdict,
-        robot: DifferentialDrive,
-        **rest: Any,
-    ) -> Decision:
-        """To follow a plan.
 
-        Args:
-            stamp: Time stamp of the odometry that it answers [ns].
-            rung: Rung of the ladder.
-            reason: Why that one.
-            plan: The plan.
-            verdict: Of the audit.
-            robot: Kinematics by which wheel speeds are commanded.
-            rest: Whatever else a `Decision` has.
-        """
-        values = {
-            'time_left': self.time_left(int(plan.horizon.edges[0])),
-            **self.misses(plan.poses[-1]),
-            **rest,
-        }
-        return Decision(
-            stamp=stamp,
-            rung=rung,
-            reason=reason,
-            wheel_speeds=plan.controls[0],
-            twist=robot.twist(plan.controls[0]),
-            plan=plan,
-            margin=verdict.margin,
-            worst_margin=verdict.worst_margin,
-            **self._told(),
-            **values,
-        )
+def ending(state: LawState, settings: GuidanceSettings, pose: Array) -> tuple[str, bool]:
+    """What to say once the final time has passed, and whether the goal was missed."""
+    if state.goals.goal is None:
+        return 'The final time has passed.', False
+    error, heading_error = state.goals.target.errors(pose)
+    off = heading_error or 0.0
+    if error > settings.goal_tolerance:
+        return f'The final time has passed, {error:.3g} m from the goal.', True
+    if off > settings.heading_tolerance:
+        return f"The final time has passed, {off:.3g} rad off the goal's heading.", True
+    return 'The final time has passed.', False
 
-    def standing(
-        self, stamp: int, elapsed: int, pose: Array, reason: str, margin: float, **rest: Any
-    ) -> Decision:
-        """To stand still.
 
-        Args:
-            stamp: Time stamp of the odometry that it answers, or of now [ns].
-            elapsed: Time since the run began [ns].
-            pose: Where the robot is; not numbers where nobody knows.
-            reason: Why.
-            margin: Clearance there [m].
-            rest: Whatever else a `Decision` has.
-        """
-        return Decision(
-            stamp=stamp,
-            rung=Rung.STOP,
-            reason=reason,
-            wheel_speeds=np.zeros(2),
-            twist=np.zeros(2),
-            plan=None,
-            margin=margin,
-            worst_margin=margin,
-            time_left=self.time_left(elapsed),
-            **self._told(),
-            **self.misses(pose),
-            **rest,
-        )
-
-    def misses(self, pose: Array) -> dict[str, Any]:
-        """How far a pose is from the goal, and its heading from the goal's."""
-        settings = self._itinerary.settings
-        return {'miss': settings.miss(pose), 'heading_miss': settings.heading_miss(pose)}
-
-    def time_left(self, elapsed: int) -> float:
-        """Time to the last goal [s], so long [ns] after the run began."""
-        end = self._itinerary.end
-        return max(0, end - elapsed) / NANOSECONDS if end < NEVER else math.inf
-
-    def _told(self) -> dict[str, Any]:
-        return {
-            'step': self.step,
-            'failures': self.failures,
-            'run': self.run,
-            'revision': self.revision,
-            'goal': self._itinerary.goal,
-            'told': self._itinerary.heard,
-        }
+def _time_left(state: LawState, elapsed: int) -> float:
+    """Time to the last goal [s], so long [ns] after the run began."""
+    end = state.goals.end
+    return max(0, end - elapsed) / NANOSECONDS if end < NEVER else math.inf

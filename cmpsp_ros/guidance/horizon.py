@@ -6,6 +6,7 @@ Times are integer nanoseconds since time 0, so that a run repeats exactly.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -38,8 +39,9 @@ class Horizon(NamedTuple):
     durations: Array
 
     @classmethod
-    def between(cls, edges: NDArray[np.int64]) -> Horizon:
-        """The horizon of these instants."""
+    def between(cls, instants: Sequence[int]) -> Horizon:
+        """The horizon of these instants [ns]."""
+        edges = np.array(instants, dtype=np.int64)
         return cls(edges, np.diff(edges) / NANOSECONDS)
 
     @property
@@ -63,17 +65,9 @@ def remaining(now: int, period: int, final: int) -> Horizon:
     """
     half = period // 2
     first = -(-(now + half) // period)
-    last = (final - half) // period
-    last = max(last, first - 1)
-    end = max(final, now + half)
-    edges = np.arange((first - 1) * period, (last + 2) * period, period)
-    edges[0], edges[-1] = now, end
-    # All steps but the first and the last are one period.
-    durations = np.empty(len(edges) - 1)
-    durations.fill(period / NANOSECONDS)
-    between = last >= first
-    durations[-1] = (end - (last * period if between else now)) / NANOSECONDS
-    durations[0] = ((first * period if between else end) - now) / NANOSECONDS
+    last = max((final - half) // period, first - 1)
+    edges, durations = np.empty(last - first + 3, dtype=np.int64), np.empty(last - first + 2)
+    _fill(edges, durations, now, max(final, now + half), first, period)
     return Horizon(edges, durations)
 
 
@@ -95,7 +89,7 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
 
 def steps_over(old: Horizon, new: Horizon) -> int:
     """How many steps of a horizon are over when a later one begins."""
-    return int(old.edges.searchsorted(new.edges[0], side='right')) - 1
+    return _steps_over(old.edges, new.edges)
 
 
 @allocation_free
@@ -109,3 +103,24 @@ def _shift(shifted: Array, controls: Array, old: NDArray[np.int64], new: NDArray
             shifted[k, a] = controls[held, a]
     for a in range(controls.shape[1]):
         shifted[-1, a] = controls[-1, a]
+
+
+@allocation_free
+def _steps_over(old: NDArray[np.int64], new: NDArray[np.int64]) -> int:
+    over = 0
+    while over < old.shape[0] and old[over] <= new[0]:
+        over += 1
+    return over - 1
+
+
+@allocation_free
+def _fill(
+    edges: NDArray[np.int64], durations: Array, now: int, end: int, first: int, period: int
+) -> None:
+    """Fill in the present, the multiples of the period from the ``first`` on, and the end."""
+    steps = durations.shape[0]
+    edges[0], edges[steps] = now, end
+    for k in range(1, steps):
+        edges[k] = (first + k - 1) * period
+    for k in range(steps):
+        durations[k] = (edges[k + 1] - edges[k]) / NANOSECONDS

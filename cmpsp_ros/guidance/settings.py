@@ -1,4 +1,4 @@
-"""Everything the guidance law is told before it starts, as one immutable value."""
+"""All settings of the guidance law, as one immutable value."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.mission.goals import Follow, Goal
+from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.road import Annulus, Road
@@ -22,12 +22,12 @@ GOAL: Final = 'goal'
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
 
-_PART_OF_TOP, _WITHOUT_TOP = 0.8, 1.0
+_FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of the cost (95) and of the two true control costs beside it.
+    """Weights of the cost (95) and of two true control costs.
 
     Attributes:
         road_center: ``q`` of (95), on the squared distance to the centre line [1/m^2].
@@ -54,10 +54,9 @@ class SolverSettings:
 
     Attributes:
         iterations_per_step: Iterations at each control step (the paper's "iteration unfolding").
-        initial_iterations: Iterations where there is no plan to go on with, and the robot stands.
-            Where several plans are compared, each has the first `SCREENING` of them, and the one
-            that is followed has them all.
-        candidates: How many plans are compared at a control step; as many again may turn first.
+        initial_iterations: Iterations without a plan to warm-start from, at rest. Every candidate
+            gets `SCREENING` of them; the selected one gets the rest.
+        candidates: Number of plans compared at a control step; as many again may turn first.
         qp: Name of the QP back end.
         hessian: Hessian of the cost: Gauss-Newton, exact as it is, or exact and projected to PSD.
         heading_trust_region: Largest predicted heading change of any stage in one iteration [rad];
@@ -105,7 +104,7 @@ class Safety:
     """What the path must keep clear of, and where.
 
     Attributes:
-        margin: Kept from every obstacle and road edge beside the robot's own radius [m].
+        margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
     """
 
@@ -115,14 +114,14 @@ class Safety:
 
 @dataclass(frozen=True)
 class MovingObstacles:
-    """What is made of obstacles that are told of while the robot drives.
+    """How moving obstacles and other robots are considered.
 
     Attributes:
-        capacity: How many of them a plan can miss at a time; 0 where none are listened to.
-        timeout: Age at which one that is not told of again is forgotten [s].
-        growth: Of their radii with the age of what is known of them [m/s].
-        others: Namespaces of other robots, whose plans are listened to.
-        others_radius: Of the footprint of each of them [m].
+        capacity: Maximum number of moving obstacles considered; 0 for none.
+        timeout: Age at which an obstacle that is not reported again is dropped [s].
+        growth: Growth of their radii with the age of the report [m/s].
+        others: Namespaces of other robots whose plans are considered.
+        others_radius: Radius of the footprint of each of them [m].
     """
 
     capacity: int = 0
@@ -132,8 +131,8 @@ class MovingObstacles:
     others_radius: float = 0.0
 
     @property
-    def room(self) -> int:
-        """For how many a plan has constraints, other robots included."""
+    def slots(self) -> int:
+        """Number of constraints a stage has for them, other robots included."""
         return self.capacity + len(self.others)
 
 
@@ -151,21 +150,19 @@ class GuidanceSettings:
         final_time: Time at which to pass the goal, from the first odometry [s]. Where a road is
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
-        hold: Whether the robot is kept at the goal after the final time.
-        drives_on: Whether another goal comes after this one, where it is one of several.
-        nominal_speed: Speed along the road to a goal that is told without a time; 0 for eight
+        hold: Whether the robot holds its position at the goal after the final time.
+        nominal_speed: Speed along the road to a goal that comes without a time; 0 for eight
             tenths of the top speed, or 1 m/s without a wheel limit [m/s].
         follow: How to follow the road, where that is the task; there is no goal then.
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
-        obstacles: Obstacles to miss that stand still.
-        moving_obstacles: What is made of those that move.
+        obstacles: Static obstacles.
+        moving_obstacles: How moving ones are considered.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
-        max_slip: Largest wheel slip, a fraction, that is estimated and reckoned with; 0 for none.
-        slip: Wheel slip that plans reckon with; the law follows its estimate with it.
+        max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
         start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
@@ -180,7 +177,6 @@ class GuidanceSettings:
     final_time: float = 10.0
     waypoints: tuple[Goal, ...] = ()
     hold: bool = False
-    drives_on: bool = False
     nominal_speed: float = 0.0
     follow: Follow | None = None
     control_period: float = 0.2
@@ -196,16 +192,18 @@ class GuidanceSettings:
     odom_timeout: float = 0.5
     failure_tolerance: int = 3
     max_slip: float = 0.0
-    slip: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
 
     @property
-    def model(self) -> DifferentialDrive:
-        """The robot as plans foresee it: it comes less far for its slip."""
-        if self.slip == 0.0:
-            return self.robot
-        return replace(self.robot, wheel_radius=(1.0 - self.slip) * self.robot.wheel_radius)
+    def target(self) -> Target:
+        """What a plan for the last goal alone is to meet at its end."""
+        return Target(self.goal, self.goal_heading, is_line=self.follow is not None)
+
+    @property
+    def longest_horizon(self) -> float:
+        """Longest time that a plan is made for [s]."""
+        return self.final_time if self.follow is None else self.follow.horizon
 
     @property
     def goals(self) -> tuple[Goal, ...]:
@@ -219,17 +217,16 @@ class GuidanceSettings:
     def pace(self) -> float:
         """Speed along the road where no time says it [m/s]."""
         top = self.robot.max_speed
-        return self.nominal_speed or (_PART_OF_TOP * top if math.isfinite(top) else _WITHOUT_TOP)
+        return self.nominal_speed or (
+            _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
+        )
 
-    def towards(
-        self, goal: Goal, begin: float = 0.0, *, drives_on: bool = False
-    ) -> GuidanceSettings:
+    def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
         """The same with one goal alone.
 
         Args:
             goal: The goal.
             begin: When the way to it begins [s].
-            drives_on: Whether another goal comes after it.
         """
         return replace(
             self,
@@ -237,27 +234,7 @@ class GuidanceSettings:
             goal_heading=goal.heading,
             final_time=goal.time - begin,
             waypoints=(),
-            drives_on=drives_on,
         )
-
-    def miss(self, pose: Array) -> float:
-        """How far a pose (x, y, ...) [m] is from the goal [m].
-
-        Where a road is followed the goal is a line across it.
-        """
-        x: float
-        y: float
-        x, y = pose.tolist()[:2]
-        if self.follow is None or self.goal_heading is None:
-            return math.dist((x, y), self.goal)
-        dx, dy = x - self.goal[0], y - self.goal[1]
-        return abs(math.cos(self.goal_heading) * dx + math.sin(self.goal_heading) * dy)
-
-    def heading_miss(self, pose: Array) -> float | None:
-        """How far a pose's heading is from the goal's [rad]; None where any will do."""
-        if self.goal_heading is None or self.follow is not None:
-            return None
-        return abs(math.remainder(float(pose[2]) - self.goal_heading, math.tau))
 
     @property
     def annulus(self) -> Annulus:

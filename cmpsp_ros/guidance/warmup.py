@@ -10,22 +10,26 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw, warm_up
-from cmpsp_ros.guidance.mission.goals import line_ahead, place_of, way_along
-from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import signature_of
-from cmpsp_ros.guidance.planning.homotopy.path_search import ways_through
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road, ways_left
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.ranking import Judge
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.arc_length import (
+    arc_length_to,
+    lookahead_point,
+    project_on_path,
+    remaining_arc_length,
+)
 from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.roads.road import Annulus
 
@@ -33,7 +37,7 @@ Array = NDArray[np.float64]
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
-_STEPS_ACROSS = 50
+_POST = 0.1
 _A_ROAD = Corridor(((0.0, 0.0), (1.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
@@ -41,7 +45,7 @@ _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 def prepare(settings: GuidanceSettings) -> None:
     """Decide in all the ways that the settings, or live changes of them, may ask for.
 
-    After it neither an emergency nor a parameter that is changed under way makes a control step
+    After it neither an emergency nor a parameter that is changed live makes a control step
     wait for a compiler.
 
     Raises:
@@ -52,37 +56,45 @@ def prepare(settings: GuidanceSettings) -> None:
     warm_up(settings)
     _meet_trouble(settings)
     _meet_difficulties(settings)
-    circular = _on_annulus(settings)
-    _look_for_ways(circular)
-    _compare_plans(circular)
+    _compare_plans(settings)
     for each in _reachable(settings):
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
 
 
+def warm_up(settings: GuidanceSettings) -> None:
+    """Decide once, far from any run, so that all compiled code is loaded.
+
+    Raises:
+        ValueError: The settings cannot be worked with.
+    """
+    GuidanceLaw(settings).update(0, settings.road.middle())
+
+
 def run_kernels(settings: GuidanceSettings) -> None:
-    """Run every kernel of robot and road beside those of the planner.
+    """Run every kernel of robot and road except those of the planner.
 
     Each of them is compiled once, for all kinds of road.
     """
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
     on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
-    on_road.model.roll_out(pose, controls, durations)
+    on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)
-    Audit(on_road).check(pose, controls, durations, _A_DISC)
-    along_road(on_road, pose, durations)
-    ways_left(on_road, pose[None])
-    way_along(_A_ROAD, pose, on_road.goal)
-    line_ahead(_A_ROAD, pose, 1.0)
-    place_of(_A_ROAD, pose, math.nan)
+    start = PlanStart(pose, on_road.robot, _A_DISC)
+    Audit(on_road).check(start, controls, durations)
+    along_road(on_road, start, on_road.target, durations)
+    remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
+    arc_length_to(_A_ROAD, pose, on_road.goal)
+    lookahead_point(_A_ROAD, pose, 1.0)
+    project_on_path(_A_ROAD, pose, math.nan)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
-    """Settings whose rehearsal is short: compiled code is the same for any horizon and count."""
+    """Settings with a short warm-up: compiled code is the same for any horizon and count."""
     solver = settings.solver
     few = replace(
         solver,
@@ -109,7 +121,7 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
 
 
 def _meet_trouble(settings: GuidanceSettings) -> None:
-    """Start well, leave the road, be lost, and be too late: every rung is reached."""
+    """Start well, leave the road, be lost, and be too late: every fallback level is reached."""
     road, law = settings.road, GuidanceLaw(settings)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     on, off = road.middle(), road.beside()
@@ -122,38 +134,20 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
     """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
-    road = settings.road
-    planner = Planner(replace(settings, solver=replace(settings.solver, qp=CLARABEL)))
+    by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    horizon, pose = remaining(0, period, final), road.middle()
-    guess = along_road(settings, pose, horizon.durations)
-    planner.improve(pose, np.zeros(2), guess, horizon, iterations=1)
-
-
-def _on_annulus(settings: GuidanceSettings) -> GuidanceSettings:
-    """Settings with a road where plans are compared, which a live change may bring."""
-    if isinstance(settings.road, Annulus):
-        return settings
-    return replace(settings, road=Annulus(), goal=(10.0, 0.0))
-
-
-def _look_for_ways(settings: GuidanceSettings) -> None:
-    """Search as far as from one side of a road to the other, wherever the goal is at present."""
-    road = settings.annulus
-    pose, durations = road.middle(), np.full(_STEPS_ACROSS, settings.control_period)
-    opposite = replace(settings, goal=(2.0 * road.center[0] - float(pose[0]), road.center[1]))
-    space = Task(opposite).space(along_road(opposite, pose, durations), durations)
-    ways_through(opposite, space, pose, durations)
+    horizon, pose = remaining(0, period, final), settings.road.middle()
+    context = PlanningContext.at_pose(by_name, pose, horizon, np.zeros(2))
+    Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:
-    """Tell a plan's way and its merit, which is done where there are several."""
-    road = settings.annulus
-    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    horizon, pose, held = remaining(0, period, final), road.middle(), np.zeros(2)
-    guess = along_road(settings, pose, horizon.durations)
-    improvement = Planner(settings).improve(pose, held, guess, horizon, iterations=1)
-    plan = improvement.plan
-    verdict = Audit(settings).check(pose, plan.controls, horizon.durations)
-    Judge(settings).merit(Candidate(improvement, verdict), held)
-    signature_of(road, pose[None, :2].copy(), plan.poses, settings.goal)
+    """Decide on a road where plans are compared, which a live change may bring."""
+    road = settings.road if isinstance(settings.road, Annulus) else Annulus()
+    x, y = road.center
+    opposite = 2.0 * x - float(road.middle()[0]), y
+    post = Obstacle('post', (x, y - road.center_radius), _POST)
+    solver = replace(settings.solver, candidates=_PLANS)
+    warm_up(
+        replace(settings, road=road, goal=opposite, follow=None, obstacles=(post,), solver=solver)
+    )

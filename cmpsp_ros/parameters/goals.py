@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.guidance.mission.goals import Follow, Goal
+from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.guidance.settings import GOAL
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.places import place_problems

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
@@ -56,7 +56,10 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
             wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'
         else:
             space = FreeSpace.of(OpenFloor(), (obstacle,), 0.0)
-            distance, needed = float(space.at(np.array([[*point, 0.0]]))[0, EDGES]), radius
+            distance, needed = (
+                float(space.at(np.array([[*point, 0.0]]))[0, N_EDGE_CONSTRAINTS]),
+                radius,
+            )
             found = f'{distance:.9g} m from obstacle {obstacle.name}'
             wanted = f'{needed:.9g} m or more (robot.radius)'
         if distance < needed:

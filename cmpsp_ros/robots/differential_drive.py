@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,10 @@ class DifferentialDrive:
     def max_speed(self) -> float:
         """Largest speed along the path [m/s], with both wheels at their limit."""
         return self.wheel_radius * self.max_wheel_speed
+
+    def slipping(self, slip: float) -> DifferentialDrive:
+        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
+        return replace(self, wheel_radius=(1.0 - slip) * self.wheel_radius) if slip else self
 
     def twist_limits(self) -> TwistLimits:
         """Twists that the wheel-speed limit allows.

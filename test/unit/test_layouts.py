@@ -11,8 +11,8 @@ import yaml
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from rclpy.time import Time
 
+from cmpsp_ros.guidance.key_values import decision_to_key_values
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.key_values import facts
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
 from cmpsp_ros.nodes.guidance.markers import marker_array
@@ -137,7 +137,7 @@ def test_every_path_of_foxglove_leads_to_a_field_of_a_topic(foxglove, topics):
 def test_the_values_that_foxglove_plots_are_those_of_a_decision(foxglove):
     keys = {key for path in paths(foxglove) for key in re.findall(r'key=="(\w+)"', path)}
     assert keys == {'rung', 'worst_margin', 'miss'}
-    source = Path(facts.__code__.co_filename).read_text(encoding='utf-8')
+    source = Path(decision_to_key_values.__code__.co_filename).read_text(encoding='utf-8')
     assert keys <= set(re.findall(r"'(\w+)': decision\.", source))
 
 

@@ -61,7 +61,7 @@ def test_the_second_time_everything_is_there(run, caches):
     assert 'removed: 1 files not used for 30 days' in first.stdout
     (folder,) = caches.iterdir()
     assert f'kept in: {folder}' in first.stdout
-    assert [*folder.glob('cmpsp_ros.guidance.safety.audit.*')]
+    assert [*folder.glob('cmpsp_ros.guidance.safety.plan_sweep.*')]
     assert not (folder / 'unused.kernel').exists()
     assert first.stderr.startswith('Compiling kernels (once): 1: ')
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import Record
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 
 _ROUNDING = 1e-6
@@ -17,7 +17,7 @@ def reasons(record: Record) -> Verdict:
     """Whether every level is a known one with a reason, and every stop a stop."""
     if not record.decisions:
         return _no_decision(record)
-    known = {level.name.lower() for level in Rung}
+    known = {level.name.lower() for level in FallbackLevel}
     wrong = []
     for each in record.decisions:
         if each.level not in known:

@@ -16,10 +16,11 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import Leg, Record, Run
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.mission.goals import Goal, place_of
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
@@ -125,7 +126,7 @@ def commanded(record: Record) -> Verdict:
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
                 period = min(max(held, 0.0), period)
-            near = place_of(settings.road, pose, near)
+            near = project_on_path(settings.road, pose, near)
             spare = _spare(settings, pose, twist, period, near)
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.messages.key_values import MOVING, facts, waypoints
+from cmpsp_ros.guidance.key_values import MOVING, decision_to_key_values, waypoints
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
@@ -81,7 +81,7 @@ class Comparison:
 
 def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
     """Every field, as recorded and as decided, in text."""
-    now = facts(decision)
+    now = decision_to_key_values(decision)
     for key in {**now, **recorded.entries}:
         if key not in _INPUTS and not key.endswith('_ms'):
             yield key, recorded.entries.get(key), now.get(key)

@@ -15,8 +15,8 @@ from cmpsp_ros.bags.replay.inputs import (
     RunStarted,
 )
 from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import GoalError
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.table import Values
 

@@ -16,9 +16,9 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
 from cmpsp_ros.bags.replay.recording import Names, OdometrySample, Recording
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.parameters.table import Values
 
 

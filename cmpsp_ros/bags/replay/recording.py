@@ -15,12 +15,11 @@ from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
-from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen, plan_of
-from cmpsp_ros.guidance.messages.plan_topic import plan_topic
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen, plan_of, plan_topic
 from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
-from cmpsp_ros.guidance.mission.goals import Goal
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy as np
 from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.mission.goals import Goal
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.guidance.mission.goals import Goal, way_along
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.world.roads.arc_length import arc_length_to
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -68,7 +69,7 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
         seconds: What the path took.
     """
     steps = (
-        way_along(settings.road, before, tuple(after[:2].tolist()), float(after[2]))
+        arc_length_to(settings.road, before, tuple(after[:2].tolist()), float(after[2]))
         for before, after in pairwise(poses)
     )
     return sum(steps) / seconds

@@ -11,16 +11,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.ocp_functions import (
-    EDGES,
     EXACT,
     GAUSS_NEWTON,
-    LEVER,
-    LINE,
+    HEADING_SCALE,
+    N_EDGE_CONSTRAINTS,
     PARAMETERS,
-    POINT,
-    POSE,
     PROJECTED,
     GuidanceData,
+    TerminalConstraint,
 )
 from cmpsp_ros.mpsp.problem import (
     Dimensions,
@@ -80,8 +78,8 @@ class GuidanceProblem(OptimalControlProblem):
         goal: Array,
         durations: Array,
         heading: float = math.nan,
-        outputs: int = POINT,
-        near: float = math.nan,
+        outputs: int = TerminalConstraint.POINT,
+        progress: float = math.nan,
     ) -> None:
         """Set the problem up from where the robot is.
 
@@ -92,19 +90,23 @@ class GuidanceProblem(OptimalControlProblem):
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             goal: Point to pass at the end, shape ``(2,)`` [m].
             durations: Length of every step, shape ``(N,)`` [s].
-            heading: As in `GuidanceData`; not used for a `POINT` [rad].
-            outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
-            near: As in `GuidanceData` [m].
+            heading: As in `GuidanceData`; not used for a `TerminalConstraint.POINT` [rad].
+            outputs: What is to be met at the end: a `TerminalConstraint`.
+            progress: As in `GuidanceData` [m].
         """
         steps = len(durations)
         self.size = Dimensions(
-            horizon=steps, state=3, control=2, output=outputs, path=EDGES + len(space.first) - 1
+            horizon=steps,
+            state=3,
+            control=2,
+            output=outputs,
+            path=N_EDGE_CONSTRAINTS + len(space.first) - 1,
         )
         self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
         self.control_lower = -self.control_upper
         self.target = target_of(goal, heading, outputs)
         self.data = guidance_data(
-            robot, space, cost, pose, goal, durations, heading=heading, near=near
+            robot, space, cost, pose, goal, durations, heading=heading, progress=progress
         )
 
     def predict(self, U: Array) -> Array:
@@ -151,12 +153,12 @@ def guidance_data(
     durations: Array,
     hessian: Hessian = 'gauss_newton',
     heading: float = math.nan,
-    near: float = math.nan,
+    progress: float = math.nan,
 ) -> GuidanceData:
     """The problem for compiled code; arguments as of `GuidanceProblem`."""
     data = GuidanceData(
         pose=pose,
-        near=float(near),
+        progress=float(progress),
         durations=durations,
         parameters=np.zeros(1, PARAMETERS),
         road=space.road,
@@ -185,14 +187,14 @@ def with_parameters(data: GuidanceData, **changes: Any) -> GuidanceData:
     return data._replace(parameters=parameters)
 
 
-def begun_at(data: GuidanceData, pose: Array, durations: Array, near: float) -> GuidanceData:
+def begun_at(data: GuidanceData, pose: Array, durations: Array, progress: float) -> GuidanceData:
     """The same problem from another pose; arguments as of `GuidanceData`."""
     # `_replace` takes several times as long.
-    return GuidanceData(pose, near, durations, *data[3:])
+    return GuidanceData(pose, progress, durations, *data[3:])
 
 
 def target_of(goal: Array, heading: float, outputs: int) -> Array:
     """What is wanted at the end, shape ``(outputs,)`` [m]; arguments as of `GuidanceProblem`."""
-    if outputs == LINE:
+    if outputs == TerminalConstraint.LINE:
         return np.array([math.cos(heading) * goal[0] + math.sin(heading) * goal[1]])
-    return np.append(goal, LEVER * heading) if outputs == POSE else goal
+    return np.append(goal, HEADING_SCALE * heading) if outputs == TerminalConstraint.POSE else goal

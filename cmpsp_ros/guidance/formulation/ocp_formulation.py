@@ -1,4 +1,4 @@
-"""The robot's problem as the settings pose it: costs, penalties, and the space to keep to."""
+"""The optimal control problem of a step as the settings pose it: weights, penalties, free space."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_goal, at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES, LINE, POINT, POSE
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
+from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.inter_sample_margin import at_ends
@@ -23,82 +24,80 @@ _OBSTACLE_PENALTY = 1e4
 _EDGE_PENALTY = 3e3
 _GOAL_PENALTY = 1e3
 
-# Without a wheel limit the arcs between samples are the plan's own, with this much room for the
-# plan that comes out of the iterations to be faster or to turn faster.
-_ROOM = 1.1
+# Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
+# of the iterations that is faster or turns faster.
+_RESERVE = 1.1
 
 
-class Task:
-    """What every plan for one set of settings is to do.
+class OcpFormulation:
+    """What every plan for one set of settings has in common.
 
     Attributes:
         settings: All settings of the guidance law.
         cost: Weights of the cost.
-        goal: Point to pass at the end, shape ``(2,)`` [m].
-        heading: Heading to pass it with, or direction of the road there; not a number for none
-            [rad].
-        outputs: What is to be met at the end: a `LINE`, a `POINT` or a `POSE`.
-        penalty_terminal: Weight of each of them, shape ``(outputs,)`` [1/m].
         penalty_path: Weight of each path constraint, shape ``(2 + M + S,)`` [1/m]: edges first,
-            then obstacles that stand still, then room for as many that move as are listened to.
+            then static obstacles, then the slots of moving ones.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles and weights from the settings."""
         weights = settings.weights
+        self.settings = settings
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
-        self.aim(settings)
-        self._capacity = settings.moving_obstacles.room
-        obstacles = len(settings.obstacles) + self._capacity
-        self.penalty_path = np.array([_EDGE_PENALTY] * EDGES + [_OBSTACLE_PENALTY] * obstacles)
+        self._slots = settings.moving_obstacles.slots
+        obstacles = len(settings.obstacles) + self._slots
+        self.penalty_path = np.array(
+            [_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + [_OBSTACLE_PENALTY] * obstacles
+        )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
+        self._by_guess = settings.safety.between_samples and math.isinf(
+            settings.robot.max_wheel_speed
+        )
         self._spaces: dict[float, FreeSpace] = {}
+        self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None
 
-    def aim(self, settings: GuidanceSettings) -> None:
-        """Take another goal; nothing else of the settings may differ."""
-        heading = settings.goal_heading
-        self.settings = settings
-        self.goal = np.array(settings.goal, dtype=float)
-        self.heading = math.nan if heading is None else heading
-        self.outputs = POINT if heading is None else LINE if settings.follow else POSE
-        self.penalty_terminal = np.full(self.outputs, _GOAL_PENALTY)
-        self._ends: dict[float, FreeSpace | None] = {}
-
-    def standing(self, guess: Array, durations: Array) -> FreeSpace:
-        """Space to keep to at the samples, whatever moves left aside; arguments as of `space`."""
-        settings, period = self.settings, self.settings.control_period
-        if settings.safety.between_samples and math.isinf(settings.robot.max_wheel_speed):
-            twists = _ROOM * settings.robot.twist(guess[:-1])
+    def static_free_space(self, guess: Array, durations: Array, target: Target) -> FreeSpace:
+        """Space to keep to at the samples without moving obstacles; arguments as of `space`."""
+        period = self.settings.control_period
+        if self._by_guess:
+            twists = _RESERVE * self.settings.robot.twist(guess[:-1])
             longest = max(period, _rounded_up(float(durations.max())))
-            return self._standing(period).for_samples_of(twists, longest)
-        space = self._standing(period)
+            return self._static(period).for_samples_of(twists, longest)
+        space = self._static(period)
         # Late odometry, or a command that takes effect late, makes the first or the last longer.
         first, last = durations.item(0), durations.item(-1)
-        for duration in sorted({_rounded_up(each) for each in (first, last) if each > period}):
-            arcs = durations > max(period, duration - 0.01)
-            space = space.with_some(at_ends(np.logical_or, arcs), self._standing(duration))
-        end = self._end(max(period, _rounded_up(last)))
+        if first > period or last > period:
+            for duration in sorted({_rounded_up(each) for each in (first, last) if each > period}):
+                arcs = durations > max(period, duration - 0.01)
+                space = space.with_some(at_ends(np.logical_or, arcs), self._static(duration))
+        end = self._end(target, max(period, _rounded_up(last)))
         if end is None:
             return space
         return space.with_some(np.arange(len(durations) + 1) == len(durations), end)
 
-    def _end(self, duration: float) -> FreeSpace | None:
+    def _end(self, target: Target, duration: float) -> FreeSpace | None:
         """What the last sample keeps to instead, after a step so long [s]."""
-        if duration not in self._ends:
-            self._ends[duration] = at_goal(self.settings, duration)
-        return self._ends[duration]
+        if target.is_line or target.drives_on:
+            return None
+        key = target, duration
+        if key not in self._ends:
+            if len(self._ends) >= _MOST_ENDS:
+                self._ends.clear()
+            self._ends[key] = goal_space(self.settings, target, duration)
+        return self._ends[key]
 
-    def _standing(self, longest: float) -> FreeSpace:
+    def _static(self, longest: float) -> FreeSpace:
         if longest not in self._spaces:
-            self._spaces[longest] = at_samples(self.settings, longest)
+            self._spaces[longest] = sample_space(self.settings, longest)
         return self._spaces[longest]
 
     def space(
         self,
         guess: Array,
         durations: Array,
+        target: Target,
         pose: Array | None = None,
         moving: MovingDiscs = NOTHING_MOVES,
     ) -> FreeSpace:
@@ -108,41 +107,57 @@ class Task:
             guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
-            pose: Where it begins, shape ``(3,)`` [m, m, rad]; may be missing where nothing moves.
-            moving: What moves, from then on.
+            target: What is to be met at the end.
+            pose: Where it begins, shape ``(3,)`` [m, m, rad]; needed for moving obstacles only.
+            moving: Moving obstacles, from then on.
         """
-        space = self.standing(guess, durations)
-        if self._capacity == 0:
+        space = self.static_free_space(guess, durations, target)
+        if self._slots == 0:
             return space
         if pose is None or not len(moving):
             if self._padded is None or self._padded[0] is not space:
-                shape = len(np.atleast_2d(space.radii)), self._capacity
+                shape = len(np.atleast_2d(space.radii)), self._slots
                 none = space.with_points(np.zeros((*shape, 2)), np.full(shape, -np.inf))
                 self._padded = space, none
             return self._padded[1]
-        return space.with_points(*self._slots(guess, durations, pose, moving))
+        return space.with_points(*self._in_slots(guess, durations, pose, moving))
 
-    def _slots(
+    def _in_slots(
         self, guess: Array, durations: Array, pose: Array, moving: MovingDiscs
     ) -> tuple[Array, Array]:
-        """What the discs that have slots ask for at the samples, each in its own."""
+        """What the moving discs that have slots ask for at the samples, each in its own."""
         settings, distance = self.settings, self.settings.robot_radius
         times = np.concatenate([[0.0], np.cumsum(durations)])
         period = max(settings.control_period, _rounded_up(float(durations.max())))
-        between, limit = settings.safety.between_samples, settings.robot.max_wheel_speed
         discs = moving.grown(distance + settings.safety.margin)
-        if between and math.isinf(limit):
-            twists = _ROOM * settings.robot.twist(guess[:-1])
+        if self._by_guess:
+            twists = _RESERVE * settings.robot.twist(guess[:-1])
             found = discs.for_samples_of(times, twists, period)
         else:
-            limits = settings.robot.twist_limits() if between else None
+            limits = settings.robot.twist_limits() if settings.safety.between_samples else None
             found = discs.tightened(times, limits, period, pose)
-        centers = np.zeros((len(times), self._capacity, 2))
-        radii = np.full((len(times), self._capacity), -np.inf)
+        centers = np.zeros((len(times), self._slots, 2))
+        radii = np.full((len(times), self._slots), -np.inf)
         inside = discs.slots >= 0
         centers[:, discs.slots[inside]] = found[0][:, inside]
         radii[:, discs.slots[inside]] = found[1][:, inside]
         return centers, radii
+
+
+# Goals are few at a time; those of a long run are not all remembered.
+_MOST_ENDS = 64
+
+
+def terminal_constraint(target: Target) -> TerminalConstraint:
+    """What is to be met at the end."""
+    if target.heading is None:
+        return TerminalConstraint.POINT
+    return TerminalConstraint.LINE if target.is_line else TerminalConstraint.POSE
+
+
+def terminal_penalty(outputs: int) -> Array:
+    """Weight of each terminal constraint, shape ``(outputs,)`` [1/m]."""
+    return np.full(outputs, _GOAL_PENALTY)
 
 
 def _rounded_up(duration: float) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -18,17 +19,23 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 Records = NDArray[np.void]
 
-EDGES = 2
+N_EDGE_CONSTRAINTS = 2
 """Path constraints of the road, one an edge; the obstacles' follow."""
 
 GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
 """Which Hessian of the cost."""
 
-LINE, POINT, POSE = 1, 2, 3
-"""What the end of the horizon is to meet, told by the number of outputs."""
 
-LEVER: Final = 0.02
-"""What a radian of heading counts beside a metre of way in the miss of a pose [m]."""
+class TerminalConstraint(IntEnum):
+    """What the end of the horizon is to meet; the value is the number of outputs."""
+
+    LINE = 1
+    POINT = 2
+    POSE = 3
+
+
+HEADING_SCALE: Final = 0.02
+"""Weight of a radian of heading relative to a metre of distance in the terminal error [m]."""
 
 
 PARAMETERS: Final = np.dtype(
@@ -50,7 +57,7 @@ PARAMETERS: Final = np.dtype(
         ('hessian', np.int64),
     ]
 )
-"""What of a problem does not change from one control step to the next, but for its arrays."""
+"""What stays the same from one control step to the next, except arrays."""
 
 
 class GuidanceData(NamedTuple):
@@ -61,7 +68,7 @@ class GuidanceData(NamedTuple):
 
     Attributes:
         pose: Present pose, shape ``(3,)`` [m, m, rad].
-        near: Progress of a place near the pose, NaN where none is known [m].
+        progress: Arc length along the road of a place near the pose, NaN if unknown [m].
         durations: Length of every step, shape ``(N,)`` [s].
         parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
         road: Where on the road the robot's centre may be.
@@ -72,7 +79,7 @@ class GuidanceData(NamedTuple):
     """
 
     pose: Array
-    near: float
+    progress: float
     durations: Array
     parameters: Records
     road: RoadSpace
@@ -113,7 +120,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         progress, off_center, first, second = road_functions.measure(
             data.road, k, X[k, 0], X[k, 1], progress
@@ -122,7 +129,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
             distance, _, _ = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
-            g[k, EDGES + j] = _keep_away(distance, data.radii[at, j], k)
+            g[k, N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
         cost += p.road_center * off_center * off_center
         cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -153,7 +160,7 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.near)
+    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         stage = stages[k]
         if k < N:
@@ -189,7 +196,7 @@ def linearise(
             stage.L_UU[a, a] = curvature
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
-            row = path[k, EDGES + j]
+            row = path[k, N_EDGE_CONSTRAINTS + j]
             distance, x, y = away_from(data.corners, data.first, there, j, X[k, 0], X[k, 1])
             row.value = _keep_away(distance, data.radii[at, j], k)
             row.X[0], row.X[1] = -x, -y
@@ -197,22 +204,22 @@ def linearise(
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
     for j in range(outputs):
         terminal[j].value = errors[j]
-    if outputs == LINE:
+    if outputs == TerminalConstraint.LINE:
         terminal[0].X[0], terminal[0].X[1] = math.cos(p.heading), math.sin(p.heading)
     else:
         terminal[0].X[0] = terminal[1].X[1] = 1.0
-    if outputs == POSE:
-        terminal[2].X[2] = LEVER
+    if outputs == TerminalConstraint.POSE:
+        terminal[2].X[2] = HEADING_SCALE
 
 
 @allocation_free
 def _terminal_error(p: Any, x: float, y: float, heading: float, outputs: int) -> Any:
-    """What the last pose is off the goal; a heading by the shorter way round."""
+    """Error of the last pose; of its heading by the shorter way round."""
     dx, dy = x - p.goal[0], y - p.goal[1]
-    if outputs == LINE:
+    if outputs == TerminalConstraint.LINE:
         return math.cos(p.heading) * dx + math.sin(p.heading) * dy, 0.0, 0.0
     turn = heading - p.heading
-    return dx, dy, LEVER * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
+    return dx, dy, HEADING_SCALE * (turn - 2.0 * math.pi * round(turn / (2.0 * math.pi)))
 
 
 @allocation_free

@@ -6,10 +6,10 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 
 
 class TimeJump:
-    """Compares the stamps of odometry, one after the other, as they are heard."""
+    """Compares the stamps of odometry in the order of arrival."""
 
     def __init__(self) -> None:
-        """Nothing heard yet."""
+        """Nothing has arrived yet."""
         self._latest: int | None = None
 
     def back(self, stamp: int) -> float:

@@ -1,24 +1,16 @@
-"""Goals that are told under way: what of a message the law is told, and what is refused."""
+"""Goals that are received while the robot drives or stands, as messages."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, Final
 
-import numpy as np
+from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance.messages.checks import check_frame, is_place
+from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 
-from cmpsp_ros.guidance.messages.odometry import FARTHEST, heading_of, stamp_of
-from cmpsp_ros.guidance.mission.goal_manager import TOLD
-from cmpsp_ros.guidance.mission.goals import Goal
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.corridor import Corridor
-
-_ROUNDING = 1e-9
-
-
-class GoalError(ValueError):
-    """A goal that is not driven to; the message says why."""
+RECEIVED: Final = 'goal_pose'
+"""Name of a goal that is received while the robot drives or stands."""
 
 
 def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
@@ -29,17 +21,14 @@ def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
     Raises:
         GoalError: It is in another frame, is not finite, or has an orientation that is none.
     """
-    if message.header.frame_id != frame_id:
-        raise GoalError(
-            f'The goal is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame('The goal is', message, frame_id, GoalError)
     position, q = message.pose.position, message.pose.orientation
     length = math.hypot(q.x, q.y, q.z, q.w)
     heading = None if length == 0.0 else heading_of(q)
     values = (position.x, position.y, heading or 0.0, length)
     if not all(map(math.isfinite, values)):
         raise GoalError(f'The goal is not finite: {[position.x, position.y, heading]}.')
-    if not max(abs(position.x), abs(position.y)) <= FARTHEST:
+    if not is_place(position.x, position.y):
         raise GoalError(
             f'The goal is at {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
         )
@@ -47,23 +36,4 @@ def goal_of(message: Any, frame_id: str) -> tuple[int, Goal]:
         raise GoalError(
             f'The goal has an orientation of length {length:.3g}, wanted 1, or 0 for any.'
         )
-    return stamp_of(message), Goal((position.x, position.y), 0.0, heading, TOLD)
-
-
-def check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
-    """Refuse a goal that the robot cannot stand at.
-
-    Raises:
-        GoalError: It is off the road or in an obstacle, or a road is followed.
-    """
-    if settings.follow is not None:
-        raise GoalError('The robot follows the road without end (follow.speed): it takes no goal.')
-    x, y = goal.position
-    away = audit.at(np.array([x, y, math.nan]))
-    nearest = int(away.argmin())
-    if away[nearest] < -_ROUNDING:
-        name = audit.names([nearest])
-        raise GoalError(f'The goal is {-away[nearest]:.3g} m inside or beyond {name}.')
-    if isinstance(settings.road, Corridor) and settings.road.beyond(goal.position) > _ROUNDING:
-        beyond = settings.road.beyond(goal.position)
-        raise GoalError(f'The goal is {beyond:.3g} m beyond the end of the road.')
+    return stamp_of(message), Goal((position.x, position.y), 0.0, heading, RECEIVED)

@@ -1,24 +1,22 @@
-"""Odometry: what of it the guidance law is told, and what nothing may be decided on."""
+"""Odometry messages: the pose in them, and what makes them unusable."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages import checks
+from cmpsp_ros.guidance.messages.checks import check_frame, is_place
 
 Array = NDArray[np.float64]
 
 
-FARTHEST: Final = 1e8
-"""Coordinates beyond which squares and differences mean nothing [m]."""
-
-
 class OdometryError(ValueError):
-    """Odometry that nothing may be decided on; the message says why."""
+    """Odometry that is unusable; the message says why."""
 
 
 def stamp_of(message: Any) -> int:
@@ -34,10 +32,7 @@ def pose_of(message: Any, frame_id: str) -> Array:
         OdometryError: It is in another frame, is not finite, has no orientation, or is farther
             from the origin than any place on Earth.
     """
-    if message.header.frame_id != frame_id:
-        raise OdometryError(
-            f'Odometry is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame('Odometry is', message, frame_id, OdometryError)
     position, q = message.pose.pose.position, message.pose.pose.orientation
     x, y, z, w = q.x, q.y, q.z, q.w
     length = math.sqrt(x * x + y * y + z * z + w * w)
@@ -46,7 +41,7 @@ def pose_of(message: Any, frame_id: str) -> Array:
     pose = (position.x, position.y, heading_of(q))
     if not all(map(math.isfinite, pose)):
         raise OdometryError(f'Odometry has a pose that is not finite: {list(pose)}.')
-    if not max(abs(position.x), abs(position.y)) <= FARTHEST:
+    if not is_place(position.x, position.y):
         raise OdometryError(
             f'Odometry has a position of {position.x:.3g}, {position.y:.3g} m, wanted one on Earth.'
         )
@@ -70,14 +65,4 @@ def check_age(stamp: int, now: int, timeout: float) -> None:
     Raises:
         OdometryError: It is too old, or as far ahead.
     """
-    age = (now - stamp) / NANOSECONDS
-    if age > timeout:
-        raise OdometryError(
-            f'Odometry is {age:.3f} s old (odom_timeout {timeout} s); is use_sim_time right?'
-        )
-    # Simulated time is 0 until the first /clock comes.
-    if now > 0 and -age > timeout:
-        raise OdometryError(
-            f'Odometry is {-age:.3f} s ahead of the clock (odom_timeout {timeout} s);'
-            ' is use_sim_time right?'
-        )
+    checks.check_age('Odometry is', 'odom_timeout', stamp, now, timeout, OdometryError)

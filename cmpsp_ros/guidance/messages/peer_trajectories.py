@@ -1,4 +1,4 @@
-"""Plans of other robots, as the guidance law is told of them: by what they publish of their own.
+"""Trajectories of other robots, as they publish them.
 
 A plan comes as `nav_msgs/Path`, as `~/predicted_path` is: each pose with the time when the robot
 should be there. A robot that stands publishes one pose.
@@ -6,7 +6,6 @@ should be there. A robot that stands publishes one pose.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -15,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.checks import check_frame, is_place
 from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.messages.tracks import FARTHEST, Track, TrackError
+from cmpsp_ros.guidance.messages.tracks import Track, TrackError
 
 Array = NDArray[np.float64]
 
@@ -25,7 +25,7 @@ MOST: Final = 10_000
 
 
 @dataclass(frozen=True, order=True)
-class OtherPlan:
+class PeerTrajectory:
     """Where another robot intends to be.
 
     Attributes:
@@ -74,11 +74,11 @@ class OtherPlan:
         return x, y
 
 
-Seen = Track | OtherPlan
+Seen = Track | PeerTrajectory
 """Something that moves, as it is known."""
 
 
-def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
+def plan_of(message: Any, namespace: str, frame_id: str) -> PeerTrajectory:
     """The plan in a message.
 
     Args:
@@ -91,17 +91,13 @@ def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
             than any on Earth, or times that do not increase; nothing of it is used then.
     """
     whose = f'The plan of {namespace}'
-    if message.header.frame_id != frame_id:
-        raise TrackError(
-            f'{whose} is in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame(f'{whose} is', message, frame_id, TrackError)
     if not 1 <= len(message.poses) <= MOST:
         raise TrackError(f'{whose} has {len(message.poses)} poses, wanted from 1 to {MOST}.')
     positions = [each.pose.position for each in message.poses]
     places = [(float(each.x), float(each.y)) for each in positions]
     for number, (x, y) in enumerate(places):
-        # No comparison holds for what is not a number.
-        if not max(abs(x), abs(y)) <= FARTHEST or math.isnan(y):
+        if not is_place(x, y):
             raise TrackError(
                 f'{whose} has pose {number} at {x:.3g}, {y:.3g} m, wanted one on Earth.'
             )
@@ -114,4 +110,9 @@ def plan_of(message: Any, namespace: str, frame_id: str) -> OtherPlan:
         (x, y), (next_x, next_y) = places[:2]
         stamps.insert(0, stamp)
         places.insert(0, (x - part * (next_x - x), y - part * (next_y - y)))
-    return OtherPlan(namespace, stamp, tuple(stamps), tuple(places))
+    return PeerTrajectory(namespace, stamp, tuple(stamps), tuple(places))
+
+
+def plan_topic(namespace: str) -> str:
+    """Where a robot publishes its plans."""
+    return f'{namespace}/guidance/predicted_path'

@@ -1,4 +1,4 @@
-"""Obstacles that move, as the guidance law is told of them: one message, one moment, any number.
+"""Moving obstacles as messages: one message, one instant, any number.
 
 They come as `sensor_msgs/PointCloud2`, a point each, as trackers and radars publish them: fields
 ``x`` and ``y`` [m], ``vx`` and ``vy`` [m/s], ``radius`` [m] and ``id``, a whole number.
@@ -15,6 +15,8 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import numpy as np
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages import checks
+from cmpsp_ros.guidance.messages.checks import FARTHEST, check_frame
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 
 FLOATS: Final = ('x', 'y', 'vx', 'vy', 'radius')
@@ -24,20 +26,17 @@ MOST: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
 
 _TYPES: Final = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
-FARTHEST: Final = 1e8
-"""More than any distance on Earth [m]."""
-
 _FASTEST: Final = 1e4
 _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
 
 class TrackError(ValueError):
-    """A message on obstacles that nothing is made of; it says why."""
+    """A message on obstacles that is unusable; the message says why."""
 
 
 @dataclass(frozen=True, order=True)
 class Track:
-    """One obstacle that moves, as it was seen; of two at one time the greater counts.
+    """One moving obstacle, as it was seen; of two at one time the greater counts.
 
     Attributes:
         id: Its number, the same in each message.
@@ -105,10 +104,7 @@ def tracks_of(message: Any, frame_id: str) -> list[Track]:
             obstacles of one number, or one that is not finite, farther or faster than anything on
             Earth, or of negative radius; nothing of it is used then.
     """
-    if message.header.frame_id != frame_id:
-        raise TrackError(
-            f'Obstacles are in frame {message.header.frame_id!r}, wanted {frame_id!r} (frame_id).'
-        )
+    check_frame('Obstacles are', message, frame_id, TrackError)
     rows, stamp = _rows(message), stamp_of(message)
     tracks = []
     for number, row in enumerate(rows.tolist()):
@@ -135,16 +131,11 @@ def check_age(stamp: int, now: int, timeout: float, what: str = 'Obstacles are')
     Raises:
         TrackError: It is too old, or as far ahead.
     """
-    age = (now - stamp) / NANOSECONDS
-    if age > timeout or (now > 0 and -age > timeout):
-        found = f'{age:.3f} s old' if age > 0.0 else f'{-age:.3f} s ahead of the clock'
-        raise TrackError(
-            f'{what} {found} (moving_obstacles.timeout {timeout} s); is use_sim_time right?'
-        )
+    checks.check_age(what, 'moving_obstacles.timeout', stamp, now, timeout, TrackError)
 
 
 class Tracks(Generic[Item]):
-    """What is known of all that moves; by their stamps, in whatever order they are heard."""
+    """The reports on moving obstacles, ordered by their stamps, not by their arrival."""
 
     def __init__(self) -> None:
         """Know of none."""
@@ -185,13 +176,13 @@ class Tracks(Generic[Item]):
         self._known = {number: known for number, known in kept.items() if known}
 
 
-def written_keys(tracks: Iterable[Known]) -> str:
+def track_keys(tracks: Iterable[Known]) -> str:
     """Which tracks, as text."""
     return ' '.join(f'{each.id}@{each.stamp}' for each in tracks)
 
 
 def read_keys(text: str) -> list[tuple[int | str, int]]:
-    """Numbers or namespaces, and stamps, of what `written_keys` wrote.
+    """Numbers or namespaces, and stamps, of what `track_keys` wrote.
 
     Raises:
         ValueError: It did not write this.

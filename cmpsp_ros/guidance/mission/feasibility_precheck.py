@@ -1,8 +1,8 @@
-"""What no plan can bring about, told before a run: a goal too far, a gap too narrow.
+"""What is infeasible whatever the plan, checked before a run: a goal too far, a gap too narrow.
 
-Both are certain, since both are taken for the better than they are: the shortest way is one
-without obstacles, and of a gap only its width counts. On other roads than an annulus the shortest
-way is the straight one, and gaps are not looked at; nor are they beside what is no disc, or moves.
+Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
+and of a gap only its width counts. On other roads than an annulus the shortest path is the straight
+one, and gaps are not checked; nor are they next to polygons, lines and moving obstacles.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def shortest_time(settings: GuidanceSettings, start: Point) -> float:
     return _way(settings, start) / settings.robot.max_speed
 
 
-def doubts(settings: GuidanceSettings, start: Point) -> list[str]:
+def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str]:
     """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
     said: list[str] = []
     begin = 0.0

@@ -1,6 +1,6 @@
-"""The way back to a goal that was left: turn towards it, drive to it, turn to its heading.
+"""The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
 
-A robot that stands beside its goal gets nowhere by driving along the road, and a linearisation says
+A robot at rest beside its goal gets nowhere by driving along the road, and a linearisation says
 nothing of sideways motion at rest. A robot with two driven wheels turns where it stands.
 """
 
@@ -12,71 +12,79 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
 
 _TURN_RATE: Final = 1.0
-_PART_OF_LIMIT: Final = 0.5
-# Part of the tolerance at which the robot sets out: it is back before it is out of tolerance.
+_FRACTION_OF_LIMIT: Final = 0.5
+# Fraction of the tolerance at which the robot sets out: it is back before it is out of tolerance.
 _AWAY: Final = 0.5
 
 
 def turn_rate(settings: GuidanceSettings) -> float:
     """Rate at which the robot is turned where nothing hurries it [rad/s]."""
     robot = settings.robot
-    return min(_TURN_RATE, _PART_OF_LIMIT * robot.max_speed / robot.half_track)
+    return min(_TURN_RATE, _FRACTION_OF_LIMIT * robot.max_speed / robot.half_track)
 
 
-def is_away(settings: GuidanceSettings, pose: Array) -> bool:
-    """Whether a robot that should stand at its goal has been moved away from it."""
-    if settings.miss(pose) > _AWAY * settings.goal_tolerance:
-        return True
-    off = settings.heading_miss(pose)
-    return off is not None and off > _AWAY * settings.heading_tolerance
+def is_away(settings: GuidanceSettings, target: Target, pose: Array) -> bool:
+    """Whether a robot that holds its position at the goal has been moved away from it."""
+    error, heading_error = target.errors(pose)
+    return error > _AWAY * settings.goal_tolerance or (
+        heading_error is not None and heading_error > _AWAY * settings.heading_tolerance
+    )
 
 
-def time_back(settings: GuidanceSettings, pose: Array) -> float:
-    """How long the way back takes, at a walk [s]."""
-    period = settings.control_period
-    return sum(steps for steps, _, _ in _parts(settings, pose)) * period
+def return_time(settings: GuidanceSettings, target: Target, pose: Array) -> float:
+    """How long the return takes, at a walk [s]."""
+    return sum(steps for steps, _, _ in _parts(settings, target, pose)) * settings.control_period
 
 
-def way_back(settings: GuidanceSettings, pose: Array, durations: Array) -> Array:
-    """Wheel speeds of the way back, which has come to its end at the end of the horizon.
+def return_to_goal(
+    settings: GuidanceSettings, target: Target, start: PlanStart, horizon: Horizon, delay: int
+) -> Plan:
+    """A plan of the return, which is complete at the end of the horizon.
 
     Args:
-        settings: Settings with the goal.
-        pose: Where it begins, shape ``(3,)`` [m, m, rad].
-        durations: Length of every step, shape ``(N,)`` [s]; what is left over is stood still.
-
-    Returns:
-        Shape ``(N + 1, 2)`` [rad/s].
+        settings: All settings of the guidance law.
+        target: The goal.
+        start: Where it begins.
+        horizon: Its horizon; in the steps left over the robot rests.
+        delay: From a command to its effect [ns].
     """
-    robot, controls, k = settings.robot, np.zeros((len(durations) + 1, 2)), 0
-    for steps, length, turn in _parts(settings, pose):
+    robot, durations, k = settings.robot, horizon.durations, 0
+    controls = np.zeros((len(durations) + 1, 2))
+    for steps, length, turn in _parts(settings, target, start.pose):
         inside = slice(k, min(k + steps, len(durations)))
         time = float(durations[inside].sum())
         if time > 0.0:
             rim = turn * robot.half_track
             controls[inside] = np.array([length + rim, length - rim]) / time / robot.wheel_radius
         k += steps
-    return controls
+    poses = start.robot.roll_out(start.pose, controls, durations)
+    return Plan(horizon, controls, poses, delay)
 
 
-def _parts(settings: GuidanceSettings, pose: Array) -> list[tuple[int, float, float]]:
+def _parts(
+    settings: GuidanceSettings, target: Target, pose: Array
+) -> list[tuple[int, float, float]]:
     """Control steps, length [m] and turn [rad] of each part: forward or backward, as is shorter."""
-    x, y = settings.goal
-    length = math.dist(pose[:2], settings.goal)
+    x, y = target.position
+    length = math.dist(pose[:2], target.position)
     turn, last = 0.0, 0.0
     if length > 0.0:
         turn = math.remainder(math.atan2(y - pose[1], x - pose[0]) - pose[2], math.tau)
     if abs(turn) > math.pi / 2.0:
         turn, length = math.remainder(turn - math.pi, math.tau), -length
-    if settings.goal_heading is not None:
-        last = math.remainder(settings.goal_heading - pose[2] - turn, math.tau)
+    if target.heading is not None:
+        last = math.remainder(target.heading - pose[2] - turn, math.tau)
     period, rate = settings.control_period, turn_rate(settings)
-    speed = min(settings.pace, _PART_OF_LIMIT * settings.robot.max_speed)
+    speed = min(settings.pace, _FRACTION_OF_LIMIT * settings.robot.max_speed)
     return [
         (math.ceil(abs(turn) / rate / period), 0.0, turn),
         (math.ceil(abs(length) / speed / period), length, 0.0),

@@ -1,4 +1,4 @@
-"""Plans: the robot's problem posed from where it is, and improved by C-MPSP iterations."""
+"""The planner: poses the problem of a control step, and improves a plan by C-MPSP iterations."""
 
 from __future__ import annotations
 
@@ -14,13 +14,18 @@ from cmpsp_ros.guidance.formulation.guidance_problem import (
     begun_at,
     guidance_data,
     target_of,
-    with_parameters,
 )
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
+from cmpsp_ros.guidance.formulation.ocp_formulation import (
+    OcpFormulation,
+    terminal_constraint,
+    terminal_penalty,
+)
 from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
+from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon, remaining, steps_over, to_nanoseconds
-from cmpsp_ros.guidance.planning.solve_result import Improvement
-from cmpsp_ros.guidance.settings import UNLIMITED, GuidanceSettings
+from cmpsp_ros.guidance.planning.candidate import SolveResult
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.settings import UNLIMITED
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models.control_rate import ControlRateData, with_control_rate
 from cmpsp_ros.mpsp.options import Options
@@ -29,8 +34,8 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
 
@@ -48,156 +53,149 @@ _WORK_USED_UP: Final = 'The work of this control step was used up, or rounding w
 
 
 class Planner:
-    """Improves control histories for one set of settings.
+    """Improves control histories.
 
     One for every plan that is improved side by side with others. It keeps memory for the longest
-    horizon, and the active constraints of its last plan for the next one to begin with; they
-    change the way to the solution of a subproblem, not the solution.
+    horizon, and the active constraints of its last plan to warm-start the next one; they change
+    the way to the solution of a subproblem, not the solution.
     """
 
-    def __init__(self, settings: GuidanceSettings) -> None:
-        """Take road, obstacles, weights and solver from the settings."""
-        self._task = Task(settings)
+    def __init__(self, formulation: OcpFormulation) -> None:
+        """Take what all plans have in common; several planners may share it."""
+        self._formulation = formulation
+        settings = formulation.settings
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rate = settings.weights.control_rate
-        self._space: FreeSpace | None = None
+        self._known: tuple[FreeSpace, Target, DifferentialDrive] | None = None
         self._given: GuidanceData
         self._horizon: Horizon | None = None
-        longest = _longest(settings)
+        period = to_nanoseconds(settings.control_period)
+        longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, and kept for when that is asked for again; the second are for
         # what the compiled solver cannot do.
         self._drivers: dict[int, Driver] = {}
         self._others: dict[int, Driver] = {}
+        self._target = settings.target
         self._use_driver(len(longest.durations))
         nothing = np.zeros((len(longest.edges), 2))
-        self._functions = _compiled(self._data(np.zeros(3), nothing[0], nothing, longest), self._ws)
-
-    def aim(self, settings: GuidanceSettings) -> None:
-        """Take another goal; nothing else of the settings may differ."""
-        task = self._task
-        task.aim(settings)
-        if self._space is not None:
-            self._given = with_parameters(self._given, goal=task.goal, heading=task.heading)
-        self._use_driver(len(_longest(settings).durations))
+        context = PlanningContext.at_pose(settings, np.zeros(3), longest, nothing[0])
+        self._functions = _compiled(self._data(context, nothing), self._ws)
 
     def forget(self) -> None:
-        """Begin the next plan without what is known of the last one."""
+        """Begin the next plan without a warm start."""
         self._horizon = None
         self._driver.forget()
 
     def improve(
         self,
-        pose: Array,
-        held: Array,
+        context: PlanningContext,
         guess: Array,
-        horizon: Horizon,
-        *,
         iterations: int | None = None,
-        moving: MovingDiscs = NOTHING_MOVES,
-        near: float = math.nan,
         work_limit: int = UNLIMITED,
-    ) -> Improvement:
+    ) -> SolveResult:
         """Run iterations.
 
         Args:
-            pose: Present pose, shape ``(3,)`` [m, m, rad].
-            held: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
+            context: What the plan is for.
             guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
-            horizon: Their horizon.
             iterations: How many, at most; without, as many as at a control step.
-            moving: What moves, from the pose on.
-            near: Progress of a place near the pose, NaN where none is known [m].
             work_limit: Visits of a stage after which a subproblem is given up.
         """
-        most = iterations or self._task.settings.solver.iterations_per_step
-        steps = len(horizon.durations)
-        if steps >= len(self._ws.lower):
+        limit = iterations or self._formulation.settings.solver.iterations_per_step
+        horizon, steps = context.horizon, len(context.horizon.durations)
+        if context.target != self._target or steps >= len(self._ws.lower):
+            self._target = context.target
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
         over = 0 if begun is None else steps_over(begun, horizon)
         self._ws.trial.U[: steps + 1] = guess
-        self._most[0], self._work_limit[0] = most, work_limit
-        data = self._data(pose, held, guess, horizon, moving, near)
+        self._limit[0], self._work_limit[0] = limit, work_limit
+        data = self._data(context, guess)
         self._driver.improve(self._functions, data, steps, over)
-        outcome = self._outcome[0]
+        outcome = self._counters[0].item()
         if self._compiled and outcome in (NO_CURVATURE, ITERATION_LIMIT):
-            work = int(self._work[0]) + _WORK_OF_BACK_END * most * (steps + 1)
+            work = self._counters[-1].item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == NO_CURVATURE or work <= work_limit:
-                return self._improve_otherwise(guess, horizon, data, most)._replace(work=work)
-        return _summary(self._driver, horizon)
+                return self._improve_otherwise(guess, horizon, data, limit)._replace(work=work)
+        return _summary(self._driver, self._counters, horizon)
 
     def _improve_otherwise(
-        self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, most: int
-    ) -> Improvement:
+        self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, limit: int
+    ) -> SolveResult:
         """Do by the QP back ends what the compiled solver cannot: they can add curvature."""
-        steps, outputs = len(horizon.durations), self._task.outputs
+        steps, outputs = len(horizon.durations), terminal_constraint(self._target)
         other = self._others.get(outputs)
         if other is None or steps >= len(other.ws.lower):
-            other = self._others[outputs] = self._make_driver(len(self._ws.lower) - 1, by_name=True)
+            other = self._make_driver(len(self._ws.lower) - 1, outputs, by_name=True)
+            self._others[outputs] = other
         self._set_tolerances(other)
         other.ws.trial.U[: steps + 1] = guess
-        other.ws.run['max_iterations'] = most
+        other.ws.run['max_iterations'] = limit
         other.improve(self._functions, data, steps, 0)
-        return _summary(other, horizon)
+        return _summary(other, _counters(other), horizon)
 
-    def _data(
-        self,
-        pose: Array,
-        held: Array,
-        guess: Array,
-        horizon: Horizon,
-        moving: MovingDiscs = NOTHING_MOVES,
-        near: float = math.nan,
-    ) -> GuidanceData | ControlRateData:
-        task, durations = self._task, horizon.durations
+    def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
+        pose, robot, moving, progress = context.start
+        formulation, target = self._formulation, context.target
+        durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
-        space = task.space(guess, durations, pose, moving)
-        if space is not self._space:
-            robot, hessian = task.settings.model, task.settings.solver.hessian
-            self._space = space
+        space = formulation.space(guess, durations, target, pose, moving)
+        known = self._known
+        if known is None or space is not known[0] or target != known[1] or robot is not known[2]:
+            self._known = space, target, robot
+            goal, heading = _goal_of(target)
             self._given = guidance_data(
-                robot, space, task.cost, pose, task.goal, durations, hessian, task.heading
+                robot,
+                space,
+                formulation.cost,
+                pose,
+                goal,
+                durations,
+                formulation.settings.solver.hessian,
+                heading,
             )
-        data, rate = begun_at(self._given, pose, durations, near), self._rate
+        data, rate = begun_at(self._given, pose, durations, progress), self._rate
         if rate > 0.0:
-            return ControlRateData(
-                data, len(durations), rate, np.ascontiguousarray(held, dtype=np.float64)
-            )
+            previous = np.ascontiguousarray(context.previous_control, dtype=np.float64)
+            return ControlRateData(data, len(durations), rate, previous)
         return data
 
     def _use_driver(self, steps: int) -> None:
-        """Use memory for so many steps at least; nothing is known of a last plan in a new one."""
-        outputs, known = self._task.outputs, self._drivers.get(self._task.outputs)
+        """Use memory for so many steps at least; in a new one no last plan is known."""
+        outputs = terminal_constraint(self._target)
+        known = self._drivers.get(outputs)
         if known is None or steps >= len(known.ws.lower):
-            known = self._make_driver(steps, by_name=not self._compiled)
+            known = self._make_driver(steps, outputs, by_name=not self._compiled)
             self._drivers[outputs] = known
         changed = known is not getattr(self, '_driver', None)
         self._driver, self._ws = known, known.ws
-        self._most, self._outcome = known.ws.run['max_iterations'], known.ws.run['outcome']
-        head = known.ws.program.head
-        self._work, self._work_limit = head['work'], head['work_limit']
+        self._limit = known.ws.run['max_iterations']
+        self._work_limit = known.ws.program.head['work_limit']
+        self._counters = _counters(known)
         self._set_tolerances(known)
         if changed:
             self.forget()
 
-    def _make_driver(self, steps: int, *, by_name: bool) -> Driver:
-        task = self._task
-        settings = task.settings
+    def _make_driver(self, steps: int, outputs: int, *, by_name: bool) -> Driver:
+        formulation = self._formulation
+        settings = formulation.settings
         states = 5 if settings.weights.control_rate > 0.0 else 3
-        size = Dimensions(steps, states, 2, task.outputs, len(task.penalty_path))
+        penalty_path = formulation.penalty_path
+        size = Dimensions(steps, states, 2, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)
-        trust_radius[2] = task.heading_trust_region
+        trust_radius[2] = formulation.heading_trust_region
         back_end = (settings.solver.qp, settings.solver.hessian) if by_name else None
-        driver = Driver(size, task.penalty_terminal, task.penalty_path, trust_radius, back_end)
+        penalty_terminal = terminal_penalty(outputs)
+        driver = Driver(size, penalty_terminal, penalty_path, trust_radius, back_end)
         driver.ws.upper[:] = settings.robot.max_wheel_speed
         driver.ws.lower[:] = -driver.ws.upper
         return driver
 
     def _set_tolerances(self, driver: Driver) -> None:
-        task, run = self._task, driver.ws.run
-        target = target_of(task.goal, task.heading, task.outputs)
-        default = Options(task.penalty_terminal, task.penalty_path)
+        run, outputs = driver.ws.run, terminal_constraint(self._target)
+        target = target_of(*_goal_of(self._target), outputs)
+        default = Options(terminal_penalty(outputs), self._formulation.penalty_path)
         run['line_search'] = default.line_search
         run['output_tolerance'] = default.output_tolerance * (float(np.linalg.norm(target)) or 1.0)
         run['control_tolerance'] = default.control_tolerance
@@ -206,10 +204,10 @@ class Planner:
         run['growth_limit'] = default.growth_limit
 
 
-def _longest(settings: GuidanceSettings) -> Horizon:
-    """The longest horizon, which is the first."""
-    period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
-    return remaining(0, period, final)
+def _goal_of(target: Target) -> tuple[Array, float]:
+    """Goal, shape ``(2,)`` [m], and heading, NaN for any [rad]."""
+    heading = math.nan if target.heading is None else target.heading
+    return np.array(target.position, dtype=float), heading
 
 
 def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions:
@@ -218,31 +216,41 @@ def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions:
     return FUNCTIONS.entries(data, ws)
 
 
-def _summary(driver: Driver, horizon: Horizon) -> Improvement:
-    ws, back_end = driver.ws, driver.back_end
-    run = ws.run[0]
-    stages, outcome = len(horizon.edges), int(run['outcome'])
+def _counters(driver: Driver) -> tuple[NDArray[np.int64], ...]:
+    """Outcome, relaxation level, iterations, active rows, solver iterations and work, as views."""
+    run, head = driver.ws.run, driver.ws.program.head
+    results = (run[name] for name in ('outcome', 'level', 'iterations', 'active_rows'))
+    return (*results, head['iterations'], head['work'])
+
+
+def _summary(
+    driver: Driver, counters: tuple[NDArray[np.int64], ...], horizon: Horizon
+) -> SolveResult:
+    ws, back_end, stages = driver.ws, driver.back_end, len(horizon.edges)
+    outcome, level, iterations, active_rows, qp_iterations, work = [
+        each.item() for each in counters
+    ]
     largest, left, path = 0.0, [], 0
-    if outcome == SOLVED and run['level'] > 0:
-        # Of a handful of numbers Python's own lists are looked through sooner.
+    if outcome == SOLVED and level > 0:
+        # A handful of numbers is searched faster in a Python list.
         slack = ws.slack.tolist()
         largest, path = max(slack), len(slack) - len(ws.now.output_error)
         left = [index for index, each in enumerate(slack) if each > SLACK_TOLERANCE]
     if back_end is None:
-        iterations = int(ws.program.head['iterations'][0])
         reason = _WORK_USED_UP if outcome == ITERATION_LIMIT else _STATUS[outcome].value
     else:
-        iterations, reason = back_end.solution.iterations, back_end.solution.status.value
-    return Improvement(
+        qp_iterations = back_end.solution.iterations
+        reason = back_end.solution.status.value
+    return SolveResult(
         Plan(horizon, ws.now.U[:stages].copy(), ws.now.X[:stages, :3].copy()),
         outcome == SOLVED,
         bool(left),
         largest,
         tuple([index for index in left if index < path]),
         bool(left) and left[-1] >= path,
-        int(run['iterations']),
         iterations,
-        int(run['active_rows']),
+        qp_iterations,
+        active_rows,
         reason,
-        int(ws.program.head['work'][0]),
+        work,
     )

@@ -1,1 +1,1 @@
-"""What will happen whatever is decided now."""
+"""What the law predicts before it plans: pending commands, slip, moving obstacles."""

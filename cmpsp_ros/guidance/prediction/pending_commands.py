@@ -1,4 +1,4 @@
-"""Commands that were given and have not taken effect yet: what the robot does until a new one does.
+"""Pending commands: given, but not in effect yet. They drive the robot until a new one does.
 
 A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
 until the next one takes effect. So the robot will be driven by the commands before for as long as
@@ -21,7 +21,7 @@ _KEPT = 8
 """Commands that are remembered of those that took effect."""
 
 
-class CommandsUnderWay:
+class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
 """Wheel slip, estimated from how far the robot came with the commands that it was given.
 
-A slipping wheel moves the robot by a part ``1 - s`` of what it turns. A guidance law that does not
-know it believes that it has more time than it has. The estimate is the least-squares solution of
+A slipping wheel moves the robot by a fraction ``1 - s`` of what it turns. A guidance law that does
+not know it overestimates the time that it has. The estimate is the least-squares solution of
 
     d_i = (1 - s) l_i
 
@@ -9,8 +9,8 @@ over the control periods so far, with ``l_i`` how far the robot would have come 
 ``d_i`` how far it came, along the same chord. A period counts only if the wheels kept their speed:
 after a change of speed a lagging wheel looks like a slipping one.
 
-Before anything was seen half of the most is believed. Who learns of slip when the robot has driven
-for a second cannot win that second back; who expected too much of it has time to spare.
+The prior is half of the largest slip: a second that was lost to unexpected slip cannot be won back,
+while a prior that is too high leaves time to spare.
 """
 
 from __future__ import annotations
@@ -26,8 +26,7 @@ from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
-# What is believed before counts as if it had been seen over so long a way at a time [m], and half
-# as much with every period that is seen.
+# Weight of the prior, as if seen over such a length at a time [m]; halved with every period.
 _PRIOR_LENGTH: Final = 0.4
 _FADING: Final = 0.5
 
@@ -42,32 +41,28 @@ _CHANGE: Final = 0.9 * _STEP
 class SlipEstimate:
     """The slip of one run, seen at its control steps."""
 
-    def __init__(self) -> None:
-        """Begin without any slip."""
-        self.forget(0.0)
-
-    def forget(self, most: float) -> None:
-        """Begin again, with another robot or on other ground.
+    def __init__(self, max_estimate: float) -> None:
+        """Begin on unknown ground.
 
         Args:
-            most: Largest slip to reckon with, a fraction.
+            max_estimate: Largest slip that is estimated, a fraction.
         """
-        self._believed, self._weight = most / 2.0, _PRIOR_LENGTH**2
+        self._prior, self._weight = max_estimate / 2.0, _PRIOR_LENGTH**2
         self._information = self._missed = 0.0
-        self._in_use = _in_steps(most / 2.0)
+        self._in_use = _in_steps(max_estimate / 2.0)
         self.lose()
 
     def lose(self) -> None:
-        """Leave out the present control period: nobody knows what the wheels do."""
+        """Leave out the present control period: what the wheels do in it is unknown."""
         self._began: tuple[int, Array, Array, Array] | None = None
 
     @property
     def slip(self) -> float:
-        """What to reckon with: a fraction, a multiple of half a per cent."""
+        """The estimate in use: a fraction, a multiple of half a per cent."""
         return self._in_use
 
     def begin(self, stamp: int, pose: Array, wheel_speeds: Array, durations: Array) -> None:
-        """Take down how a control period begins, and what the wheels are to do in it.
+        """Record how a control period begins, and what the wheels are to do in it.
 
         Args:
             stamp: When it begins [ns].
@@ -78,14 +73,14 @@ class SlipEstimate:
         """
         self._began = (stamp, pose, wheel_speeds, durations)
 
-    def end(self, stamp: int, pose: Array, robot: DifferentialDrive, most: float) -> bool:
-        """See how far the robot has come in the control period.
+    def end(self, stamp: int, pose: Array, robot: DifferentialDrive, max_estimate: float) -> bool:
+        """Update the estimate by how far the robot has come in the control period.
 
         Args:
             stamp: Now [ns].
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
             robot: Its kinematics without slip.
-            most: Largest slip to reckon with, a fraction.
+            max_estimate: Largest slip that is estimated, a fraction.
 
         Returns:
             Whether `slip` is another one now.
@@ -106,8 +101,8 @@ class SlipEstimate:
         came = ((pose[0] - before[0]) * x + (pose[1] - before[1]) * y) / length
         self._information += length**2
         self._missed += length * (length - float(came))
-        found = self._missed + self._weight * self._believed
-        slip = min(max(found / (self._information + self._weight), 0.0), most)
+        found = self._missed + self._weight * self._prior
+        slip = min(max(found / (self._information + self._weight), 0.0), max_estimate)
         self._weight *= _FADING
         if abs(slip - self._in_use) < _CHANGE:
             return False

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
-from cmpsp_ros.guidance.messages.exact_repr import written
+from cmpsp_ros.guidance.key_values import exact_repr
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -28,5 +28,5 @@ def status_message(
         name=f'{node.get_fully_qualified_name()}: {kind}',
         hardware_id=hardware_id(node),
         message=message,
-        values=[KeyValue(key=key, value=written(value)) for key, value in values.items()],
+        values=[KeyValue(key=key, value=exact_repr(value)) for key, value in values.items()],
     )

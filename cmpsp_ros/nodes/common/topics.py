@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance.messages.plan_topic import plan_topic
+from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
 from cmpsp_ros.parameters.documentation import with_section
 
 if TYPE_CHECKING:

@@ -6,10 +6,11 @@ import math
 import time
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
-from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.drain_queue import catch_up
@@ -265,7 +266,7 @@ class GuidanceLoop:
         if before is None or (decision.rung, decision.missed) != (before.rung, before.missed):
             said = f'{decision.rung.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
-            if decision.rung == Rung.NOMINAL or decision.finished:
+            if decision.rung == FallbackLevel.NOMINAL or decision.finished:
                 self._node.get_logger().info(said)
             else:
                 self._node.get_logger().warning(said)

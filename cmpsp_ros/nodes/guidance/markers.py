@@ -9,7 +9,7 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from builtin_interfaces.msg import Time
 
-    from cmpsp_ros.guidance.mission.goals import Goal
+    from cmpsp_ros.guidance.goals import Goal
     from cmpsp_ros.guidance.settings import GuidanceSettings
 
 _HEIGHT = 0.2
@@ -58,7 +58,7 @@ def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = N
         add('road', _line(edge, 0.05, _ROAD))
     if len(road.center_line()):
         add('centre_line', _line(road.center_line(), 0.02, _ROAD))
-    kept = at_samples(settings)
+    kept = sample_space(settings)
     for obstacle, center, radius in zip(
         settings.obstacles, kept.centers.tolist(), kept.radii.tolist(), strict=True
     ):

@@ -10,7 +10,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.messages.key_values import facts, severity, waypoints
+from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -59,7 +59,9 @@ class DecisionMessage:
         set_stamp(self._array.header, decision.stamp)
         self._message.level = level_of(decision)
         self._message.message = decision.reason
-        self._message.values = [self._value(key, value) for key, value in facts(decision).items()]
+        self._message.values = [
+            self._value(key, value) for key, value in decision_to_key_values(decision).items()
+        ]
         return self._array
 
     def _value(self, key: str, value: str) -> KeyValue:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan, plan_of
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
 from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age, tracks_of
 from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
@@ -39,9 +39,9 @@ class ObstacleInput:
         self.settings = settings
         self._node, self._refusals = node, dict[str, str]()
         self._tracks: Tracks[Track] = Tracks()
-        self._plans: Tracks[OtherPlan] = Tracks()
+        self._plans: Tracks[PeerTrajectory] = Tracks()
         # When each was heard of last; those that never were are none to miss.
-        self._heard: dict[str, OtherPlan] = {}
+        self._heard: dict[str, PeerTrajectory] = {}
         self._subscriptions: tuple[Subscription, ...] = ()
         known, own = settings.moving_obstacles, node.get_namespace()
         if known.capacity:

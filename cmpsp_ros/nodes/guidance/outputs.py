@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance.decision import Decision
-    from cmpsp_ros.guidance.mission.goals import Goal
+    from cmpsp_ros.guidance.goals import Goal
     from cmpsp_ros.guidance.settings import GuidanceSettings
     from cmpsp_ros.parameters.table import Values
 

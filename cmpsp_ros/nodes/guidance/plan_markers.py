@@ -10,8 +10,8 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
-from cmpsp_ros.guidance.safety.plan_clearance import Room
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
+from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.nodes.guidance.messages import set_stamp
 from cmpsp_ros.view.palette import LEVEL_COLORS
 from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
@@ -69,8 +69,6 @@ class PlanMarkers:
     def take(self, settings: GuidanceSettings) -> None:
         """Take another course, in the same frame."""
         self._settings = settings
-        # Made for the first plan that somebody wants to see.
-        self._room: Room | None = None
 
     def fill(self, decision: Decision) -> MarkerArray:
         """The message of a decision, good until the next."""
@@ -84,9 +82,7 @@ class PlanMarkers:
         if plan is not None:
             places = plan.poses[:, :2].tolist()
             points = [Point(x=x, y=y) for x, y in places]
-            if self._room is None:
-                self._room = Room(self._settings)
-            spare = self._room.along(decision) - self._settings.safety.margin
+            spare = plan_clearance(self._settings, decision) - self._settings.safety.margin
             colors = [color_of(each) for each in spare.tolist()]
             self._rung.pose.position.x, self._rung.pose.position.y = places[0]
             self._rung.action = Marker.ADD
@@ -99,7 +95,7 @@ class PlanMarkers:
 
     def _moving(self, decision: Decision) -> Iterator[Marker]:
         for each in decision.tracks:
-            if isinstance(each, OtherPlan):
+            if isinstance(each, PeerTrajectory):
                 # It shows itself where it plans to be.
                 continue
             age = (decision.stamp - each.stamp) / NANOSECONDS

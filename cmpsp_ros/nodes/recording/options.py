@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.bags.storage.form import Form
-from cmpsp_ros.guidance.messages.plan_topic import plan_topic
+from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
 from cmpsp_ros.nodes.common.runtime import StartupError
 from cmpsp_ros.nodes.common.topics import TOPICS
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision, Rung
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.simulator.body import Motion
@@ -103,10 +103,10 @@ def outcome(driven: Driven) -> Outcome:
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
         not_finite=len(speeds) - len(largest),
-        nominal=rungs[Rung.NOMINAL],
-        elastic=rungs[Rung.ELASTIC],
-        shifted=rungs[Rung.SHIFTED],
-        stop=rungs[Rung.STOP],
+        nominal=rungs[FallbackLevel.NOMINAL],
+        elastic=rungs[FallbackLevel.ELASTIC],
+        shifted=rungs[FallbackLevel.SHIFTED],
+        stop=rungs[FallbackLevel.STOP],
         trouble=worst.reason if worst is not None and worst.rung else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.monte_carlo.driving import farthest
@@ -138,7 +139,8 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
             inner_radius=road.inner_radius + offset * half,
             outer_radius=road.outer_radius + offset * half,
         )
-        controls = along_road(replace(settings, road=shifted), pose, durations)
+        other, start = replace(settings, road=shifted), PlanStart(pose, settings.robot)
+        controls = along_road(other, start, settings.target, durations)
         yield _driven(settings, pose, controls[:-1])
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Wedge
 
-from cmpsp_ros.guidance.decision import Decision, Rung
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
@@ -31,10 +31,10 @@ _LOOKS: Final = {
 }
 _FAILED: Final = ('tab:red', 1.2)
 _RUNGS: Final = {
-    Rung.NOMINAL: 'tab:blue',
-    Rung.ELASTIC: 'tab:orange',
-    Rung.SHIFTED: 'tab:purple',
-    Rung.STOP: 'tab:red',
+    FallbackLevel.NOMINAL: 'tab:blue',
+    FallbackLevel.ELASTIC: 'tab:orange',
+    FallbackLevel.SHIFTED: 'tab:purple',
+    FallbackLevel.STOP: 'tab:red',
 }
 
 

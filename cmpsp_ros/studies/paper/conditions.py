@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.studies.paper.drives import Path
@@ -54,7 +54,7 @@ def measure(path: Path) -> Conditions:
     weights = settings.weights
     problem = GuidanceProblem(
         settings.robot,
-        at_samples(settings),
+        sample_space(settings),
         Cost(weights.road_center, weights.control_change, 0.0),
         path.poses[0],
         np.array(settings.goal),

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.law import warm_up
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.warmup import warm_up
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
@@ -108,7 +108,7 @@ class Drive:
         experiment: Which run of the paper.
         between_samples: Whether the path between samples was kept clear too.
         path: What was driven.
-        rungs: Rung of the ladder at each control step.
+        rungs: FallbackLevel of the ladder at each control step.
         step_times: Computing time of each control step [ms].
     """
 

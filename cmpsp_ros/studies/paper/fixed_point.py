@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.studies.paper.experiments import Experiment
@@ -99,7 +99,7 @@ def converge(
     )
     options = Options(
         penalty_terminal=np.full(2, 1e3),
-        penalty_path=np.full(EDGES, 1e3),
+        penalty_path=np.full(N_EDGE_CONSTRAINTS, 1e3),
         elastic=not full_steps,
         line_search=not full_steps,
         output_tolerance=_AT_REST,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_goal, at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.errors import PaperError
@@ -57,8 +57,8 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
             'casadi: not installed, wanted for the judge; pip install casadi'
         ) from error
     steps = round(settings.final_time / settings.control_period)
-    robot, road, space = settings.robot, settings.annulus, at_samples(settings)
-    end = at_goal(settings) or space
+    robot, road, space = settings.robot, settings.annulus, sample_space(settings)
+    end = goal_space(settings, settings.target) or space
     opti = casadi.Opti()
     U, X = opti.variable(2, steps), opti.variable(3, steps + 1)
     opti.subject_to(X[:, 0] == pose)

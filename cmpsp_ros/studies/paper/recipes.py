@@ -12,11 +12,12 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import EDGES
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
@@ -88,7 +89,9 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
     pose = np.array(experiment.pose)
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon = remaining(0, period, final)
-    plan = initial_guess(settings, pose, horizon.durations)
+    plan = initial_guess(
+        settings, PlanStart(pose, settings.robot), settings.target, horizon.durations
+    )
     driven = []
     for now in range(0, final, period):
         later = remaining(now, period, final)
@@ -102,7 +105,7 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
 def _improve(
     settings: GuidanceSettings, recipe: Recipe, pose: Array, guess: Array, durations: Array
 ) -> Array:
-    space = at_samples(settings)
+    space = sample_space(settings)
     problem: GuidanceProblem
     if recipe is Recipe.AS_WRITTEN:
         problem = SquaredConstraints(settings, space, pose, durations)
@@ -113,7 +116,7 @@ def _improve(
     adds = recipe is Recipe.ONE_PLAN
     options = Options(
         penalty_terminal=np.full(2, _GOAL_PENALTY),
-        penalty_path=np.array([_EDGE_PENALTY] * EDGES + obstacles),
+        penalty_path=np.array([_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + obstacles),
         elastic=adds,
         line_search=adds,
         trust_radius=(

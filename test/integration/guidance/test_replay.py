@@ -25,7 +25,7 @@ COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
 RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
 
 
-def facts(values):
+def decision_to_key_values(values):
     """What of a decision must repeat."""
     told = ('run', 'revision', 'reason', 'level')
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
@@ -143,7 +143,7 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
     bag = tmp_path / 'run' / 'bag'
     demo = spawn([*COMMAND, 'demo', 'case3', '--lockstep', '--output', bag.parent])
     assert demo.wait(LIMIT) == 0, demo.stderr
-    before = [facts(each.entries) for each in recorded(bag) if not each.halted]
+    before = [decision_to_key_values(each.entries) for each in recorded(bag) if not each.halted]
     # A slow machine must not make odometry late, in the time of the recording.
     start_node('guidance_node', {'autostart': False, 'use_sim_time': True, 'odom_timeout': 100.0})
     played = []
@@ -164,7 +164,7 @@ def test_a_live_node_decides_the_same_on_played_odometry(start_node, client, spa
         if Time.from_msg(message.header.stamp).nanoseconds == int(before[count]['stamp']):
             client.until(lambda count=count: len(client.decisions) > count, LIMIT)
     player.wait(LIMIT)
-    assert [facts(each) for each in client.decisions] == before
+    assert [decision_to_key_values(each) for each in client.decisions] == before
 
 
 def call(client, name):

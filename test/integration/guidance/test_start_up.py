@@ -40,7 +40,7 @@ def cache_without_the_audit(monkeypatch, tmp_path):
     folder = kernel_folder()
     kept = tmp_path / 'cache' / folder.parent.name / folder.name
     shutil.copytree(folder, kept)
-    missing = [*kept.glob('cmpsp_ros.guidance.safety.audit.*')]
+    missing = [*kept.glob('cmpsp_ros.guidance.safety.plan_sweep.*')]
     assert missing
     for each in missing:
         each.unlink()

@@ -20,7 +20,7 @@ from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.guidance.messages.key_values import facts
+from cmpsp_ros.guidance.key_values import decision_to_key_values
 from cmpsp_ros.parameters.settings import guidance_settings
 
 FOLDER = Path(__file__).parent / 'recorded'
@@ -45,7 +45,7 @@ def test_every_decision_is_replayed_and_says_the_same_things(name):
             if decision is None:
                 continue
             count += 1
-            assert untimed(facts(decision)) == untimed(recorded.entries)
+            assert untimed(decision_to_key_values(decision)) == untimed(recorded.entries)
             different = {each.field for each in comparison.differences(count, recorded, decision)}
             # How much work it took is the solver's own affair.
             assert different <= {'iterations', 'qp_iterations', 'active_rows'}

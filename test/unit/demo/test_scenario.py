@@ -97,7 +97,7 @@ def test_a_final_time_that_was_asked_for_stays_and_is_said_to_be_too_short():
     assert narrow.startswith('There is no way past obstacle a: ')
 
 
-def test_the_presets_raise_no_doubts():
+def test_the_presets_raise_no_warnings():
     for preset in preset_names():
         assert load_scenario(preset, [], lockstep=False).remarks == ()
 

@@ -8,7 +8,7 @@ import numpy as np
 from scenarios import PERIOD
 
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.messages.tracks import Tracks
 from cmpsp_ros.guidance.settings import MovingObstacles
 
@@ -31,9 +31,9 @@ class Robot:
         decision = self.law.update(stamp, self.pose, seen)
         self.decisions.append(decision)
         if decision.plan is None:
-            return OtherPlan(self.name, stamp, (stamp,), (tuple(self.pose[:2].tolist()),))
+            return PeerTrajectory(self.name, stamp, (stamp,), (tuple(self.pose[:2].tolist()),))
         places = tuple((x, y) for x, y, _ in decision.plan.poses.tolist())
-        return OtherPlan(self.name, stamp, tuple(decision.plan.stamps(stamp)), places)
+        return PeerTrajectory(self.name, stamp, tuple(decision.plan.stamps(stamp)), places)
 
 
 def among(given, names, radius, **rest):

@@ -21,7 +21,7 @@ from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
@@ -155,7 +155,7 @@ class Drive:
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision
         assert np.abs(decision.wheel_speeds).max() <= self.given.robot.max_wheel_speed
-        if decision.rung is Rung.STOP:
+        if decision.rung is FallbackLevel.STOP:
             assert not decision.wheel_speeds.any()
         elif self.given.command_delay == 0.0:
             self.check_arc(decision, pose)

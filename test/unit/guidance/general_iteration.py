@@ -4,8 +4,12 @@ import numpy as np
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
-from cmpsp_ros.guidance.planning.solve_result import Improvement
+from cmpsp_ros.guidance.formulation.ocp_formulation import (
+    OcpFormulation,
+    terminal_constraint,
+    terminal_penalty,
+)
+from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.options import Options
@@ -14,17 +18,20 @@ from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 
 
 def improve(settings, pose, held, guess, horizon):
-    task, solver, durations = Task(settings), settings.solver, horizon.durations
-    space = task.space(guess, durations, pose)
+    formulation, solver, durations = OcpFormulation(settings), settings.solver, horizon.durations
+    target = settings.target
+    space = formulation.space(guess, durations, target, pose)
+    goal, outputs = np.array(target.position), terminal_constraint(target)
+    heading = np.nan if target.heading is None else target.heading
     problem = GuidanceProblem(
-        settings.model, space, task.cost, pose, task.goal, durations, task.heading, task.outputs
+        settings.robot, space, formulation.cost, pose, goal, durations, heading, outputs
     )
     if settings.weights.control_rate > 0.0:
         problem = ControlRateProblem(problem, settings.weights.control_rate, held)
     trust_radius = np.full(problem.size.state, np.inf)
-    trust_radius[2] = task.heading_trust_region
+    trust_radius[2] = formulation.heading_trust_region
     options = Options(
-        task.penalty_terminal, task.penalty_path, solver.qp, solver.hessian,
+        terminal_penalty(outputs), formulation.penalty_path, solver.qp, solver.hessian,
         trust_radius=trust_radius,
     )  # fmt: skip
     iteration = CMPSP(problem, options)
@@ -34,7 +41,7 @@ def improve(settings, pose, held, guess, horizon):
         if iteration.terminate(iterate) is not None:
             break
     step = iterate.step
-    return Improvement(
+    return SolveResult(
         Plan(horizon, iterate.U, iterate.X[:, :3]),
         step.qp_status is QPStatus.SOLVED,
         step.needed_slack,

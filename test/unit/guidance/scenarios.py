@@ -9,6 +9,8 @@ import numpy as np
 
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -47,6 +49,17 @@ def with_plans(given, candidates, initial_iterations=6):
     """The same settings with so many plans to choose from; 1 and 2 iterations are the paper's."""
     solver = replace(given.solver, candidates=candidates, initial_iterations=initial_iterations)
     return replace(given, solver=solver)
+
+
+def start_of(given, pose, **rest):
+    """Where a plan begins, for the robot of the settings."""
+    return PlanStart(np.array(pose, dtype=float), given.robot, **rest)
+
+
+def context_of(given, pose, horizon, previous_control=(0.0, 0.0)):
+    """A control step to plan for."""
+    pose, previous_control = np.array(pose, dtype=float), np.array(previous_control)
+    return PlanningContext.at_pose(given, pose, horizon, previous_control)
 
 
 @dataclass

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.key_values import severity
-from cmpsp_ros.guidance.mission.goals import Goal
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -62,7 +62,7 @@ def test_told_of_its_delay_the_robot_arrives_as_it_does_without():
     assert untold.miss > 1e-3
     assert told.miss < 1e-9
     assert told.clearance == pytest.approx(0.0640, abs=1e-3)
-    assert {each.rung for each in told.decisions[:-1]} == {Rung.NOMINAL}
+    assert {each.rung for each in told.decisions[:-1]} == {FallbackLevel.NOMINAL}
 
 
 @pytest.mark.parametrize('name', CASES)
@@ -71,7 +71,7 @@ def test_any_delay_that_is_known_is_made_up_for(name, delay):
     run = Drive(replace(CASES[name], command_delay=delay), actuation_delay=delay)
     assert run.miss < 1e-9
     assert run.clearance > 0.02
-    assert {each.rung for each in run.decisions if not each.finished} == {Rung.NOMINAL}
+    assert {each.rung for each in run.decisions if not each.finished} == {FallbackLevel.NOMINAL}
 
 
 @pytest.mark.parametrize('delay', [0.06, 0.25])
@@ -116,7 +116,7 @@ def test_without_a_plan_nothing_goes_on(fault):
     law.update(0, np.array(START))
     law.halt(9700 * MS, 'Odometry was lost.')
     decision = law.update(9800 * MS, np.array(START))
-    assert decision.rung == Rung.STOP
+    assert decision.rung == FallbackLevel.STOP
     assert not decision.finished
     assert_is(fault, decision)
 
@@ -131,7 +131,7 @@ def test_where_the_last_command_may_not_outlast_the_final_time_a_stop_is_given_i
     assert run.miss < 1e-9
     assert run.clearance > 0.0
     final = round(near.final_time * 1e9)
-    stops = [each for each in run.decisions if each.rung == Rung.STOP]
+    stops = [each for each in run.decisions if each.rung == FallbackLevel.STOP]
     outlasts = 1.6 * delay < 0.15
     given = final if outlasts else final - round(delay * 1e9)
     assert stops[0].stamp == min(at for at in run.poses if at >= given)
@@ -173,7 +173,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
         plant.advance(stamp)
         decision = law.update(stamp, plant.pose)
         plant.command(stamp, *decision.twist)
-    assert decision.rung == Rung.NOMINAL
+    assert decision.rung == FallbackLevel.NOMINAL
     stamp += PERIOD
     plant.advance(stamp)
     # Within the 0.6 m that the robot goes before any new command could take effect.
@@ -181,7 +181,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
     ahead = (float(x + 0.35 * math.cos(heading)), float(y + 0.35 * math.sin(heading)))
     law.reconfigure(replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
     decision = law.update(stamp, plant.pose)
-    assert decision.rung == Rung.STOP
+    assert decision.rung == FallbackLevel.STOP
     assert_is(fault, decision)
     assert decision.reason.startswith('The commands given before come 0.')
     assert decision.reason.endswith('too close to obstacle box.')

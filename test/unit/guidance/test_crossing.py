@@ -7,10 +7,10 @@ import pytest
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.mission.goals import place_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Annulus
 
 PERIOD = 200_000_000
@@ -44,9 +44,9 @@ def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
     # By its heading alone it was on the other branch for a moment.
     before, carried, afresh = math.nan, [], []
     for each in poses:
-        before = place_of(ROAD, each, before)
+        before = project_on_path(ROAD, each, before)
         carried.append(before)
-        afresh.append(place_of(ROAD, each, math.nan))
+        afresh.append(project_on_path(ROAD, each, math.nan))
     apart = np.subtract(carried, afresh)
     assert np.abs(apart - ROAD.length * np.round(apart / ROAD.length)).max() > 1.0
     steps = np.diff(np.unwrap(carried, period=ROAD.length))
@@ -56,19 +56,20 @@ def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
 def test_a_robot_that_was_moved_is_found_afresh():
     crossing, beside = np.array([0.0, 0.0, 0.0]), np.array([10.0, 0.0, 1.571])
     one, other = (
-        place_of(ROAD, crossing + np.array([0.0, 0.0, turn]), math.nan) for turn in (0.8, -0.8)
+        project_on_path(ROAD, crossing + np.array([0.0, 0.0, turn]), math.nan)
+        for turn in (0.8, -0.8)
     )
     assert abs(math.remainder(one - other, ROAD.length)) > 10.0
     # Here it stays where it was, whatever its heading.
     for was in (one, other):
         for turn in np.linspace(-math.pi, math.pi, 9):
-            found = place_of(ROAD, crossing + np.array([0.05, 0.02, turn]), was)
+            found = project_on_path(ROAD, crossing + np.array([0.05, 0.02, turn]), was)
             assert math.remainder(found - was, ROAD.length) == pytest.approx(0.0, abs=0.1)
     # There it cannot have come from here.
-    wanted = place_of(ROAD, beside, math.nan)
+    wanted = project_on_path(ROAD, beside, math.nan)
     for was in (one, other):
-        assert place_of(ROAD, beside, was) == pytest.approx(wanted)
+        assert project_on_path(ROAD, beside, was) == pytest.approx(wanted)
 
 
 def test_other_roads_need_no_place():
-    assert math.isnan(place_of(Annulus(), np.array([0.0, -9.25, 0.0]), 3.0))
+    assert math.isnan(project_on_path(Annulus(), np.array([0.0, -9.25, 0.0]), 3.0))

@@ -20,9 +20,9 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.key_values import severity
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import QPStatus
@@ -88,7 +88,7 @@ def test_started_inside_an_obstacle(fault, depth):
         assert decision.reason.startswith(f'The robot is {depth:.3g} m inside obstacle rock')
         assert not decision.wheel_speeds.any()
     # It was the odometry that erred, or the obstacle has been taken away.
-    assert law.update(ON_TIME[5], np.array([0.0, -9.25, 0.0])).rung is Rung.NOMINAL
+    assert law.update(ON_TIME[5], np.array([0.0, -9.25, 0.0])).rung is FallbackLevel.NOMINAL
 
 
 @pytest.mark.parametrize('gap', [0.0, 0.001, 0.01, 0.025])
@@ -109,7 +109,10 @@ def test_started_inside_the_margin_of_an_obstacle(gap, heading):
     given = settings((rock,), 51.0, ROAD, safety=Safety(margin=0.1))
     run = closed_loop(given, (0.0, -10.0, heading))
     assert_safe(run, given)
-    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    assert {decision.rung for decision in run.moves} <= {
+        FallbackLevel.NOMINAL,
+        FallbackLevel.ELASTIC,
+    }
     assert run.miss() < 1e-6
     assert clearance(run.path[400:], given) > 0.1 - 1e-3, 'kept once it has been reached'
 
@@ -130,11 +133,11 @@ def test_road_blocked(fault):
     given = replace(EMPTY, obstacles=(WALL,))
     run = closed_loop(given)
     assert_safe(run, given)
-    first = next(k for k, decision in enumerate(run.moves) if decision.rung is Rung.STOP)
+    first = next(k for k, decision in enumerate(run.moves) if decision.rung is FallbackLevel.STOP)
     assert_is(fault, run.moves[first])
     assert_is(fault, run.moves[-1])
     # Standing still wins over driving to and fro.
-    assert {decision.rung for decision in run.moves[first:]} == {Rung.STOP}
+    assert {decision.rung for decision in run.moves[first:]} == {FallbackLevel.STOP}
     assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE, 'as far as it goes'
 
 
@@ -143,7 +146,7 @@ def test_road_blocked_with_time_to_spare(fault):
     given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
     run = closed_loop(given, steps=100)
     assert_safe(run, given)
-    first = next(k for k, decision in enumerate(run.moves) if decision.rung is Rung.STOP)
+    first = next(k for k, decision in enumerate(run.moves) if decision.rung is FallbackLevel.STOP)
     assert_is(fault, run.moves[first])
     after = run.path[40 * first :, :2]
     assert np.linalg.norm(np.diff(after, axis=0), axis=1).sum() < 2.0
@@ -281,7 +284,7 @@ def test_last_steps_under_noise(fault, seed):
     # On the way it swerves around two obstacles.
     assert changes[-3:].max() < changes[:-3].max()
     assert math.dist(pose[:2], COURSE.goal) < 0.02
-    assert law.update(ON_TIME[-1], pose).rung is Rung.STOP
+    assert law.update(ON_TIME[-1], pose).rung is FallbackLevel.STOP
 
 
 def test_odometry_late(fault):
@@ -335,9 +338,11 @@ def test_solver_that_goes_on_failing(fault, monkeypatch):
     law, _, pose = under_way(given)
     broken(monkeypatch)
     rest = drive(law, given, ON_TIME[21:27], start=pose)
-    assert [decision.rung for decision in rest.decisions] == [Rung.SHIFTED] * 3 + [Rung.STOP] * 3
+    assert [decision.rung for decision in rest.decisions] == [FallbackLevel.SHIFTED] * 3 + [
+        FallbackLevel.STOP
+    ] * 3
     assert_is(fault, rest.decisions[-1])
     assert_safe(rest, given)
     # Once it works again the robot drives on.
     monkeypatch.undo()
-    assert law.update(ON_TIME[27], rest.pose).rung in {Rung.NOMINAL, Rung.ELASTIC}
+    assert law.update(ON_TIME[27], rest.pose).rung in {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}

@@ -19,7 +19,7 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
@@ -130,7 +130,7 @@ def drive(given_):
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision
         assert np.abs(decision.wheel_speeds).max() <= robot.max_wheel_speed
-        if decision.rung is Rung.STOP:
+        if decision.rung is FallbackLevel.STOP:
             assert not decision.wheel_speeds.any()
         duration = np.array([given_.control_period])
         pose = robot.roll_out(pose, decision.wheel_speeds[None], duration)[-1]

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cmpsp_ros.guidance.mission.goals import Follow, Goal
+from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import check_pace, guidance_settings

@@ -1,4 +1,4 @@
-"""The search for gaps between obstacles that meet, from station to station along the road."""
+"""The search for gaps that connect, between obstacles, from station to station along the road."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Gap = tuple[float, float]
 
-Signature = tuple[int, ...]
+HomotopyClass = tuple[int, ...]
 """For each obstacle: on which side it is passed, 1 or -1; 0 for not at all."""
 
 SPACING: Final = 0.2
@@ -34,9 +34,9 @@ class Disc:
 
 @dataclass(frozen=True)
 class Trail:
-    """A choice of gaps, one a stretch; the cost of what it takes to squeeze through them."""
+    """A choice of gaps, one a stretch, and its cost."""
 
-    signature: Signature
+    sides: HomotopyClass
     gaps: tuple[Gap, ...]
     radius: float
     cost: float
@@ -66,7 +66,7 @@ def free(
     two of them.
 
     Args:
-        discs: What takes room.
+        discs: The obstacles.
         turned: Angles of the stations from the beginning, evenly apart, shape ``(K,)`` [rad].
         inner: Least distance from the road's centre [m].
         outer: Greatest distance from it [m].
@@ -105,7 +105,7 @@ def stretches_of(
         gaps: Of each station, as `free` gives them [m].
         discs: What is passed.
         turned: Angles of the stations, shape ``(K,)`` [rad].
-        ends: Distances from the road's centre at which ways begin and end [m].
+        ends: Distances from the road's centre at which paths begin and end [m].
     """
     places: dict[int, list[int]] = {}
     for index, disc in enumerate(discs):
@@ -124,7 +124,7 @@ def stretches_of(
 def search(
     stretches: Sequence[Stretch], discs: Sequence[Disc], begin: float, middle: float
 ) -> list[Trail]:
-    """All choices that lead from beginning to end, but the cheapest `_BEAM` of them at a time.
+    """All choices from beginning to end, of which the cheapest `_BEAM` are followed at a time.
 
     Args:
         stretches: As `stretches_of` gives them.
@@ -133,24 +133,24 @@ def search(
         middle: Radius of the centre line [m].
 
     Returns:
-        The cheapest trail of each signature; the sides are inner and outer, not left and right.
+        The cheapest trail of each class; its sides are inner and outer, not left and right.
     """
     trails = [Trail((0,) * len(discs), (gap,), begin, 0.0) for gap in stretches[0].gaps]
     for stretch in stretches[1:]:
-        found: dict[tuple[Signature, Gap], Trail] = {}
+        found: dict[tuple[HomotopyClass, Gap], Trail] = {}
         for trail in trails:
             low, high = trail.gaps[-1]
             for gap in stretch.gaps:
                 if min(high, gap[1]) <= max(low, gap[0]):
                     continue
                 longer = _longer(trail, gap, stretch, discs, middle)
-                known = found.get((longer.signature, gap))
+                known = found.get((longer.sides, gap))
                 if known is None or longer.cost < known.cost:
-                    found[longer.signature, gap] = longer
-        trails = sorted(found.values(), key=lambda each: (each.cost, each.signature))[:_BEAM]
-    best: dict[Signature, Trail] = {}
+                    found[longer.sides, gap] = longer
+        trails = sorted(found.values(), key=lambda each: (each.cost, each.sides))[:_BEAM]
+    best: dict[HomotopyClass, Trail] = {}
     for trail in trails:
-        best.setdefault(trail.signature, trail)
+        best.setdefault(trail.sides, trail)
     return list(best.values())
 
 
@@ -160,13 +160,13 @@ def _longer(
     radius = min(max(middle, gap[0]), gap[1])
     off = (radius - middle) ** 2 * SPACING * stretch.stations
     cost = trail.cost + off + abs(radius - trail.radius)
-    signature = trail.signature
+    passed = trail.sides
     if stretch.passed:
-        sides = list(signature)
+        sides = list(passed)
         for index in stretch.passed:
             sides[index] = 1 if (gap[0] + gap[1]) / 2.0 > discs[index].distance else -1
-        signature = tuple(sides)
-    return Trail(signature, (*trail.gaps, gap), radius, cost)
+        passed = tuple(sides)
+    return Trail(passed, (*trail.gaps, gap), radius, cost)
 
 
 def _reached(gaps: Sequence[Gap], radius: float) -> Sequence[Gap]:

@@ -1,4 +1,4 @@
-"""On which side of each obstacle a path goes."""
+"""The homotopy class of a path: on which side of each obstacle it goes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.planning.homotopy.gaps import Signature
+from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.world.roads.road import Annulus
 
@@ -22,9 +22,9 @@ def arc_to(road: Annulus, pose: Array, goal: tuple[float, float]) -> tuple[float
     return begin, math.remainder(math.atan2(goal[1] - y, goal[0] - x) - begin, math.tau)
 
 
-def signature_of(
+def class_of(
     road: Annulus, centers: Array, poses: Array, goal: tuple[float, float]
-) -> Signature:
+) -> HomotopyClass:
     """On which side a path passes each obstacle between its beginning and the goal.
 
     Args:
@@ -46,10 +46,10 @@ def signature_of(
     return tuple(int(side) for side in sides.tolist())
 
 
-def in_words(signature: Signature, names: Sequence[str]) -> str:
-    """A signature for messages; empty where nothing is passed."""
-    sides = {1: 'left', -1: 'right'}
-    parts = [f'{sides[way]} of {name}' for way, name in zip(signature, names, strict=True) if way]
+def in_words(sides: HomotopyClass, names: Sequence[str]) -> str:
+    """A homotopy class for messages; empty where nothing is passed."""
+    words = {1: 'left', -1: 'right'}
+    parts = [f'{words[side]} of {name}' for side, name in zip(sides, names, strict=True) if side]
     return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
 
 

@@ -1,4 +1,4 @@
-"""A way along the road as its distance from the road's centre, and wheel speeds that follow it."""
+"""A path as its distance from the centre of a circular road, and wheel speeds that follow it."""
 
 from __future__ import annotations
 
@@ -8,14 +8,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.planning.initial_trajectories import SHORTEST_LOOKAHEAD, pursue, wrapped
+from cmpsp_ros.guidance.planning.initial_trajectories import (
+    SHORTEST_LOOKAHEAD,
+    largest_turn,
+    steer,
+    wrapped,
+)
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.differential_drive import drive
 
 Array = NDArray[np.float64]
 
-# Over which a way that was pushed aside comes back to the centre line [m].
+# Length over which a path that was pushed aside comes back to the centre line [m].
 _RETURN = 1.5
 _SWEEPS = 40
 _RELAXATION = 1.6
@@ -23,13 +28,15 @@ _RELAXATION = 1.6
 _LOOKAHEAD = 0.35
 
 
-def relax(low: Array, high: Array, ends: tuple[float, float], middle: float, step: float) -> Array:
-    """Smooth ways between bounds, near the centre line where nothing pushes them aside.
+def elastic_band(
+    low: Array, high: Array, ends: tuple[float, float], middle: float, step: float
+) -> Array:
+    """Smooth paths between bounds, near the centre line where nothing pushes them aside.
 
     They are elastic bands that the centre line attracts, found by projected over-relaxation.
 
     Args:
-        low: Bounds at stations along the arc, one row a way, shape ``(W, K)`` [m].
+        low: Bounds at stations along the arc, one row a path, shape ``(W, K)`` [m].
         high: The same.
         ends: Where all of them begin and end [m].
         middle: Radius of the centre line [m].
@@ -44,13 +51,13 @@ def relax(low: Array, high: Array, ends: tuple[float, float], middle: float, ste
     return radii
 
 
-def draw_taut(low: Array, high: Array, ends: tuple[float, float], step: float) -> Array:
-    """Shortest ways between bounds, as a string lies that is drawn taut.
+def shortest_path(low: Array, high: Array, ends: tuple[float, float], step: float) -> Array:
+    """Shortest paths between bounds, as of a taut string.
 
-    Where nothing holds it ``r'' = r``, to first order in how far it is off the road's direction.
+    Where it is free ``r'' = r``, to first order in its angle to the road's direction.
 
     Args:
-        low: Bounds at stations along the arc, one row a way, shape ``(W, K)`` [m].
+        low: Bounds at stations along the arc, one row a path, shape ``(W, K)`` [m].
         high: The same.
         ends: Where all of them begin and end [m].
         step: Angle from one station to the next [rad].
@@ -66,58 +73,58 @@ def draw_taut(low: Array, high: Array, ends: tuple[float, float], step: float) -
 
 @allocation_free
 def _relax(radii: Array, low: Array, high: Array, middle: float, pull: float) -> None:
-    for way in range(radii.shape[0]):
+    for path in range(radii.shape[0]):
         for sweep in range(2 * _SWEEPS):
             for k in range(1 + sweep % 2, radii.shape[1] - 1, 2):
-                here = radii[way, k]
-                wanted = radii[way, k - 1] + radii[way, k + 1] + pull * middle
+                here = radii[path, k]
+                wanted = radii[path, k - 1] + radii[path, k + 1] + pull * middle
                 moved = here + _RELAXATION * (wanted / (2.0 + pull) - here)
-                radii[way, k] = min(max(moved, low[way, k]), high[way, k])
+                radii[path, k] = min(max(moved, low[path, k]), high[path, k])
 
 
-def follow(
+def follow_profile(
     settings: GuidanceSettings,
-    pose: Array,
+    start: PlanStart,
     durations: Array,
     begin: float,
     total: float,
     profile: Array,
 ) -> Array:
-    """Pursuit of a point ahead on a way, so paced as to be at its end in time.
+    """Pursuit of a point ahead on a path, so paced as to be at its end in time.
 
     Args:
         settings: All settings of the guidance law.
-        pose: Where to begin, shape ``(3,)`` [m, m, rad].
+        start: Where to begin.
         durations: Length of every step, shape ``(N,)`` [s].
         begin: Bearing of the pose from the road's centre [rad].
-        total: From there to the end of the way [rad], negative clockwise.
+        total: From there to the end of the path [rad], negative clockwise.
         profile: Distance from the road's centre at stations evenly along it, shape ``(K,)`` [m].
 
     Returns:
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
-    robot, (center_x, center_y) = settings.model, settings.annulus.center
+    robot, (center_x, center_y) = start.robot, settings.annulus.center
     step = abs(total) / (len(profile) - 1)
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(profile, step)[::-1])[::-1]
-    way = _Way(center_x, center_y, begin, math.copysign(1.0, total), step, profile, left)
+    path = _Path(center_x, center_y, begin, math.copysign(1.0, total), step, profile, left)
     controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
-    poses[0] = pose
+    poses[0] = start.pose
     _follow(
         controls,
         poses,
         durations,
-        way,
+        path,
         robot.wheel_radius,
         robot.half_track,
         robot.max_wheel_speed,
-        settings.solver.heading_trust_region or math.pi / 2.0,
+        largest_turn(settings),
     )
     return controls
 
 
 def lengths(profile: Array, step: float) -> Array:
-    """Lengths of ways between stations [m].
+    """Lengths of paths between stations [m].
 
     Args:
         profile: Distances from the road's centre, shape ``(..., K)`` [m].
@@ -131,8 +138,8 @@ def lengths(profile: Array, step: float) -> Array:
     return pieces
 
 
-class _Way(NamedTuple):
-    """A way around the road's centre.
+class _Path(NamedTuple):
+    """A path around the road's centre.
 
     Attributes:
         center_x: Of the road [m].
@@ -158,36 +165,39 @@ def _follow(
     controls: Array,
     poses: Array,
     durations: Array,
-    way: _Way,
+    path: _Path,
     wheel_radius: float,
     half_track: float,
     max_wheel_speed: float,
-    most_turn: float,
+    max_turn: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
-    steps, end = durations.shape[0], way.step * (way.radii.shape[0] - 1)
-    turned, bearing, left = 0.0, way.begin, 0.0
+    steps, end = durations.shape[0], path.step * (path.radii.shape[0] - 1)
+    turned, bearing, left = 0.0, path.begin, 0.0
     for k in range(steps):
         left += durations[k]
     for k in range(steps):
         speed = min(
-            max(_at(way.left, way.step, turned), 0.0) / left, max_wheel_speed * wheel_radius
+            max(_at(path.left, path.step, turned), 0.0) / left, max_wheel_speed * wheel_radius
         )
         ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
-        at = turned + ahead / max(_at(way.radii, way.step, turned), SHORTEST_LOOKAHEAD)
-        radius, target = _at(way.radii, way.step, at), way.begin + way.side * min(at, end)
-        off_x = way.center_x + radius * math.cos(target) - poses[k, 0]
-        off_y = way.center_y + radius * math.sin(target) - poses[k, 1]
-        trusted = most_turn / durations[k]
-        turn_rate = pursue(off_x, off_y, poses[k, 2], speed)
-        rim = min(max(turn_rate, -trusted), trusted) * half_track
-        right, slow = (speed + rim) / wheel_radius, (speed - rim) / wheel_radius
-        # Both wheels are slowed alike where one would exceed its limit.
-        slowed = min(1.0, max_wheel_speed / max(abs(right), abs(slow), 1e-12))
-        controls[k, 0], controls[k, 1] = right * slowed, slow * slowed
-        drive(poses, controls, k, durations[k], wheel_radius, half_track)
-        now = math.atan2(poses[k + 1, 1] - way.center_y, poses[k + 1, 0] - way.center_x)
-        turned += way.side * wrapped(now - bearing)
+        at = turned + ahead / max(_at(path.radii, path.step, turned), SHORTEST_LOOKAHEAD)
+        radius, target = _at(path.radii, path.step, at), path.begin + path.side * min(at, end)
+        steer(
+            controls,
+            poses,
+            k,
+            durations[k],
+            path.center_x + radius * math.cos(target) - poses[k, 0],
+            path.center_y + radius * math.sin(target) - poses[k, 1],
+            speed,
+            wheel_radius,
+            half_track,
+            max_wheel_speed,
+            max_turn,
+        )
+        now = math.atan2(poses[k + 1, 1] - path.center_y, poses[k + 1, 0] - path.center_x)
+        turned += path.side * wrapped(now - bearing)
         bearing, left = now, max(left - durations[k], 1e-9)
     controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
 

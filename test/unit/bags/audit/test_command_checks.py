@@ -7,7 +7,7 @@ import pytest
 from drives import SECOND, Command, drive_case, drive_settings, failed
 
 from cmpsp_ros.bags.audit import Outcome
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 
 PASSED, FAILED, _ = Outcome
 
@@ -111,7 +111,7 @@ def test_commands_on_old_odometry_are_caught(drive, outcomes):
     ('change', 'said'),
     [
         ({'reason': ' '}, 'without a reason'),
-        ({'rung': Rung.STOP}, 'with wheels that turn'),
+        ({'rung': FallbackLevel.STOP}, 'with wheels that turn'),
         ({'finished': True}, 'after the final time'),
     ],
 )
@@ -126,7 +126,7 @@ def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
 @pytest.mark.parametrize(('count', 'outcome'), [(3, PASSED), (4, FAILED)])
 def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
     for index in range(10, 10 + count):
-        drive.decisions[index] = drive.decisions[index]._replace(rung=Rung.SHIFTED)
+        drive.decisions[index] = drive.decisions[index]._replace(rung=FallbackLevel.SHIFTED)
     findings = outcomes(drive)
     assert findings['shifted'].outcome is outcome
     assert findings['shifted'].worst == count

@@ -19,9 +19,10 @@ from cmpsp_ros.bags.messages import (
 )
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
-from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

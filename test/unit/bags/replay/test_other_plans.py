@@ -12,7 +12,7 @@ from cmpsp_ros.bags.messages import PATH
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.messages.tracks import Tracks
 
 TOPIC, ODOM = '/r2/guidance/predicted_path', '/r2/odom'
@@ -59,7 +59,7 @@ class Beside(Drive):
         if self.count % 5 == 0:
             # Of three messages in a row one is in another frame, and one was never heard.
             stamps = (stamp, stamp + AHEAD)
-            plan = OtherPlan('/r2', stamp, stamps, tuple(map(self.place, stamps)))
+            plan = PeerTrajectory('/r2', stamp, stamps, tuple(map(self.place, stamps)))
             self.bag.write(TOPIC, self.now + 500, path(plan, 'map'))
             self.bag.write(TOPIC, self.now + 600, path(plan))
             if self.count % 15:

@@ -5,24 +5,30 @@ from dataclasses import replace
 import numpy as np
 from scenarios import CASES, FIRST, SECOND, settings
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import along_path, at_goal, at_samples
-from cmpsp_ros.guidance.mission.goal_manager import Itinerary
-from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.guidance.formulation.constraint_tightening import (
+    goal_space,
+    path_space,
+    sample_space,
+)
+from cmpsp_ros.guidance.goals import Goal, Target
+from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.inter_sample_margin import inside, outside
 from cmpsp_ros.world.roads.corridor import Corridor
 
+TARGET = Target((10.0, 0.0))
+
 
 def test_path_keeps_radius_and_margin():
     given = settings((FIRST, SECOND), robot_radius=0.1, safety=Safety(margin=0.05))
-    space = along_path(given)
+    space = path_space(given)
     np.testing.assert_allclose(space.radii, [0.85, 0.65])
     np.testing.assert_allclose(np.ravel([space.annulus.inner, space.annulus.outer]), [9.15, 10.85])
 
 
 def test_samples_keep_what_the_fastest_arcs_need():
     given = CASES['case 3']
-    limits, space = given.robot.twist_limits(), at_samples(given)
+    limits, space = given.robot.twist_limits(), sample_space(given)
     # At least: the steps beside a late odometry are longer than a period.
     assert (space.radii >= [outside(r, limits, 0.2) for r in (0.7, 0.5)]).all()
     assert space.annulus.inner >= outside(9.0, limits, 0.2)
@@ -32,7 +38,7 @@ def test_samples_keep_what_the_fastest_arcs_need():
 def test_samples_are_the_path_without_a_limit_or_by_choice():
     by_choice = replace(CASES['case 3'], safety=Safety(between_samples=False))
     for given in (CASES['case 2'], by_choice):
-        path, samples = along_path(given), at_samples(given)
+        path, samples = path_space(given), sample_space(given)
         np.testing.assert_array_equal(samples.radii, path.radii)
         np.testing.assert_array_equal(samples.centers, path.centers)
         for mine, its in zip(samples.annulus, path.annulus, strict=True):
@@ -42,10 +48,10 @@ def test_samples_are_the_path_without_a_limit_or_by_choice():
 def test_at_the_goal_what_it_is_near_to_may_be_as_near_as_to_the_path():
     near = replace(FIRST, center=(10.75, 0.0))
     given = settings((near, SECOND), 51.0)
-    end, samples = at_goal(given), at_samples(given)
+    end, samples = goal_space(given, TARGET), sample_space(given)
     np.testing.assert_array_equal(end.radii, [near.radius, samples.radii[1]])
     np.testing.assert_array_equal(end.annulus.outer, samples.annulus.outer)
-    at_edge = at_goal(replace(given, goal=(9.03, 0.0)))
+    at_edge = goal_space(given, Target((9.03, 0.0)))
     np.testing.assert_array_equal(at_edge.radii, samples.radii)
     assert float(at_edge.annulus.inner[0]) == given.road.inner_radius
 
@@ -53,7 +59,7 @@ def test_at_the_goal_what_it_is_near_to_may_be_as_near_as_to_the_path():
 def test_on_a_line_through_points_a_goal_beside_the_edge_may_be_reached_as_well():
     line = Corridor(((0.0, 0.0), (10.0, 0.0)), left=(0.5, 0.5), right=(0.5, 0.5))
     given = settings((FIRST,), 51.0, road=line, goal=(9.0, 0.46))
-    end, samples = at_goal(given), at_samples(given)
+    end, samples = goal_space(given, given.target), sample_space(given)
     pose = np.array([[9.0, 0.46, 0.0]])
     assert samples.at(pose).min() < 0.0 < end.at(pose).min()
     np.testing.assert_array_equal(end.radii, samples.radii)
@@ -61,18 +67,18 @@ def test_on_a_line_through_points_a_goal_beside_the_edge_may_be_reached_as_well(
 
 def test_a_goal_that_is_not_near_or_too_near_changes_nothing():
     near = settings((replace(FIRST, center=(10.75, 0.0)),), 51.0)
-    assert at_goal(CASES['case 3']) is None
-    assert at_goal(replace(near, safety=Safety(margin=0.06))) is None
-    assert at_goal(replace(near, safety=Safety(between_samples=False))) is None
+    assert goal_space(CASES['case 3'], TARGET) is None
+    assert goal_space(replace(near, safety=Safety(margin=0.06)), TARGET) is None
+    assert goal_space(replace(near, safety=Safety(between_samples=False)), TARGET) is None
 
 
 def test_only_at_the_last_of_several_goals_the_robot_may_be_as_near():
     """It has somewhere to go from the others, and commands under way lead on."""
     last = Goal((9.0, 1.0), 10.0, None, 'last')
     near = settings((replace(FIRST, center=(10.75, 0.0)),), 51.0, goal=last.position)
-    itinerary = Itinerary(replace(near, waypoints=(Goal((10.0, 0.0), 5.0, 1.6, 'first'),)))
-    assert at_goal(itinerary.settings) is None
-    assert at_goal(replace(itinerary.settings, drives_on=False)) is not None
-    turned = itinerary.go_on(5_000_000_000, 5_000_000_000, np.array([10.0, 0.0, 1.6]))
-    assert turned
-    assert not itinerary.settings.drives_on
+    goals = GoalManager(replace(near, waypoints=(Goal((10.0, 0.0), 5.0, 1.6, 'first'),)))
+    assert goals.target.drives_on
+    assert goal_space(near, goals.target) is None
+    assert goal_space(near, goals.target._replace(drives_on=False)) is not None
+    assert goals.update(5_000_000_000, 5_000_000_000, np.array([10.0, 0.0, 1.6]))
+    assert not goals.target.drives_on

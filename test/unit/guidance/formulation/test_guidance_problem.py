@@ -5,7 +5,11 @@ import numpy as np
 import pytest
 from problems import assert_derivatives, differences
 
-from cmpsp_ros.guidance.formulation.guidance_problem import EDGES, Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.guidance_problem import (
+    N_EDGE_CONSTRAINTS,
+    Cost,
+    GuidanceProblem,
+)
 from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
@@ -98,7 +102,7 @@ def test_cost_is_that_of_equation_95():
 
 def test_constraints_are_clearances_and_stage_0_has_none():
     posed = problem(Cost(15.0, 1.0, 0.0), OBSTACLES, steps=4)
-    assert posed.size.path == EDGES + 2
+    assert posed.size.path == N_EDGE_CONSTRAINTS + 2
     U = np.tile([45.0, 44.0], (5, 1))
     X = posed.predict(U)
     g = posed.evaluate(X, U).g
@@ -109,7 +113,7 @@ def test_constraints_are_clearances_and_stage_0_has_none():
         assert g[k, 1] == pytest.approx(9.0 - radius)
         for index, obstacle in enumerate(OBSTACLES):
             away = np.linalg.norm(X[k, :2] - obstacle.center)
-            assert g[k, EDGES + index] == pytest.approx(obstacle.radius - away)
+            assert g[k, N_EDGE_CONSTRAINTS + index] == pytest.approx(obstacle.radius - away)
 
 
 def test_limits():

@@ -36,8 +36,14 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.mission.goals import line_ahead, place_of, way_along
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road, ways_left
+from cmpsp_ros.world.roads.arc_length import (
+    arc_length_to,
+    lookahead_point,
+    project_on_path,
+    remaining_arc_length,
+)
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.warmup import run_kernels
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -66,19 +72,20 @@ controls, durations, times = np.full((4, 2), 5.0), np.full(3, 0.2), np.arange(3.
 for road in (Annulus(), line, OpenFloor()):
     for obstacles in ((), (shape,), settings.obstacles):
         given, pose = replace(settings, road=road, obstacles=obstacles), road.middle()
-        poses = given.model.roll_out(pose, controls, durations)
+        poses = given.robot.roll_out(pose, controls, durations)
         space = FreeSpace.of(road, obstacles, 0.1)
         space.at(poses, 1.0)
         space.for_samples_of(controls[:3], 0.2).at(poses)
         space.along(poses[:3], controls[:3], durations)
         discs.along(poses[:3], controls[:3], durations, times)
-        Audit(given).check(pose, controls, durations)
-        Audit(given).check(pose, controls, durations, discs, 1.0)
-        along_road(given, pose, durations)
-        ways_left(given, poses)
-        way_along(road, pose, given.goal, 0.5)
-        line_ahead(road, pose, 1.0)
-        place_of(road, pose, 0.0)
+        start = PlanStart(pose, given.robot)
+        Audit(given).check(start, controls, durations)
+        Audit(given).check(PlanStart(pose, given.robot, discs, 1.0), controls, durations)
+        along_road(given, start, given.target, durations)
+        remaining_arc_length(road, poses, given.goal, None)
+        arc_length_to(road, pose, given.goal, 0.5)
+        lookahead_point(road, pose, 1.0)
+        project_on_path(road, pose, 0.0)
 print(*sorted(code() - before), sep='\\n')
 """
 

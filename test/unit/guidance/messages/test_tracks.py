@@ -15,10 +15,10 @@ from cmpsp_ros.guidance.messages.tracks import (
     Tracks,
     check_age,
     read_keys,
+    track_keys,
     tracks_of,
-    written_keys,
 )
-from cmpsp_ros.guidance.prediction.obstacle_tracker import Lookout
+from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import MovingObstacles
 
 KINDS = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -172,32 +172,32 @@ def test_time_that_jumps_back():
 
 
 def test_keys_read_back():
-    assert read_keys(written_keys([FIRST, SECOND])) == [FIRST.key, SECOND.key]
+    assert read_keys(track_keys([FIRST, SECOND])) == [FIRST.key, SECOND.key]
     assert read_keys('') == []
     with pytest.raises(ValueError, match='wanted obstacles as id@stamp'):
         read_keys('7@3 x')
 
 
-def looked(lookout, tracks, capacity=2, stamp=2 * NANOSECONDS):
-    return lookout.at(stamp, np.zeros(3), tracks, MovingObstacles(capacity, 5.0, 0.1))
+def looked(tracker, tracks, capacity=2, stamp=2 * NANOSECONDS):
+    return tracker.update(stamp, np.zeros(3), tracks, MovingObstacles(capacity, 5.0, 0.1))
 
 
 def test_brought_to_one_instant():
-    discs = looked(Lookout(), [seen(3, 1.5, x=4.0)])
+    discs = looked(ObstacleTracker(), [seen(3, 1.5, x=4.0)])
     np.testing.assert_allclose(discs.states, [[4.5, 0.0, 1.0, 0.0, 0.15]])
     assert discs.names == ('moving obstacle 3',)
     np.testing.assert_allclose(discs.after(1.0).states[0, [0, 4]], [5.5, 0.25])
 
 
 def test_slots_are_kept_and_the_nearest_have_them():
-    lookout = Lookout()
+    tracker = ObstacleTracker()
     near, far, nearer = seen(1, 2.0, x=3.0), seen(2, 2.0, x=5.0), seen(9, 2.0, x=2.0)
-    assert looked(lookout, [near, far]).slots.tolist() == [0, 1]
-    assert lookout.surprised
-    assert looked(lookout, [near, far]).slots.tolist() == [0, 1]
-    assert not lookout.surprised
+    assert looked(tracker, [near, far]).slots.tolist() == [0, 1]
+    assert tracker.new_obstacle_seen
+    assert looked(tracker, [near, far]).slots.tolist() == [0, 1]
+    assert not tracker.new_obstacle_seen
     # The farther one gives way, and the one that stays keeps its slot.
-    assert looked(lookout, [near, far, nearer]).slots.tolist() == [0, -1, 1]
-    assert lookout.surprised
-    assert looked(lookout, [far, nearer]).slots.tolist() == [0, 1]
-    assert looked(lookout, []).slots.tolist() == []
+    assert looked(tracker, [near, far, nearer]).slots.tolist() == [0, -1, 1]
+    assert tracker.new_obstacle_seen
+    assert looked(tracker, [far, nearer]).slots.tolist() == [0, 1]
+    assert looked(tracker, []).slots.tolist() == []

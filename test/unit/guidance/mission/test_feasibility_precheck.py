@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from cmpsp_ros.guidance.mission.feasibility_precheck import doubts, shortest_time
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -33,13 +33,13 @@ def test_a_wider_robot_goes_a_longer_way_and_one_without_limit_needs_no_time():
     assert shortest_time(settings(robot_radius=0.2), START) > shortest_time(settings(), START)
     unlimited = replace(settings(), robot=DifferentialDrive(0.035, 0.055))
     assert shortest_time(unlimited, START) == 0.0
-    assert doubts(unlimited, START) == []
+    assert infeasibility_warnings(unlimited, START) == []
 
 
 def test_a_goal_out_of_reach_is_told_with_the_time_that_it_takes():
     needed = shortest_time(settings(), START)
-    assert doubts(settings(final_time=needed + 1e-6), START) == []
-    (said,) = doubts(settings(final_time=needed - 0.5), START)
+    assert infeasibility_warnings(settings(final_time=needed + 1e-6), START) == []
+    (said,) = infeasibility_warnings(settings(final_time=needed - 0.5), START)
     assert said.startswith(f'The goal is out of reach by {0.5 * 0.035 * 51.0:.2f} m: ')
     assert f'have to be {math.ceil(10.0 * needed) / 10.0:.1f} s or more.' in said
 
@@ -49,17 +49,17 @@ def test_a_gap_too_narrow_is_told_and_one_just_wide_enough_is_not(radius, margin
     narrow = settings(
         obstacles=(ROCK,), robot_radius=radius + 1e-6, safety=Safety(margin), final_time=20.0
     )
-    (said,) = doubts(narrow, START)
+    (said,) = infeasibility_warnings(narrow, START)
     assert said.startswith('There is no way past obstacle rock: the wider gap beside it is 0.300 m')
     wide = replace(narrow, robot_radius=radius - 1e-6)
-    assert doubts(wide, START) == []
+    assert infeasibility_warnings(wide, START) == []
 
 
 def test_an_obstacle_that_fills_the_road_stops_even_a_point():
-    (said,) = doubts(settings(obstacles=(replace(ROCK, radius=1.5),)), START)
+    (said,) = infeasibility_warnings(settings(obstacles=(replace(ROCK, radius=1.5),)), START)
     assert 'the wider gap beside it is 0.000 m, and this robot needs 0.000 m' in said
 
 
 def test_obstacles_before_the_start_and_behind_the_goal_are_not_in_the_way():
     beside = [replace(ROCK, center=center) for center in ((-8.0, -6.0), (8.0, 6.0))]
-    assert doubts(settings(obstacles=tuple(beside), robot_radius=0.2), START) == []
+    assert infeasibility_warnings(settings(obstacles=tuple(beside), robot_radius=0.2), START) == []

@@ -9,13 +9,13 @@ from endless import NOISE, drive, is_steady
 from scenarios import PERIOD
 from scenarios import drive as drive_law
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import GoalError
-from cmpsp_ros.guidance.mission.goals import Follow, Goal, line_ahead, way_along
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
 from cmpsp_ros.world.roads.road import Annulus
 
 
@@ -41,7 +41,7 @@ def test_a_ring_is_followed_in_either_direction(speed):
     start = (0.0, -10.2, 0.0 if speed > 0.0 else math.pi)
     law, steps = GuidanceLaw(given), 400
     run = drive_law(law, given, [k * PERIOD for k in range(steps + 1)], start)
-    assert {decision.rung for decision in run.decisions} == {Rung.NOMINAL}
+    assert {decision.rung for decision in run.decisions} == {FallbackLevel.NOMINAL}
     assert all(math.isinf(decision.time_left) for decision in run.decisions)
     assert all(decision.goal is None for decision in run.decisions)
     bearing = np.unwrap(np.arctan2(run.path[:, 1], run.path[:, 0]))
@@ -70,9 +70,9 @@ def test_no_goal_is_taken():
 def test_a_line_ahead_is_on_the_centre_line_in_the_direction_driven():
     pose = np.array([9.5, 0.0, math.pi / 2.0])
     for way in (5.0, -5.0):
-        (x, y), direction = line_ahead(Annulus(), pose, way)
+        (x, y), direction = lookahead_point(Annulus(), pose, way)
         assert math.hypot(x, y) == pytest.approx(10.0)
         assert math.atan2(y, x) == pytest.approx(way / 10.0)
         assert math.cos(direction - way / 10.0) == pytest.approx(0.0, abs=1e-9)
         assert math.sin(direction - way / 10.0) == pytest.approx(math.copysign(1.0, way))
-        assert way_along(Annulus(), pose, (x, y)) == pytest.approx(way)
+        assert arc_length_to(Annulus(), pose, (x, y)) == pytest.approx(way)

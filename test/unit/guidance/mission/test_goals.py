@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scenarios import PERIOD, drive
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance.key_values import decision_to_key_values, severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
-from cmpsp_ros.guidance.messages.key_values import facts, severity
-from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -36,7 +36,7 @@ def goals_driven():
 def test_every_goal_is_passed_at_its_time(goals_driven):
     given, run = goals_driven
     assert [goal.name for goal in given.goals] == ['a', 'b', 'c', 'd', 'e', 'goal']
-    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+    assert {decision.rung for decision in run.moves} == {FallbackLevel.NOMINAL}
     for goal in given.goals:
         pose = run.decisions[round(goal.time * 1e9) // PERIOD - 1].plan.poses[-1]
         assert math.dist(pose[:2], goal.position) < 1e-9
@@ -50,7 +50,7 @@ def test_decisions_say_where_they_drive(goals_driven):
     given, run = goals_driven
     for decision in run.moves:
         (goal,) = [goal for goal in given.goals if goal.time > decision.step * 0.2 + 1e-9][:1]
-        said = facts(decision)
+        said = decision_to_key_values(decision)
         assert said['goal'] == goal.name
         assert [float(said[key]) for key in ('goal_x', 'goal_y')] == list(goal.position)
         assert float(said['goal_time']) == goal.time
@@ -69,7 +69,7 @@ def test_the_change_from_goal_to_goal_is_no_dip(goals_driven):
 def test_one_goal_is_told_as_ever():
     given, start = preset('corridor')
     decision = GuidanceLaw(given).update(0, np.array(start))
-    assert not {'goal', 'goal_x', 'heading_miss', 'told'} & set(facts(decision))
+    assert not {'goal', 'goal_x', 'heading_miss', 'told'} & set(decision_to_key_values(decision))
 
 
 @pytest.mark.parametrize('heading', [0.6, 3.0])
@@ -184,7 +184,10 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
     assert first_heading < 1e-6
     # In a time that the way, the pace and two turns say.
     assert at < 70 * PERIOD
-    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    assert {decision.rung for decision in run.moves} <= {
+        FallbackLevel.NOMINAL,
+        FallbackLevel.ELASTIC,
+    }
     # The second one is passed through and stopped at: nobody has told another since.
     assert run.decisions[-1].told == 3
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from general_iteration import improve
-from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, settings, start_of
 
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
@@ -30,13 +31,13 @@ def assert_alike(compiled, general):
 
 def side_by_side(given, start, steps=8, late=0):
     """Drive by the compiled plans, and compare each of them with the other kind."""
-    compiled = Planner(given)
+    compiled = Planner(OcpFormulation(given))
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
     pose, held = np.array(start, dtype=float), np.zeros(2)
     horizon, seen = remaining(0, period, final), []
-    guess = initial_guess(given, pose, horizon.durations)
+    guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
     for step in range(steps):
-        one = compiled.improve(pose, held, guess, horizon)
+        one = compiled.improve(context_of(given, pose, horizon, held), guess)
         other = improve(given, pose, held, guess, horizon)
         assert_alike(one, other)
         seen.append(other)
@@ -52,7 +53,7 @@ def side_by_side(given, start, steps=8, late=0):
 def test_presets(preset):
     values = TABLE.resolve(load_parameter_file(preset))
     seen = side_by_side(guidance_settings(values), values['initial_pose'])
-    assert all(improvement.solved for improvement in seen)
+    assert all(result.solved for result in seen)
 
 
 @pytest.mark.parametrize('case', CASES)
@@ -74,25 +75,25 @@ def test_a_road_that_is_blocked():
     wall = Obstacle('wall', (7.07, -7.07), 1.5)
     solver = SolverSettings(iterations_per_step=6)
     seen = side_by_side(settings((FIRST, wall), 51.0, ROAD, solver=solver), START, steps=3)
-    assert any(improvement.elastic for improvement in seen)
+    assert any(result.elastic for result in seen)
 
 
 @pytest.mark.parametrize('changes', [{'hessian': 'exact'}, {'qp': 'daqp'}], ids=str)
 def test_back_ends_by_name_and_the_exact_hessian(changes):
     solver = SolverSettings(**changes)
     seen = side_by_side(replace(CASES['case 3'], solver=solver), START, steps=4)
-    assert all(improvement.solved for improvement in seen)
+    assert all(result.solved for result in seen)
 
 
 def test_what_the_compiled_solver_gives_up_is_done_by_a_back_end():
     """Work for a single iteration of the solver, and none for the back end either."""
     given, horizon = CASES['case 3'], remaining(0, PERIOD, 50 * PERIOD)
     pose, held = np.array(START), np.zeros(2)
-    guess = initial_guess(given, pose, horizon.durations)
-    planner = Planner(given)
-    assert not planner.improve(pose, held, guess, horizon, work_limit=60).solved
+    guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
+    planner, context = Planner(OcpFormulation(given)), context_of(given, pose, horizon)
+    assert not planner.improve(context, guess, work_limit=60).solved
     wanted = improve(given, pose, held, guess, horizon)
     planner._driver._solve = lambda *_: ITERATION_LIMIT
-    found = planner.improve(pose, held, guess, horizon)
+    found = planner.improve(context, guess)
     assert_alike(found, wanted)
     assert found.work > 10_000 * 51

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scenarios import CASES, ROAD, settings
+from scenarios import CASES, ROAD, settings, start_of
 
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.settings import InitialGuess, SolverSettings
@@ -19,7 +19,7 @@ TIMES = np.full(50, 0.2)
 
 
 def path_of(given, pose, times=TIMES):
-    controls = initial_guess(given, np.array(pose), times)
+    controls = initial_guess(given, start_of(given, pose), given.target, times)
     assert controls.shape == (len(times) + 1, 2)
     assert np.isfinite(controls).all()
     assert np.abs(controls).max() <= given.robot.max_wheel_speed
@@ -28,7 +28,9 @@ def path_of(given, pose, times=TIMES):
 
 def test_constant_guess_is_what_was_asked_for():
     guess = InitialGuess('constant', (12.0, -3.0))
-    controls = initial_guess(settings(guess=guess), np.zeros(3), np.full(4, 0.2))
+    given = settings(guess=guess)
+    start = start_of(given, np.zeros(3))
+    controls = initial_guess(given, start, given.target, np.full(4, 0.2))
     np.testing.assert_array_equal(controls, np.tile([12.0, -3.0], (5, 1)))
 
 
@@ -102,6 +104,7 @@ def test_goal_at_the_centre_of_the_road():
 
 def test_heading_may_be_wrapped():
     given = settings(guess=ROAD)
-    one = initial_guess(given, np.array([0.0, -9.25, 0.3]), TIMES)
-    other = initial_guess(given, np.array([0.0, -9.25, 0.3 - 2.0 * math.pi]), TIMES)
+    one = initial_guess(given, start_of(given, (0.0, -9.25, 0.3)), given.target, TIMES)
+    turned = start_of(given, (0.0, -9.25, 0.3 - 2.0 * math.pi))
+    other = initial_guess(given, turned, given.target, TIMES)
     np.testing.assert_allclose(one, other, atol=1e-6)

@@ -15,19 +15,22 @@ from scenarios import (
     START,
     clearance,
     closed_loop,
+    context_of,
     drive,
     settings,
+    start_of,
     with_plans,
 )
 
-from cmpsp_ros.guidance.decision import Rung
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, shift
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.homotopy.path_search import ways_through
+from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -53,10 +56,10 @@ def counted(monkeypatch):
     """How many plans were improved, a number for each control step."""
     improve, counts = Planner.improve, {}
 
-    def count(planner, pose, held, guess, horizon, **rest):
-        steps = len(horizon.durations)
+    def count(planner, context, *rest):
+        steps = len(context.horizon.durations)
         counts[steps] = counts.get(steps, 0) + 1
-        return improve(planner, pose, held, guess, horizon, **rest)
+        return improve(planner, context, *rest)
 
     monkeypatch.setattr(Planner, 'improve', count)
     return counts
@@ -73,7 +76,10 @@ def test_no_guess_is_a_trap(guess, limit):
     given = settings(BOTH, limit, InitialGuess('constant', guess))
     run = closed_loop(given)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    assert {decision.rung for decision in run.moves} <= {
+        FallbackLevel.NOMINAL,
+        FallbackLevel.ELASTIC,
+    }
 
 
 @pytest.mark.parametrize('limit', [45.0, 51.0])
@@ -122,7 +128,7 @@ def test_a_plan_that_ends_in_the_middle_of_an_obstacle_is_left():
     start = (10.0 * math.cos(-1.5), 10.0 * math.sin(-1.5), math.pi / 2.0 - 1.5)
     run = closed_loop(given, start)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} == {Rung.NOMINAL}
+    assert {decision.rung for decision in run.moves} == {FallbackLevel.NOMINAL}
 
 
 def test_without_obstacles_one_plan_is_improved(monkeypatch):
@@ -164,10 +170,10 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
     run = drive(law, given, ON_TIME[:6])
     improve, guesses = Planner.improve, []
 
-    def fail(planner, pose, held, guess, horizon, **rest):
+    def fail(planner, context, guess, *rest):
         guesses.append(guess)
-        improvement = improve(planner, pose, held, guess, horizon, **rest)
-        return improvement._replace(solved=False, reason='No.')
+        result = improve(planner, context, guess, *rest)
+        return result._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
     pose = run.pose
@@ -175,8 +181,10 @@ def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
         guesses.clear()
         law.update(k * PERIOD, pose)
         durations = np.full(50 - k, 0.2)
-        space = Task(given).space(along_road(given, pose, durations), durations)
-        fresh = ways_through(given, space, pose, durations)[0].guess
+        start, target = start_of(given, pose), given.target
+        guess = along_road(given, start, target, durations)
+        space = OcpFormulation(given).space(guess, durations, target)
+        fresh = guide_paths(given, space, start, target, durations)[0].guess
         assert any(np.array_equal(guess, fresh) for guess in guesses)
         assert len(guesses) <= 4
 
@@ -222,25 +230,27 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
     given = replace(CASES[name], robot=replace(CASES[name].robot, max_wheel_speed=51.0))
     given = with_plans(given, 1, 2)
     law, audit = GuidanceLaw(given), Audit(given)
-    warm, second = Planner(given), Planner(given)
+    warm, second = Planner(OcpFormulation(given)), Planner(OcpFormulation(given))
+    ranking = Ranking(given, None)
     pose, held, plan = np.array(START), np.zeros(2), None
 
     def improved(planner, guess):
-        improvement = planner.improve(pose, held, guess, horizon)
-        verdict = audit.check(pose, improvement.plan.controls, horizon.durations)
-        return Candidate(improvement, verdict)
+        context = context_of(given, pose, horizon, held)
+        result = planner.improve(context, guess)
+        verdict = audit.check(context.start, result.plan.controls, horizon.durations)
+        return Candidate.of(result, verdict, given.target)
 
     for now in ON_TIME[:-1]:
         horizon = remaining(now, PERIOD, 10_000_000_000)
         if plan is None:
-            guess = initial_guess(given, pose, horizon.durations)
+            guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
         else:
             guess = shift(plan.controls, plan.horizon, horizon)
         candidate = improved(warm, guess)
-        if not candidate.flawless:
+        if not candidate.feasible:
             second.forget()
-            fresh = improved(second, along_road(given, pose, horizon.durations))
-            if fresh.beats(candidate):
+            fresh = improved(second, context_of(given, pose, horizon).center_line_guess)
+            if ranking.score(fresh, held).beats(ranking.score(candidate, held)):
                 warm, second, candidate = second, warm, fresh
         decision = law.update(now, pose)
         plan = candidate.plan
@@ -278,7 +288,7 @@ def test_a_robot_that_gets_no_nearer_waits():
     run = closed_loop(given)
     waits = [decision for decision in run.moves if decision.reason.startswith('The robot waits')]
     assert len(waits) > 5
-    assert {decision.rung for decision in waits} == {Rung.STOP}
+    assert {decision.rung for decision in waits} == {FallbackLevel.STOP}
     assert clearance(run.path, given) >= -1e-9
 
 
@@ -297,7 +307,10 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
     given = settings(found, 51.0, ROAD)
     run = closed_loop(given, start)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} <= {Rung.NOMINAL, Rung.ELASTIC}
+    assert {decision.rung for decision in run.moves} <= {
+        FallbackLevel.NOMINAL,
+        FallbackLevel.ELASTIC,
+    }
 
 
 def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):

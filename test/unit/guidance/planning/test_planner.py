@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, PERIOD, ROAD, START, settings
+from scenarios import CASES, FIRST, PERIOD, ROAD, START, context_of, settings, start_of
 
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
@@ -18,16 +19,16 @@ POSE = np.array(START)
 
 def improve(given, guess=None, held=(0.0, 0.0)):
     if guess is None:
-        guess = initial_guess(given, POSE, HORIZON.durations)
-    return Planner(given).improve(POSE, np.array(held), guess, HORIZON)
+        guess = initial_guess(given, start_of(given, POSE), given.target, HORIZON.durations)
+    return Planner(OcpFormulation(given)).improve(context_of(given, POSE, HORIZON, held), guess)
 
 
 @pytest.mark.parametrize('iterations', [1, 2, 7])
 def test_iterations_are_as_many_as_asked_for(iterations):
     solver = SolverSettings(iterations_per_step=iterations)
-    improvement = improve(replace(CASES['case 3'], solver=solver))
-    assert improvement.iterations == iterations
-    assert improvement.solved
+    result = improve(replace(CASES['case 3'], solver=solver))
+    assert result.iterations == iterations
+    assert result.solved
 
 
 def test_plan_is_the_path_of_its_controls():
@@ -59,7 +60,7 @@ def test_control_rate_counts_from_the_command_held_until_now():
 
 def test_guess_is_left_as_it_was():
     given = CASES['case 3']
-    guess = initial_guess(given, POSE, HORIZON.durations)
+    guess = initial_guess(given, start_of(given, POSE), given.target, HORIZON.durations)
     before = guess.copy()
     improve(given, guess)
     np.testing.assert_array_equal(guess, before)
@@ -69,15 +70,15 @@ def test_slack_says_where():
     # The road is blocked from edge to edge.
     wall = Obstacle('wall', (7.07, -7.07), 1.5)
     solver = SolverSettings(iterations_per_step=8)
-    improvement = improve(settings((FIRST, wall), 51.0, ROAD, solver=solver))
-    assert improvement.elastic
-    assert improvement.slack > 0.01
-    assert improvement.slack_where or improvement.slack_terminal
-    assert set(improvement.slack_where) <= {0, 1, 2, 3}
+    result = improve(settings((FIRST, wall), 51.0, ROAD, solver=solver))
+    assert result.elastic
+    assert result.slack > 0.01
+    assert result.slack_where or result.slack_terminal
+    assert set(result.slack_where) <= {0, 1, 2, 3}
 
 
 def test_goal_out_of_reach_shows_in_the_terminal_slack():
-    improvement = improve(settings(limit=20.0, guess=ROAD))
-    assert improvement.elastic
-    assert improvement.slack_terminal
-    assert improvement.slack > 1.0
+    result = improve(settings(limit=20.0, guess=ROAD))
+    assert result.elastic
+    assert result.slack_terminal
+    assert result.slack > 1.0

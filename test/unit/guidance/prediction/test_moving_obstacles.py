@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scenarios import CASES, PERIOD, ROAD, START, settings
+from scenarios import CASES, PERIOD, ROAD, START, settings, start_of
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.key_values import severity
 from cmpsp_ros.guidance.messages.tracks import Track, Tracks
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import MovingObstacles
@@ -69,7 +69,7 @@ def assert_is(fault, decision):
 @pytest.mark.parametrize('movers', [[ONCOMING], [CROSSING], [ONCOMING, CROSSING]])
 def test_the_goal_is_reached_past_what_moves(given_, movers):
     decisions, least = drive(given_, movers)
-    assert {each.rung for each in decisions[:-1]} == {Rung.NOMINAL}
+    assert {each.rung for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
     assert decisions[-1].miss < given_.goal_tolerance
     assert least >= 0.0
 
@@ -86,7 +86,7 @@ def test_what_comes_into_sight_on_the_way_is_missed_too(fault):
 
     decisions, least = drive(OPEN, [ONCOMING], tell=late)
     assert_is(fault, decisions[10])
-    assert {each.rung for each in decisions[:-1]} == {Rung.NOMINAL}
+    assert {each.rung for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
     assert decisions[-1].miss < OPEN.goal_tolerance
     assert least >= 0.0
 
@@ -150,7 +150,7 @@ def test_a_robot_in_the_way_is_led_out(fault):
     decisions, _ = drive(OPEN, [behind], steps=10)
     assert decisions[0].margin < 0.0
     assert_is(fault, decisions[0])
-    assert Rung.STOP not in {each.rung for each in decisions}
+    assert FallbackLevel.STOP not in {each.rung for each in decisions}
     assert decisions[-1].margin > 0.0
 
 
@@ -214,7 +214,7 @@ def test_no_plan_that_passes_comes_closer_than_it_may(obstacles, discs, wheels, 
     moving = MovingDiscs(names, states, growth, np.full(len(discs), -1))
     controls = 51.0 * np.tile(wheels, (3, 1))
     durations = np.array([0.2, 0.2])
-    verdict = Audit(floor).check(np.zeros(3), controls, durations, moving)
+    verdict = Audit(floor).check(start_of(floor, np.zeros(3), moving=moving), controls, durations)
     parts = np.full(PIECES, 0.2 / PIECES)
     path = floor.robot.roll_out(np.zeros(3), np.tile(controls[0], (PIECES, 1)), parts)[:, :2]
     times = np.linspace(0.0, 0.2, PIECES + 1)

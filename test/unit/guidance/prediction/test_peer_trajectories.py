@@ -11,11 +11,11 @@ import pytest
 from fleet import Robot, among, drive
 from scenarios import ROAD, settings
 
-from cmpsp_ros.guidance.decision import Plan, Rung
+from cmpsp_ros.guidance.decision import FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
-from cmpsp_ros.guidance.messages.peer_trajectories import OtherPlan, plan_of
-from cmpsp_ros.guidance.messages.tracks import Track, TrackError, Tracks, read_keys, written_keys
-from cmpsp_ros.guidance.prediction.obstacle_tracker import Lookout
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
+from cmpsp_ros.guidance.messages.tracks import Track, TrackError, Tracks, read_keys, track_keys
+from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import MovingObstacles
 from cmpsp_ros.world.roads.road import Annulus, OpenFloor
 
@@ -43,7 +43,7 @@ def path(*points, stamp=0, frame='odom'):
 
 def test_a_plan_is_read():
     plan = plan_of(path((100, 1.0, 2.0), (300, 3.0, 2.0), stamp=100), '/r2', 'odom')
-    assert plan == OtherPlan('/r2', 100, (100, 300), ((1.0, 2.0), (3.0, 2.0)))
+    assert plan == PeerTrajectory('/r2', 100, (100, 300), ((1.0, 2.0), (3.0, 2.0)))
     assert (plan.name, plan.key, plan.stands) == ('robot /r2', ('/r2', 100), False)
     assert [plan.place(at) for at in (0, 100, 200, 900)] == [
         (1.0, 2.0),
@@ -79,7 +79,7 @@ def test_what_cannot_be_used_is_refused_by_name(message, said):
 def test_keys_are_read_as_they_were_written():
     plan = plan_of(path((7, 0.0, 0.0), stamp=7), '/a/b', 'odom')
     known = [Track(-3, 5, 0.1, 0.0, 0.0, 0.0, 0.0), plan]
-    assert read_keys(written_keys(known)) == [(-3, 5), ('/a/b', 7)]
+    assert read_keys(track_keys(known)) == [(-3, 5), ('/a/b', 7)]
     for bad in ('/a@', 'a@5', '/@5', '/a b@5'):
         with pytest.raises(ValueError, match='wanted obstacles as id@stamp'):
             read_keys(bad)
@@ -87,8 +87,8 @@ def test_keys_are_read_as_they_were_written():
 
 def test_a_plan_grows_old_and_a_robot_that_stands_does_not():
     known = Tracks()
-    driving = OtherPlan('/r2', 0, (0, 10), ((0.0, 0.0), (1.0, 0.0)))
-    standing = OtherPlan('/r3', 0, (0,), ((5.0, 0.0),))
+    driving = PeerTrajectory('/r2', 0, (0, 10), ((0.0, 0.0), (1.0, 0.0)))
+    standing = PeerTrajectory('/r3', 0, (0,), ((5.0, 0.0),))
     known.hear([driving, standing])
     assert known.at(NANOSECONDS, 1.0) == (driving, standing)
     assert known.at(NANOSECONDS + 1, 1.0) == (standing,)
@@ -101,9 +101,9 @@ def test_a_plan_grows_old_and_a_robot_that_stands_does_not():
 
 def test_the_way_is_foreseen_and_stands_at_its_end():
     second = NANOSECONDS
-    plan = OtherPlan('/r2', 0, (0, second, 2 * second), ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
+    plan = PeerTrajectory('/r2', 0, (0, second, 2 * second), ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0)))
     known = MovingObstacles(others=('/r1', '/r2'), others_radius=0.2, growth=0.1)
-    discs = Lookout().at(second // 2, np.zeros(3), (plan,), known)
+    discs = ObstacleTracker().update(second // 2, np.zeros(3), (plan,), known)
     centers, radii = discs.at_times(np.array([0.0, 0.5, 1.0, 5.0]))
     np.testing.assert_allclose(centers[:, 0], [[0.5, 0.0], [1.0, 0.0], [1.0, 0.5], [1.0, 1.0]])
     np.testing.assert_allclose(radii[:, 0], [0.25, 0.3, 0.35, 0.75])
@@ -115,7 +115,7 @@ def test_the_way_is_foreseen_and_stands_at_its_end():
 
 
 def test_where_a_plan_leads_at_an_instant():
-    horizon = Horizon.between(np.array([0, 200 * MS, 400 * MS]))
+    horizon = Horizon.between([0, 200 * MS, 400 * MS])
     poses = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.4], [2.0, 1.0, 0.4]])
     plan = Plan(horizon, np.zeros((3, 2)), poses)
     assert plan.pose_at(1000, 1000 + 100 * MS) == pytest.approx([0.5, 0.0, 0.2])
@@ -148,7 +148,7 @@ def crossing(count, offset):
 def assert_arrived(robots):
     for each in robots:
         decided = [one for one in each.decisions if not one.finished]
-        assert {one.rung for one in decided} <= {Rung.NOMINAL, Rung.ELASTIC}
+        assert {one.rung for one in decided} <= {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
         assert each.decisions[-1].finished
         assert each.decisions[-1].miss < each.given.goal_tolerance
 
@@ -181,7 +181,7 @@ def test_ways_that_all_cross_at_one_place(count, offset):
 def test_a_robot_that_stands_in_the_way_is_passed():
     robots = crossing(2, 0)
     known = robots[0].known
-    known.hear([OtherPlan('/r9', 0, (0,), ((0.0, 0.0),))])
+    known.hear([PeerTrajectory('/r9', 0, (0,), ((0.0, 0.0),))])
     known_to = replace(robots[0].given.moving_obstacles, others=('/r9',))
     robots[0] = Robot('/r0', replace(robots[0].given, moving_obstacles=known_to), robots[0].pose)
     robots[0].known = known

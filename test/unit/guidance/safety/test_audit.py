@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import FIRST, SECOND, clearance, settings
+from scenarios import FIRST, SECOND, clearance, settings, start_of
 
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
@@ -21,7 +21,7 @@ def controls(right, left, steps=5):
 
 
 def test_a_clear_plan_passes():
-    verdict = Audit(GIVEN).check(HERE, controls(45, 44.5), TIMES)
+    verdict = Audit(GIVEN).check(start_of(GIVEN, HERE), controls(45, 44.5), TIMES)
     assert verdict.passed
     assert verdict.reason == ''
     path = GIVEN.robot.roll_out(HERE, controls(45, 44.5, 1000), np.full(1000, 1e-3))
@@ -36,7 +36,7 @@ def test_not_finite(bad, place):
     plan = controls(45, 45)
     plan[place] = bad
     for given in (GIVEN, replace(GIVEN, robot=settings().robot)):
-        verdict = Audit(given).check(HERE, plan, TIMES)
+        verdict = Audit(given).check(start_of(given, HERE), plan, TIMES)
         assert not verdict.passed
         assert 'not a finite number' in verdict.reason
 
@@ -44,16 +44,16 @@ def test_not_finite(bad, place):
 @pytest.mark.parametrize('pose', [[math.nan, -10.0, 0.0], [0.0, -10.0, math.inf]])
 def test_a_pose_that_is_not_finite(pose):
     with np.errstate(invalid='ignore'):
-        verdict = Audit(GIVEN).check(np.array(pose), controls(45, 45), TIMES)
+        verdict = Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
     assert not verdict.passed
 
 
 def test_wheel_limits():
     for place in ((0, 0), (4, 1), (5, 1)):
         plan = controls(51, -51)
-        assert 'limit' not in Audit(GIVEN).check(HERE, plan, TIMES).reason
+        assert 'limit' not in Audit(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES).reason
         plan[place] = -np.nextafter(51.0, 52.0)
-        verdict = Audit(GIVEN).check(HERE, plan, TIMES)
+        verdict = Audit(GIVEN).check(start_of(GIVEN, HERE), plan, TIMES)
         assert not verdict.passed
         assert '51.00000000000001 rad/s, the limit is 51.0 rad/s' in verdict.reason
 
@@ -68,7 +68,7 @@ def test_wheel_limits():
     ],
 )
 def test_what_the_next_period_would_hit_is_named(pose, named):
-    verdict = Audit(GIVEN).check(np.array(pose), controls(45, 45), TIMES)
+    verdict = Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(45, 45), TIMES)
     assert not verdict.passed
     assert named in verdict.reason
     assert 'next 0.2 s' in verdict.reason
@@ -78,7 +78,7 @@ def test_what_the_next_period_would_hit_is_named(pose, named):
 def test_what_comes_later_is_reported_but_not_refused():
     pose = np.array([7.3 - 0.4, -6.0, 0.0])
     assert 45.0 * 0.035 * 0.2 < 0.4
-    verdict = Audit(GIVEN).check(pose, controls(45, 45), TIMES)
+    verdict = Audit(GIVEN).check(start_of(GIVEN, pose), controls(45, 45), TIMES)
     assert verdict.passed
     assert verdict.margin > 0.0
     assert verdict.worst_margin < -0.5
@@ -90,27 +90,35 @@ def test_path_is_swept_between_samples():
     pole = Obstacle('pole', (0.1575, -10.0), 0.1)
     given = replace(GIVEN, obstacles=(pole,))
     plan = controls(45, 45)
-    swept = Audit(given).check(HERE, plan, TIMES)
+    swept = Audit(given).check(start_of(GIVEN, HERE), plan, TIMES)
     assert not swept.passed
     assert swept.margin == pytest.approx(-0.1, abs=1e-9)
-    sampled = Audit(replace(given, safety=Safety(between_samples=False))).check(HERE, plan, TIMES)
+    sampled = Audit(replace(given, safety=Safety(between_samples=False))).check(
+        start_of(given, HERE), plan, TIMES
+    )
     assert sampled.passed
 
 
 def test_duration_of_the_first_period_counts():
     given = replace(GIVEN, obstacles=(Obstacle('ahead', (0.6, -10.0), 0.2),))
-    assert Audit(given).check(HERE, controls(45, 45, 2), np.array([0.2, 0.2])).passed
-    assert not Audit(given).check(HERE, controls(45, 45, 2), np.array([0.29, 0.2])).passed
+    assert (
+        Audit(given).check(start_of(GIVEN, HERE), controls(45, 45, 2), np.array([0.2, 0.2])).passed
+    )
+    assert (
+        not Audit(given)
+        .check(start_of(GIVEN, HERE), controls(45, 45, 2), np.array([0.29, 0.2]))
+        .passed
+    )
 
 
 def test_radius_of_the_robot_counts_and_the_margin_does_not():
     pose = np.array([0.0, -10.85, 0.0])
     wide = replace(GIVEN, robot_radius=0.2)
-    assert Audit(GIVEN).check(pose, controls(1, 1), TIMES).passed
-    assert Audit(GIVEN).at(pose)[0] == pytest.approx(0.15)
-    assert Audit(wide).at(pose)[0] == pytest.approx(-0.05)
+    assert Audit(GIVEN).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
+    assert Audit(GIVEN).clearance_at(pose)[0] == pytest.approx(0.15)
+    assert Audit(wide).clearance_at(pose)[0] == pytest.approx(-0.05)
     careful = replace(GIVEN, safety=Safety(margin=0.2))
-    assert Audit(careful).check(pose, controls(1, 1), TIMES).passed
+    assert Audit(careful).check(start_of(GIVEN, pose), controls(1, 1), TIMES).passed
 
 
 @pytest.mark.parametrize('between', [True, False])
@@ -118,29 +126,31 @@ def test_outside_the_road_it_may_come_back_but_not_get_further_out(between):
     given = replace(GIVEN, safety=Safety(between_samples=between))
     audit = Audit(given)
     out = np.array([0.0, -11.3, math.pi / 2])
-    assert audit.check(out, controls(20, 20), TIMES).passed
-    assert not audit.check(out, controls(-20, -20), TIMES).passed
-    assert audit.check(out, controls(0, 0), TIMES).passed
-    assert audit.check(out, controls(5, -5), TIMES).passed
-    assert 'the outer road edge' in audit.check(out, controls(-20, -20), TIMES).reason
+    assert audit.check(start_of(GIVEN, out), controls(20, 20), TIMES).passed
+    assert not audit.check(start_of(GIVEN, out), controls(-20, -20), TIMES).passed
+    assert audit.check(start_of(GIVEN, out), controls(0, 0), TIMES).passed
+    assert audit.check(start_of(GIVEN, out), controls(5, -5), TIMES).passed
+    assert (
+        'the outer road edge' in audit.check(start_of(GIVEN, out), controls(-20, -20), TIMES).reason
+    )
 
 
 def test_inside_an_obstacle_it_may_come_out_but_not_get_deeper():
     audit = Audit(GIVEN)
     inside = np.array([7.5, -6.0, 0.0])
-    assert audit.at(inside)[2] == pytest.approx(-0.2)
-    assert audit.check(inside, controls(-20, -20), TIMES).passed
-    assert not audit.check(inside, controls(20, 20), TIMES).passed
+    assert audit.clearance_at(inside)[2] == pytest.approx(-0.2)
+    assert audit.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
+    assert not audit.check(start_of(GIVEN, inside), controls(20, 20), TIMES).passed
     # What it is not inside of may still not be touched on the way out.
     pole = Obstacle('pole', (7.35, -6.0), 0.05)
     hemmed = Audit(replace(GIVEN, obstacles=(FIRST, pole)))
-    assert not hemmed.check(inside, controls(-20, -20), TIMES).passed
+    assert not hemmed.check(start_of(GIVEN, inside), controls(-20, -20), TIMES).passed
 
 
 def test_at_gives_every_clearance_and_names_go_with_them():
     audit = Audit(GIVEN)
     np.testing.assert_allclose(
-        audit.at(HERE), [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5]
+        audit.clearance_at(HERE), [1.0, 1.0, math.hypot(8, 4) - 0.7, math.hypot(10, 8) - 0.5]
     )
     assert audit.names([0, 3]) == 'the outer road edge, obstacle second'
     assert audit.names([]) == ''
@@ -148,11 +158,15 @@ def test_at_gives_every_clearance_and_names_go_with_them():
 
 def test_standing_still_always_passes():
     for pose in ([0.0, -10.0, 0.3], [0.0, -11.5, 0.3], [8.0, -6.0, 1.0], [0.0, 0.0, 0.0]):
-        assert Audit(GIVEN).check(np.array(pose), controls(0, 0), TIMES).passed, pose
+        assert Audit(GIVEN).check(start_of(GIVEN, np.array(pose)), controls(0, 0), TIMES).passed, (
+            pose
+        )
 
 
 def test_no_obstacles_and_a_single_step():
-    verdict = Audit(settings()).check(HERE, controls(45, 45, 1), np.array([0.2]))
+    verdict = Audit(settings()).check(
+        start_of(settings(), HERE), controls(45, 45, 1), np.array([0.2])
+    )
     assert verdict.passed
     assert verdict.margin == verdict.worst_margin
     assert verdict.nearest in {'the outer road edge', 'the inner road edge'}

@@ -15,13 +15,13 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 ON_TIME = [k * PERIOD for k in range(51)]
-SETTLED = {Rung.NOMINAL, Rung.ELASTIC}
+SETTLED = {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
 
 
 def broken(monkeypatch):
@@ -34,7 +34,7 @@ def broken(monkeypatch):
     monkeypatch.setattr(Planner, 'improve', fail)
 
 
-def test_the_ladder_when_the_solver_fails(monkeypatch):
+def test_the_levels_when_the_solver_fails(monkeypatch):
     given = replace(CASES['case 3'], failure_tolerance=3)
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:21])
@@ -42,7 +42,7 @@ def test_the_ladder_when_the_solver_fails(monkeypatch):
     broken(monkeypatch)
     rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
     rungs = [decision.rung for decision in rest.decisions]
-    assert rungs[:3] == [Rung.SHIFTED] * 3
+    assert rungs[:3] == [FallbackLevel.SHIFTED] * 3
     assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
     # The shifted plan is the last good one, exactly.
     for k, decision in enumerate(rest.decisions[:3], start=1):
@@ -51,7 +51,7 @@ def test_the_ladder_when_the_solver_fails(monkeypatch):
         assert 'last audited plan' in decision.reason
         assert decision.miss < 1e-2
     # Then it is thrown away, and there is nothing left to fall back on.
-    assert rungs[3:] == [Rung.STOP] * 3
+    assert rungs[3:] == [FallbackLevel.STOP] * 3
     for decision in rest.decisions[3:]:
         assert not decision.wheel_speeds.any()
         assert not decision.twist.any()
@@ -65,7 +65,7 @@ def _after(run, given):
     return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
 
 
-def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
+def test_the_levels_recover_when_the_solver_does(monkeypatch):
     given = replace(CASES['case 1'], failure_tolerance=5)
     law = GuidanceLaw(given)
 
@@ -77,7 +77,7 @@ def test_the_ladder_recovers_when_the_solver_does(monkeypatch):
 
     run = drive(law, given, ON_TIME, before=disturb)
     rungs = [decision.rung for decision in run.moves]
-    assert rungs[20:22] == [Rung.SHIFTED] * 2
+    assert rungs[20:22] == [FallbackLevel.SHIFTED] * 2
     assert set(rungs[:20] + rungs[22:]) <= SETTLED
     assert run.decisions[21].failures == 2
     assert run.decisions[22].failures == 0
@@ -88,7 +88,7 @@ def test_failure_at_the_very_first_step_stops(monkeypatch):
     law = GuidanceLaw(CASES['case 1'])
     broken(monkeypatch)
     decision = law.update(0, np.array(START))
-    assert decision.rung is Rung.STOP
+    assert decision.rung is FallbackLevel.STOP
     assert decision.failures == 1
     assert decision.miss == pytest.approx(math.hypot(10.0, 9.25))
 
@@ -110,7 +110,7 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
     assert clearance(rest.path, blocked) >= -1e-9
     assert np.abs(rest.controls).max() <= limit
     for decision in rest.moves:
-        if decision.rung is Rung.STOP:
+        if decision.rung is FallbackLevel.STOP:
             assert decision.plan is None
             assert not decision.wheel_speeds.any()
             why = 'too close to obstacle sudden', 'The robot waits: no plan'
@@ -130,7 +130,7 @@ def test_an_obstacle_at_the_very_nose_makes_it_stop():
     if decision.rung in SETTLED:
         assert decision.margin >= 0.0
     else:
-        assert decision.rung is Rung.STOP
+        assert decision.rung is FallbackLevel.STOP
         assert 'too close to obstacle wall' in decision.reason
         assert decision.failures == 1
 
@@ -143,11 +143,11 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     guesses = {}
     improve = Planner.improve
 
-    def fail(planner, pose, held, guess, horizon, **rest):
+    def fail(planner, context, guess, *rest):
         # The first one of a step; others may be tried beside it.
-        guesses.setdefault(len(horizon.durations), guess)
-        improvement = improve(planner, pose, held, guess, horizon, **rest)
-        return improvement._replace(solved=False, reason='No.')
+        guesses.setdefault(len(context.horizon.durations), guess)
+        result = improve(planner, context, guess, *rest)
+        return result._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
     drive(law, given, ON_TIME[11:14], start=_after(run, given))
@@ -163,7 +163,7 @@ def test_after_the_final_time_it_stays_stopped():
     run = drive(law, given, ON_TIME)
     last = run.decisions[-1]
     assert last.finished
-    assert last.rung is Rung.STOP
+    assert last.rung is FallbackLevel.STOP
     assert last.reason == 'The final time has passed.'
     assert last.time_left == 0.0
     assert last.miss < 1e-6
@@ -178,18 +178,18 @@ def test_odometry_that_first_comes_back_after_the_final_time():
     assert not law.update(0, np.array(START)).finished
     late = law.update(99 * PERIOD, np.array(START))
     assert late.finished
-    assert late.rung is Rung.STOP
+    assert late.rung is FallbackLevel.STOP
 
 
 def test_halt():
     given = CASES['case 3']
     law = GuidanceLaw(given)
     early = law.halt(5, 'Nothing heard yet.')
-    assert early.rung is Rung.STOP
+    assert early.rung is FallbackLevel.STOP
     assert early.reason == 'Nothing heard yet.'
     run = drive(law, given, ON_TIME[:11])
     stop = law.halt(10 * PERIOD + 5, 'Odometry is stale.')
-    assert stop.rung is Rung.STOP
+    assert stop.rung is FallbackLevel.STOP
     assert stop.reason == 'Odometry is stale.'
     assert not stop.wheel_speeds.any()
     assert not stop.twist.any()

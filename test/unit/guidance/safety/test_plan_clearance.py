@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.safety.plan_clearance import Room
+from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -26,7 +25,7 @@ def first(preset, tracks=(), **changes):
 @pytest.mark.parametrize('preset', ['case3', 'corridor', 'goals', 'endless'])
 def test_its_least_is_the_worst_margin_of_the_decision(preset):
     settings, decision = first(preset)
-    along = Room(settings).along(decision)
+    along = plan_clearance(settings, decision)
     assert along.shape == (len(decision.plan.poses),)
     assert along.min() == pytest.approx(decision.worst_margin, abs=1e-9)
     assert along.max() > along.min()
@@ -34,13 +33,15 @@ def test_its_least_is_the_worst_margin_of_the_decision(preset):
 
 def test_the_robot_and_its_slip_count():
     settings, decision = first('case3_wide', **{'robot.radius': 0.1})
-    assert Room(settings).along(decision).min() == pytest.approx(decision.worst_margin, abs=1e-9)
-    plan, slipping = decision.plan, replace(settings, slip=0.1)
+    assert plan_clearance(settings, decision).min() == pytest.approx(
+        decision.worst_margin, abs=1e-9
+    )
+    plan, slipping = decision.plan, settings.robot.slipping(0.1)
     durations = plan.horizon.durations
-    poses = slipping.model.roll_out(plan.poses[0], plan.controls, durations)
-    found = Audit(slipping).check(poses[0], plan.controls, durations)
+    poses = slipping.roll_out(plan.poses[0], plan.controls, durations)
+    found = Audit(settings).check(PlanStart(poses[0], slipping), plan.controls, durations)
     decision = decision._replace(wheel_slip=0.1, plan=plan._replace(poses=poses))
-    assert Room(settings).along(decision).min() == pytest.approx(found.worst_margin, abs=1e-9)
+    assert plan_clearance(settings, decision).min() == pytest.approx(found.worst_margin, abs=1e-9)
 
 
 @pytest.mark.parametrize('delay', [0.0, 0.1])
@@ -48,19 +49,18 @@ def test_what_moves_counts_where_it_will_be(delay):
     tracks = (Track(3, -100_000_000, 0.2, 5.0, -8.3, -0.4, 0.0),)
     settings, decision = first('moving', tracks, command_delay=delay)
     assert decision.tracks == tracks
-    room = Room(settings)
-    along = room.along(decision)
+    along = plan_clearance(settings, decision)
     assert along.min() == pytest.approx(decision.worst_margin, abs=1e-9)
-    assert np.any(along < room.along(decision._replace(tracks=())) - 0.01)
+    assert np.any(along < plan_clearance(settings, decision._replace(tracks=())) - 0.01)
 
 
 def test_the_last_pose_has_its_own_clearance():
     settings, decision = first('case1')
-    along, (x, y, _) = Room(settings).along(decision), decision.plan.poses[-1]
+    along, (x, y, _) = plan_clearance(settings, decision), decision.plan.poses[-1]
     assert along[-1] == pytest.approx(1.0 - abs(np.hypot(x, y) - 10.0), abs=1e-12)
 
 
 def test_without_a_plan_there_is_nothing_to_tell():
     settings, decision = first('case1')
     with pytest.raises(ValueError, match='wanted one with a plan'):
-        Room(settings).along(decision._replace(plan=None))
+        plan_clearance(settings, decision._replace(plan=None))

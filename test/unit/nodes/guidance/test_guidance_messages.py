@@ -14,7 +14,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.nodes.guidance.messages import (
     DecisionMessage,
@@ -36,7 +36,7 @@ def decision(**changes):
     values = {
         'stamp': 12_345_678_901_234_567,
         'step': 7,
-        'rung': Rung.NOMINAL,
+        'rung': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([45.1, 44.2]),
         'twist': np.array([1.5, 0.1 + 0.2]),
@@ -77,7 +77,7 @@ def test_numpy_numbers_are_written_as_plain_ones():
 
 
 def test_a_decision_carries_its_name_level_and_reason():
-    made = decision(rung=Rung.ELASTIC, reason='Tight.')
+    made = decision(rung=FallbackLevel.ELASTIC, reason='Tight.')
     message = DecisionMessage('/r1/guidance: it', 'r1', 'odom').fill(made)
     (status,) = message.status
     assert (status.name, status.message) == ('/r1/guidance: it', 'Tight.')
@@ -91,10 +91,10 @@ def test_a_decision_carries_its_name_level_and_reason():
 @pytest.mark.parametrize(
     ('rung', 'level'),
     [
-        (Rung.NOMINAL, DiagnosticStatus.OK),
-        (Rung.ELASTIC, DiagnosticStatus.WARN),
-        (Rung.SHIFTED, DiagnosticStatus.WARN),
-        (Rung.STOP, DiagnosticStatus.ERROR),
+        (FallbackLevel.NOMINAL, DiagnosticStatus.OK),
+        (FallbackLevel.ELASTIC, DiagnosticStatus.WARN),
+        (FallbackLevel.SHIFTED, DiagnosticStatus.WARN),
+        (FallbackLevel.STOP, DiagnosticStatus.ERROR),
     ],
 )
 def test_a_stop_is_an_error_unless_the_run_is_over(rung, level):
@@ -104,7 +104,7 @@ def test_a_stop_is_an_error_unless_the_run_is_over(rung, level):
 
 def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
     refilled = DecisionMessage('it', 'robot', 'odom')
-    first = decision(rung=Rung.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
+    first = decision(rung=FallbackLevel.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
     second = decision(step=8, finished=True)
     for made in (first, second, first):
         assert refilled.fill(made) == DecisionMessage('it', 'robot', 'odom').fill(made)

@@ -9,8 +9,8 @@ import pytest
 from rclpy.time import Time
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import at_samples
-from cmpsp_ros.guidance.mission.goals import Goal
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
+from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.nodes.guidance.markers import marker_array
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -84,7 +84,7 @@ def test_rings_have_the_radii_of_what_they_show(markers):
 
     assert list(radii('road', (0.0, 0.0))) == pytest.approx([9.0, 11.0])
     assert list(radii('centre_line', (0.0, 0.0))) == pytest.approx([10.0])
-    kept = at_samples(settings()).radii
+    kept = sample_space(settings()).radii
     rings = of(markers, 'margins')
     for ring, radius, center in zip(rings, kept, [(8.0, -6.0), (10.0, -2.0)], strict=True):
         point = ring.points[17]

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance.decision import Rung
+from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.safety.plan_clearance import Room
+from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.nodes.guidance.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -74,11 +74,11 @@ def test_every_rung_has_its_colour(fill, decision):
         assert plan.color.a == 1.0
         return plan.color.r, plan.color.g, plan.color.b
 
-    colors = {rung: color(rung=rung) for rung in Rung}
-    assert len(set(colors.values())) == len(Rung)
-    assert colors[Rung.NOMINAL] == pytest.approx((0.0, 158 / 255, 115 / 255))
+    colors = {rung: color(rung=rung) for rung in FallbackLevel}
+    assert len(set(colors.values())) == len(FallbackLevel)
+    assert colors[FallbackLevel.NOMINAL] == pytest.approx((0.0, 158 / 255, 115 / 255))
     # Having arrived is no stop that should worry anybody.
-    assert color(rung=Rung.STOP, finished=True) != colors[Rung.STOP]
+    assert color(rung=FallbackLevel.STOP, finished=True) != colors[FallbackLevel.STOP]
 
 
 def rgb(color):
@@ -103,7 +103,7 @@ def test_each_stage_has_the_colour_of_its_own_clearance(decision):
     settings = settings_of(**{'safety.margin': 0.05})
     law = GuidanceLaw(settings)
     made = law.update(0, np.array([0.0, -9.25, 0.0]))
-    room = Room(settings).along(made)
+    room = plan_clearance(settings, made)
     _, line, _ = PlanMarkers(settings).fill(made).markers
     assert line.colors == [color_of(each - 0.05) for each in room.tolist()]
     assert len(set(map(rgb, line.colors))) > 5

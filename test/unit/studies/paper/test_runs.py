@@ -110,10 +110,12 @@ def test_the_guess_of_the_obstacle_runs_is_a_straight_line():
 def test_an_independent_solver_finds_every_layout_feasible(each, between_samples):
     pytest.importorskip('casadi')
     from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+    from cmpsp_ros.guidance.prediction.plan_start import PlanStart
     from cmpsp_ros.studies.paper.judge import judge
 
     settings, pose = each.with_bound(between_samples), np.array(each.pose)
-    guess = along_road(settings, pose, np.full(50, 0.2))[:-1]
+    start = PlanStart(pose, settings.robot)
+    guess = along_road(settings, start, settings.target, np.full(50, 0.2))[:-1]
     verdict = judge(settings, pose, drive_open(settings, pose, guess))
     assert verdict.feasible, verdict.status
     # Its own word is not taken for it.

@@ -1,4 +1,4 @@
-"""The search for ways, and guesses that follow them."""
+"""The search for homotopy classes, and guesses that follow them."""
 
 import math
 
@@ -8,11 +8,15 @@ from hypothesis import example
 from hypothesis import given as for_all
 from hypothesis import settings as profile
 from hypothesis import strategies as st
-from scenarios import FIRST, ROAD, SECOND, START, clearance, settings
+from scenarios import FIRST, ROAD, SECOND, START, clearance, settings, start_of
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import Task
-from cmpsp_ros.guidance.planning.homotopy.homotopy_class import in_words, signature_of
-from cmpsp_ros.guidance.planning.homotopy.path_search import MOST_WAYS, turning_first, ways_through
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of, in_words
+from cmpsp_ros.guidance.planning.homotopy.path_search import (
+    MAX_CLASSES,
+    guide_paths,
+    turning_first,
+)
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -24,10 +28,11 @@ ROOM = 0.08
 DURATIONS = np.full(50, 0.2)
 
 
-def search(given, start=START, most=MOST_WAYS):
-    pose = np.array(start)
-    space = Task(given).space(along_road(given, pose, DURATIONS), DURATIONS)
-    ways = ways_through(given, space, pose, DURATIONS, most)
+def search(given, start=START, limit=MAX_CLASSES):
+    pose, begin, target = np.array(start), start_of(given, start), given.target
+    guess = along_road(given, begin, target, DURATIONS)
+    space = OcpFormulation(given).space(guess, DURATIONS, target)
+    ways = guide_paths(given, space, begin, target, DURATIONS, limit)
     paths = [given.robot.roll_out(pose, way.guess, DURATIONS) for way in ways]
     return space, ways, paths
 
@@ -52,7 +57,7 @@ BEND = (
 def test_a_free_road_has_one_way_along_its_centre_line():
     given = settings((), 51.0, ROAD)
     _, [way], [path] = search(given)
-    assert way.signature == ()
+    assert way.homotopy_class == ()
     radius = np.hypot(path[:, 0], path[:, 1])
     assert abs(radius[10:] - 10.0).max() < 0.1
     assert math.dist(path[-1, :2], given.goal) < 0.2
@@ -62,12 +67,12 @@ def test_a_free_road_has_one_way_along_its_centre_line():
 def test_two_obstacles_can_be_passed_in_four_ways():
     given = settings((FIRST, SECOND), 51.0, ROAD)
     space, ways, paths = search(given)
-    assert {way.signature for way in ways} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
+    assert {way.homotopy_class for way in ways} == {(1, 1), (1, -1), (-1, 1), (-1, -1)}
     assert [way.cost for way in ways] == sorted(way.cost for way in ways)
     for way, path in zip(ways, paths, strict=True):
         away = np.linalg.norm(path[:, None, :2] - space.centers, axis=2)
         assert (away > space.radii).all()
-        assert signature_of(given.road, centers(given), path, given.goal) == way.signature
+        assert class_of(given.road, centers(given), path, given.goal) == way.homotopy_class
 
 
 def test_a_gap_through_which_a_path_fits_between_two_samples_is_a_way():
@@ -76,15 +81,15 @@ def test_a_gap_through_which_a_path_fits_between_two_samples_is_a_way():
     given = settings((near,), 51.0, ROAD)
     space, ways, _ = search(given)
     assert 9.59 - space.radii[0] < space.annulus.inner[0] < 9.59 - near.radius
-    assert {way.signature for way in ways} == {(1,), (-1,)}
+    assert {way.homotopy_class for way in ways} == {(1,), (-1,)}
     assert len(search(settings((at(-0.8, 9.59, 0.55),), 51.0, ROAD))[1]) == 1
 
 
 def test_no_more_ways_than_asked_for():
     given = settings((FIRST, SECOND), 51.0, ROAD)
     every = search(given)[1]
-    some = search(given, most=2)[1]
-    assert [way.signature for way in some] == [way.signature for way in every[:2]]
+    some = search(given, limit=2)[1]
+    assert [way.homotopy_class for way in some] == [way.homotopy_class for way in every[:2]]
 
 
 @pytest.mark.parametrize('clockwise', [False, True])
@@ -94,7 +99,7 @@ def test_left_is_left_in_both_directions(clockwise):
     given = settings((at(-0.8 * side, 10.3, 0.3),), 51.0, ROAD)
     start = (10.0 * math.cos(1.4), -side * 10.0 * math.sin(1.4), side * (math.pi / 2.0 - 1.4))
     _, ways, paths = search(given, start)
-    assert ways[0].signature == ((-1,) if clockwise else (1,))
+    assert ways[0].homotopy_class == ((-1,) if clockwise else (1,))
     nearest = np.linalg.norm(paths[0][:, :2] - given.obstacles[0].center, axis=1).argmin()
     heading, offset = paths[0][nearest, 2], given.obstacles[0].center - paths[0][nearest, :2]
     on_its_right = offset @ (math.sin(heading), -math.cos(heading)) > 0.0
@@ -104,7 +109,7 @@ def test_left_is_left_in_both_directions(clockwise):
 def test_a_gap_that_is_closed_is_no_way():
     # Only 5 cm are left outside, which growing takes; inside there is half a metre.
     given = settings((at(-0.8, 10.2, 0.75),), 51.0, ROAD)
-    assert [way.signature for way in search(given)[1]] == [(1,)]
+    assert [way.homotopy_class for way in search(given)[1]] == [(1,)]
 
 
 def test_a_closed_road_has_no_way():
@@ -113,18 +118,21 @@ def test_a_closed_road_has_no_way():
 
 def test_overlapping_obstacles_are_passed_on_one_side():
     cluster = (at(-0.8, 9.8, 0.3, 'a'), at(-0.8, 10.2, 0.3, 'b'))
-    assert {way.signature for way in search(settings(cluster, 51.0, ROAD))[1]} == {(1, 1), (-1, -1)}
+    assert {way.homotopy_class for way in search(settings(cluster, 51.0, ROAD))[1]} == {
+        (1, 1),
+        (-1, -1),
+    }
 
 
 def test_what_is_behind_does_not_count():
     given = settings((at(-1.9, 10.0, 0.3), at(0.5, 10.0, 0.3)), 51.0, ROAD)
-    assert [way.signature for way in search(given)[1]] == [(0, 0)]
+    assert [way.homotopy_class for way in search(given)[1]] == [(0, 0)]
 
 
 def test_from_within_an_obstacle_both_sides_are_open():
     given = settings((at(-0.8, 10.0, 0.4),), 51.0, ROAD)
     start = (10.0 * math.cos(-0.82), 10.0 * math.sin(-0.82), math.pi / 2.0 - 0.8)
-    assert {way.signature for way in search(given, start)[1]} == {(1,), (-1,)}
+    assert {way.homotopy_class for way in search(given, start)[1]} == {(1,), (-1,)}
 
 
 @pytest.mark.parametrize('start', [(10.0, -0.1, 1.5), (10.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
@@ -152,8 +160,8 @@ def obstacles(draw):
 def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
     given = settings(found, limit, ROAD)
     _, ways, paths = search(given)
-    assert 1 <= len(ways) <= MOST_WAYS
-    assert len({way.signature for way in ways}) == len(ways)
+    assert 1 <= len(ways) <= MAX_CLASSES
+    assert len({way.homotopy_class for way in ways}) == len(ways)
     bound = min(limit, 1e6)
     for way, path in zip(ways, paths, strict=True):
         assert np.abs(way.guess).max() <= bound
@@ -161,9 +169,9 @@ def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
         inside = np.hypot(path[:, 0], path[:, 1])
         assert inside.min() > given.road.inner_radius
         assert inside.max() < given.road.outer_radius
-        taken = signature_of(given.road, centers(given), path, given.goal)
+        taken = class_of(given.road, centers(given), path, given.goal)
         near = np.linalg.norm(path[:, None, :2] - centers(given), axis=2).min(axis=0)
-        for each, a, b, away in zip(given.obstacles, taken, way.signature, near, strict=True):
+        for each, a, b, away in zip(given.obstacles, taken, way.homotopy_class, near, strict=True):
             # One that is too slow to come by has not chosen yet.
             assert a in (0, b) or (limit < math.inf and away < each.radius + ROOM)
         if found:
@@ -198,7 +206,7 @@ def length(way, given, start):
 
 
 @pytest.mark.parametrize('start', [(-2.9, 9.3, 1.1), (-2.9, -9.1, 0.0), (0.0, 10.9, 0.0)])
-def test_a_way_for_which_there_is_hardly_time_is_drawn_taut(start):
+def test_a_way_for_which_there_is_hardly_time_is_the_shortest(start):
     given = settings((), 51.0, ROAD)
     shortest = shortest_way(given.road, start[:2], given.goal)
     ample = settings((), 102.0, ROAD)
@@ -216,7 +224,7 @@ def test_out_of_a_pocket_a_way_leads_back_and_around():
     found = tuple(Obstacle(f'o{i}', *each) for i, each in enumerate((ahead, beyond)))
     given = settings(found, 51.0, ROAD, safety=Safety(margin=0.05))
     _, ways, _ = search(given, start)
-    assert {way.signature for way in ways} == {(1, 1), (1, -1)}
+    assert {way.homotopy_class for way in ways} == {(1, 1), (1, -1)}
     assert all(way.radii[1] > 10.1 for way in ways)
 
 
@@ -224,7 +232,7 @@ def test_out_of_a_pocket_a_way_leads_back_and_around():
 def test_a_guess_that_turns_first_stays_where_it_is_until_it_faces_the_way(heading):
     given, start = settings((FIRST, SECOND), 51.0, ROAD), np.array([0.0, -9.25, heading])
     for way in search(given, start)[1]:
-        guess = turning_first(given, way, start, DURATIONS)
+        guess = turning_first(given, way, start_of(given, start), given.target, DURATIONS)
         assert guess.shape == way.guess.shape
         path = given.robot.roll_out(start, guess, DURATIONS)
         moved = np.hypot(*(path[:, :2] - start[:2]).T)
@@ -239,7 +247,7 @@ def test_a_guess_that_turns_first_stays_where_it_is_until_it_faces_the_way(headi
 def test_a_turn_on_the_spot_is_no_faster_than_the_wheels():
     given, start = settings((FIRST,), 2.0, ROAD), np.array([0.0, -9.25, 3.0])
     way = search(given, start)[1][0]
-    guess = turning_first(given, way, start, DURATIONS)
+    guess = turning_first(given, way, start_of(given, start), given.target, DURATIONS)
     assert np.abs(guess).max() <= 2.0 * (1.0 + 1e-9)
 
 

@@ -10,16 +10,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.decision import Decision, Plan, Rung
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.messages.key_values import facts, severity, waypoints, written
+from cmpsp_ros.guidance.key_values import (
+    decision_to_key_values,
+    exact_repr,
+    severity,
+    waypoints,
+)
 
 
 def decision(**changes):
     values = {
         'stamp': 1_700_000_000_000_000_007,
         'step': 7,
-        'rung': Rung.NOMINAL,
+        'rung': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([1.0, 2.0]),
         'twist': np.array([0.1, 0.2]),
@@ -36,35 +41,39 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     sent = {'reason', 'plan', 'twist', 'wheel_speeds', 'phases'}
     # What is not the same for every run is told where there is something to tell.
     seldom = {'wheel_slip', 'tracks', 'goal', 'heading_miss', 'told'}
-    told = set(facts(decision(phases={'solve': 1.0})))
+    told = set(decision_to_key_values(decision(phases={'solve': 1.0})))
     wheels = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms'}
     assert told == set(Decision._fields) - sent - seldom | wheels
-    assert 'wheel_slip' in facts(decision(wheel_slip=0.03))
+    assert 'wheel_slip' in decision_to_key_values(decision(wheel_slip=0.03))
 
 
 def test_what_the_law_was_told_is_in_it():
-    told = facts(decision(halted=True, run=3, revision=2, finished=True))
+    told = decision_to_key_values(decision(halted=True, run=3, revision=2, finished=True))
     assert (told['halted'], told['run'], told['revision']) == ('true', '3', '2')
     assert told['finished'] == 'true'
-    assert facts(decision())['halted'] == facts(decision())['finished'] == 'false'
+    assert (
+        decision_to_key_values(decision())['halted']
+        == decision_to_key_values(decision())['finished']
+        == 'false'
+    )
 
 
 @given(st.floats(allow_nan=False))
 def test_floats_read_back_bit_for_bit(number):
     for kind in (float, np.float64):
-        read = float(written(kind(number)))
+        read = float(exact_repr(kind(number)))
         assert struct.pack('d', read) == struct.pack('d', number)
 
 
 @pytest.mark.parametrize(
     ('rung', 'outcome', 'level'),
     [
-        (Rung.NOMINAL, {}, 0),
-        (Rung.ELASTIC, {}, 1),
-        (Rung.SHIFTED, {}, 1),
-        (Rung.STOP, {}, 2),
-        (Rung.STOP, {'finished': True}, 0),
-        (Rung.STOP, {'finished': True, 'missed': True}, 1),
+        (FallbackLevel.NOMINAL, {}, 0),
+        (FallbackLevel.ELASTIC, {}, 1),
+        (FallbackLevel.SHIFTED, {}, 1),
+        (FallbackLevel.STOP, {}, 2),
+        (FallbackLevel.STOP, {'finished': True}, 0),
+        (FallbackLevel.STOP, {'finished': True, 'missed': True}, 1),
     ],
 )
 def test_severity(rung, outcome, level):
@@ -73,7 +82,7 @@ def test_severity(rung, outcome, level):
 
 def test_waypoints_are_the_plan_s_poses():
     poses = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, 7.0]])
-    plan = Plan(Horizon.between(np.array([0, 1])), np.zeros((2, 2)), poses)
+    plan = Plan(Horizon.between([0, 1]), np.zeros((2, 2)), poses)
     for (x, y, z, w), pose in zip(waypoints(plan), poses, strict=True):
         assert [x, y] == pose[:2].tolist()
         assert math.cos(2.0 * math.atan2(z, w) - pose[2]) == pytest.approx(1.0)

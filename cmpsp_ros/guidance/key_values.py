@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 
-from cmpsp_ros.guidance.decision import Decision, Plan, Rung
-from cmpsp_ros.guidance.messages.exact_repr import written
-from cmpsp_ros.guidance.messages.tracks import written_keys
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.messages.tracks import track_keys
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""
 
 
-def facts(decision: Decision) -> dict[str, str]:
+def decision_to_key_values(decision: Decision) -> dict[str, str]:
     """Everything about a decision but its reason and its plan, as text by key.
 
     Floats are written so that they read back bit for bit; times end in ``_ms``. Without slip
@@ -40,15 +39,15 @@ def facts(decision: Decision) -> dict[str, str]:
         'halted': decision.halted,
         'run': decision.run,
         'revision': decision.revision,
-        **({MOVING: written_keys(decision.tracks)} if decision.tracks else {}),
+        **({MOVING: track_keys(decision.tracks)} if decision.tracks else {}),
         **_of_goal(decision),
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
-    return {key: written(value) for key, value in values.items()}
+    return {key: exact_repr(value) for key, value in values.items()}
 
 
 def _of_goal(decision: Decision) -> dict[str, object]:
-    """What is to be told of the goal where there is more to it than a point that never changes."""
+    """The goal, where it has a name, a heading, or was received."""
     goal, values = decision.goal, dict[str, object]()
     if goal is not None and goal.name:
         (x, y), time = goal.position, goal.time
@@ -68,9 +67,9 @@ def severity(decision: Decision) -> int:
     """
     if decision.finished:
         return int(decision.missed)
-    if decision.rung == Rung.NOMINAL:
+    if decision.rung == FallbackLevel.NOMINAL:
         return 0
-    return 2 if decision.rung == Rung.STOP else 1
+    return 2 if decision.rung == FallbackLevel.STOP else 1
 
 
 def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
@@ -79,3 +78,10 @@ def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:
         (x, y, math.sin(heading / 2.0), math.cos(heading / 2.0))
         for x, y, heading in plan.poses.tolist()
     ]
+
+
+def exact_repr(value: object) -> str:
+    """A value as text that reads back bit for bit; truth is `true` or `false`."""
+    if isinstance(value, bool):
+        return 'true' if value else 'false'
+    return repr(float(value)) if isinstance(value, float) else str(value)

@@ -1,0 +1,81 @@
+"""Where to be and when; and following a road that has no end."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from numpy import float64
+from numpy.typing import NDArray
+
+Point = tuple[float, float]
+
+
+class GoalError(ValueError):
+    """A goal that is refused; the message says why."""
+
+
+@dataclass(frozen=True)
+class Goal:
+    """A point to pass at a time.
+
+    Attributes:
+        position: The point (x, y) [m].
+        time: When to pass it, from the first odometry [s].
+        heading: Heading to pass it with [rad]; None for any.
+        name: By which decisions tell it from others; empty if it is the only one.
+    """
+
+    position: Point
+    time: float
+    heading: float | None = None
+    name: str = ''
+
+
+@dataclass(frozen=True)
+class Follow:
+    """Following the road at a speed, without an end.
+
+    Attributes:
+        speed: Mean speed along the centre line, negative against its direction [m/s].
+        horizon: Time that plans look ahead [s].
+    """
+
+    speed: float
+    horizon: float
+
+    @property
+    def arc_length(self) -> float:
+        """Arc length of the centre line within the horizon, negative against it [m]."""
+        return self.speed * self.horizon
+
+
+class Target(NamedTuple):
+    """What a plan is to meet at its end.
+
+    Attributes:
+        position: A point (x, y) [m].
+        heading: Heading wanted there, or the road's direction for a line [rad]; None for any.
+        is_line: Whether it is the line through the point across the heading, which is free then.
+        drives_on: Whether another goal comes after this one.
+    """
+
+    position: Point
+    heading: float | None = None
+    is_line: bool = False
+    drives_on: bool = False
+
+    def distance(self, x: float, y: float) -> float:
+        """Distance of a point [m] from it [m]."""
+        if not self.is_line or self.heading is None:
+            return math.dist((x, y), self.position)
+        dx, dy = x - self.position[0], y - self.position[1]
+        return abs(math.cos(self.heading) * dx + math.sin(self.heading) * dy)
+
+    def errors(self, pose: NDArray[float64]) -> tuple[float, float | None]:
+        """Distance [m] and heading difference [rad] of a pose; None where any heading will do."""
+        x, y, heading = pose.tolist()
+        if self.heading is None or self.is_line:
+            return self.distance(x, y), None
+        return self.distance(x, y), abs(math.remainder(heading - self.heading, math.tau))

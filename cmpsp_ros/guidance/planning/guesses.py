@@ -1,0 +1,71 @@
+"""Guesses for plans that do not continue another one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
+from cmpsp_ros.guidance.planning.homotopy.path_search import GuidePath, guide_paths, turning_first
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+
+Array = NDArray[np.float64]
+
+
+class Guesses:
+    """Makes control histories, each of shape ``(N + 1, 2)`` [rad/s]."""
+
+    def __init__(self, formulation: OcpFormulation, limit: int) -> None:
+        """Take the problem.
+
+        Args:
+            formulation: What all plans have in common.
+            limit: How many plans are compared; with one, no homotopy classes are searched for.
+        """
+        self._limit, self._formulation = limit, formulation
+
+    def first(self, context: PlanningContext) -> list[Array]:
+        """Without any plan: as the settings say, and one for each homotopy class."""
+        settings = context.settings
+        given = initial_guess(settings, context.start, context.target, context.horizon.durations)
+        if self._limit == 1:
+            return [given]
+        if settings.initial_guess.type == 'road':
+            return self.fresh(context, self._limit)
+        return [given, *self.fresh(context, self._limit - 1)]
+
+    def fresh(
+        self, context: PlanningContext, limit: int, without: Collection[HomotopyClass] = ()
+    ) -> list[Array]:
+        """Of the most promising homotopy classes; along the centre line if there is but one.
+
+        Args:
+            context: What they are for.
+            limit: How many at most.
+            without: Classes that are not wanted.
+        """
+        paths = self._paths(context, limit, without)
+        return [path.guess for path in paths] or [context.center_line_guess]
+
+    def turning(self, context: PlanningContext) -> list[Array]:
+        """Of the most promising homotopy classes, but each begins with a turn on the spot."""
+        settings, start, target = context.settings, context.start, context.target
+        durations = context.horizon.durations
+        return [
+            turning_first(settings, path, start, target, durations)
+            for path in self._paths(context, self._limit)
+        ]
+
+    def _paths(
+        self, context: PlanningContext, limit: int, without: Collection[HomotopyClass] = ()
+    ) -> list[GuidePath]:
+        settings, target, durations = context.settings, context.target, context.horizon.durations
+        if not settings.obstacles and not context.encounters.names:
+            return []
+        static = self._formulation.static_free_space(context.center_line_guess, durations, target)
+        space = context.encounters.taken_from(static)
+        return guide_paths(settings, space, context.start, target, durations, limit, without)

@@ -1,0 +1,28 @@
+"""Where a plan begins: the state at which the command decided now takes effect."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
+
+
+class PlanStart(NamedTuple):
+    """The initial state of a plan, and the models that predict it on from there.
+
+    Attributes:
+        pose: Pose, shape ``(3,)`` [m, m, rad].
+        robot: Kinematics, with the slip that is estimated.
+        moving: Moving obstacles, from then on.
+        progress: Arc length along the road of a place near the pose, NaN if not needed [m].
+    """
+
+    pose: NDArray[np.float64]
+    robot: DifferentialDrive
+    moving: MovingDiscs = NOTHING_MOVES
+    progress: float = math.nan

@@ -1,0 +1,63 @@
+"""The fallback to the last audited plan, where no new one may be followed or comes in time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+
+class Fallback:
+    """The last audited plan on a later horizon, and how long its last command may go on."""
+
+    def __init__(self, settings: GuidanceSettings, audit: Audit) -> None:
+        """Take what a plan must pass.
+
+        Args:
+            settings: All settings of the guidance law.
+            audit: For what a plan has looked at.
+        """
+        self._audit = audit
+        self._margin_audit = Audit(settings, with_margin=True)
+
+    def shifted(
+        self,
+        plan: Plan | None,
+        start: PlanStart,
+        horizon: Horizon,
+        delay: int,
+        pending: Verdict | None,
+    ) -> tuple[Plan, Verdict] | None:
+        """The last plan, shifted by the time that has passed, if it is still clear.
+
+        Args:
+            plan: The last audited plan.
+            start: Where it goes on from.
+            horizon: The horizon wanted.
+            delay: From a command to its effect [ns].
+            pending: Verdict on the path to the start.
+        """
+        if plan is None:
+            return None
+        controls = shift(plan.controls, plan.horizon, horizon)
+        verdict = self._audit.check(start, controls, horizon.durations, pending)
+        if not verdict.passed:
+            return None
+        poses = start.robot.roll_out(start.pose, controls, horizon.durations)
+        return Plan(horizon, controls, poses, delay), verdict
+
+    def may_outlast(self, start: PlanStart, controls: Array, nanoseconds: int) -> bool:
+        """Whether the first command may go on for some time.
+
+        No plan has looked at the path beyond its end: it keeps the margin that plans keep, or is
+        not driven.
+        """
+        outlasting = np.array([nanoseconds / NANOSECONDS])
+        return self._margin_audit.check(start, controls[:1], outlasting).passed

@@ -1,0 +1,160 @@
+"""The sweep of a plan, arc by arc, past everything that it must not touch: compiled code."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.world.obstacles.moving_discs import RADIUS, VELOCITY_X, VELOCITY_Y, X, Y
+from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, distance_from, sweep, sweep_moving
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road_space import RoadSpace
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+FOUND: Final = 9
+"""How many numbers `sweep_plan` finds."""
+
+# With `safety.between_samples` off only the samples are held clear, and an active constraint is
+# met there to the accuracy of a linearisation.
+_SAMPLE_TOLERANCE = 1e-3
+
+
+@allocation_free
+def sweep_plan(
+    found: Array,
+    worst: Array,
+    pose: Array,
+    controls: Array,
+    durations: Array,
+    wheel_radius: float,
+    half_track: float,
+    between: bool,
+    road: RoadSpace,
+    corners: Array,
+    first: Indices,
+    radii: Array,
+    moving: Array,
+    growth: float,
+    progress: float,
+) -> None:
+    """Drive a plan arc by arc.
+
+    Args:
+        found: Filled with the largest wheel speed; the least clearance of the first step and of
+            the whole plan, and what it is from; by how much the first step falls short of what it
+            must keep, what it comes too close to, and its clearance from that; the least clearance
+            of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
+        worst: Scratch, shape ``(2 + M + D,)``.
+        pose: Where it begins.
+        controls: Wheel speeds.
+        durations: Of the steps.
+        wheel_radius: Of the robot.
+        half_track: Of the robot.
+        between: Whether the path between samples counts.
+        road: Where on it the robot's centre may be.
+        corners: Of the obstacles, as `shape_functions` has them.
+        first: Where the corners of each begin.
+        radii: Least distances from the obstacles without theirs.
+        moving: States of the moving discs at the beginning of each step, shape ``(N, D, 5)``.
+        growth: Of their radii [m/s].
+        progress: Arc length along the road of a place near the pose [m].
+    """
+    fastest = 0.0
+    for k in range(controls.shape[0]):
+        for a in range(2):
+            # `max` drops NaN, a sum propagates it.
+            fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
+    found[0] = fastest
+    x, y, heading = pose[0], pose[1], pose[2]
+    progress = road_functions.find(road, x, y, heading, progress)
+    progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
+    worst[0], worst[1] = -over, -over_other
+    moved = N_EDGE_CONSTRAINTS + radii.shape[0]
+    for j in range(radii.shape[0]):
+        worst[N_EDGE_CONSTRAINTS + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
+        if first[j + 1] - first[j] > 1:
+            worst[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
+    for j in range(moving.shape[1]):
+        worst[moved + j] = (
+            _clearance_at_rest(moving, j, growth, x, y, durations[0], between) - ROUGHNESS
+        )
+    for k in range(durations.shape[0]):
+        right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
+        length = (right + left) / 2.0 * durations[k]
+        turn = (right - left) / (2.0 * half_track) * durations[k]
+        arc = arc_from(x, y, heading, length, turn)
+        x, y, heading = arc.end_x, arc.end_y, heading + turn
+        if not between:
+            # Only the arc's end counts.
+            arc = arc_from(x, y, heading, 0.0, 0.0)
+        bound, bound_other = (worst[0], worst[1]) if k > 0 else (math.inf, math.inf)
+        progress, clearance, other = road_functions.sweep(road, arc, progress, bound, bound_other)
+        _record(found, worst, k, 0, clearance, between)
+        _record(found, worst, k, 1, other, between)
+        for j in range(radii.shape[0]):
+            bound = worst[N_EDGE_CONSTRAINTS + j] + radii[j] if k > 0 else math.inf
+            least = sweep(arc, corners, first, j, bound)
+            _record(found, worst, k, N_EDGE_CONSTRAINTS + j, least - radii[j], between)
+        # Where only the samples count, so does only the end of the time.
+        begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
+        for j in range(moving.shape[1]):
+            radius = moving[k, j, RADIUS] + growth * begin
+            u, v = moving[k, j, VELOCITY_X], moving[k, j, VELOCITY_Y]
+            there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
+            bound = worst[moved + j] + radius if k > 0 else math.inf
+            least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
+            _record(found, worst, k, moved + j, least - radius, between)
+    nearest, total = 0, 0.0
+    for what in range(worst.shape[0]):
+        if worst[what] < worst[nearest]:
+            nearest = what
+        total += worst[what]
+    # NaN if any of them is.
+    found[2], found[3] = worst[nearest] + 0.0 * total, nearest
+    found[7], found[8] = min(worst[0], worst[1]), math.inf
+    for what in range(N_EDGE_CONSTRAINTS, worst.shape[0]):
+        found[8] = min(found[8], worst[what])
+
+
+@allocation_free
+def _clearance_at_rest(
+    moving: Array, j: int, growth: float, x: float, y: float, duration: float, between: bool
+) -> float:
+    """Least clearance from a moving disc of a robot at rest for some time [m]."""
+    away_x, away_y = x - moving[0, j, X], y - moving[0, j, Y]
+    u, v = moving[0, j, VELOCITY_X], moving[0, j, VELOCITY_Y]
+    if between:
+        arc = arc_from(x, y, 0.0, 0.0, 0.0)
+        there_x, there_y = moving[0, j, X], moving[0, j, Y]
+        later = sweep_moving(arc, duration, there_x, there_y, u, v, growth, math.inf)
+    else:
+        later = math.hypot(away_x - duration * u, away_y - duration * v) - growth * duration
+    clearance: float = min(math.hypot(away_x, away_y), later) - moving[0, j, RADIUS]
+    return clearance
+
+
+@allocation_free
+def _record(found: Array, worst: Array, k: int, what: int, clearance: float, between: bool) -> None:
+    """Record the clearance of one step from one thing.
+
+    A robot that is too close already must not get closer. That is what `worst` holds before the
+    first step.
+    """
+    if k == 0:
+        allowed = min(worst[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
+        if what == 0 or not clearance >= found[1]:
+            found[1] = clearance
+        if what == 0 or not allowed - clearance <= found[4]:
+            found[4], found[5], found[6] = allowed - clearance, what, clearance
+        worst[what] = clearance
+    # NaN comes in, and nothing replaces it.
+    elif clearance < worst[what] or math.isnan(clearance):
+        worst[what] = clearance

@@ -1,0 +1,121 @@
+"""What the guidance law remembers from one control step to the next."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
+from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
+from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class LawState:
+    """One run of the law; a new run begins with a new state.
+
+    Attributes:
+        goals: Which goal is driven to.
+        slip: Estimate of the wheel slip.
+        robot: Kinematics, with that slip.
+        used_slip: The slip that it has.
+        run: How many runs there were before.
+        revision: How often the law had been given new settings before.
+        start: Time stamp of the first odometry [ns]; None before it.
+        now: Time of the last odometry since then [ns].
+        due: When the next control step falls due [ns].
+        step: Control steps of this run so far.
+        failures: Failed control steps in a row.
+        idle_steps: Control steps that brought the goal no nearer, since one could reach it.
+        progress: Arc length of the robot along the road, NaN if not needed [m].
+        previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
+        plan: The plan that is followed, if any.
+        waiting: A plan that is improved while the robot waits.
+        final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
+        pending: Commands that have not taken effect yet.
+        tracker: Slots of moving obstacles.
+    """
+
+    goals: GoalManager
+    slip: SlipEstimate
+    robot: DifferentialDrive
+    used_slip: float
+    run: int
+    revision: int
+    start: int | None = None
+    now: int = 0
+    due: int = 0
+    step: int = 0
+    failures: int = 0
+    idle_steps: int = 0
+    progress: float = math.nan
+    previous_control: Array = field(default_factory=lambda: np.zeros(2))
+    plan: Plan | None = None
+    waiting: Plan | None = None
+    final_pose: Array | None = None
+    pending: PendingCommands = field(default_factory=PendingCommands)
+    tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
+
+    @classmethod
+    def begin(cls, settings: GuidanceSettings, run: int, revision: int) -> LawState:
+        """The state before the first odometry of a run."""
+        slip = SlipEstimate(settings.max_slip)
+        used = min(slip.slip, settings.max_slip)
+        robot = settings.robot.slipping(used)
+        return cls(GoalManager(settings), slip, robot, used, run, revision)
+
+    def begin_period(
+        self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int
+    ) -> None:
+        """Record how a control period begins, for the estimate of slip.
+
+        Args:
+            settings: All settings of the guidance law.
+            stamp: When it begins [ns].
+            pose: Where, shape ``(3,)`` [m, m, rad].
+            wheel_speeds: Commanded then, shape ``(2,)`` [rad/s].
+            delay: From a command to its effect [ns].
+        """
+        if settings.max_slip > 0.0:
+            ahead, durations = self.pending.until(stamp, delay)
+            speeds = np.array([self.pending.in_force, *ahead, wheel_speeds])
+            self.slip.begin(stamp, pose, speeds, durations)
+
+    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array) -> bool:
+        """Update the estimate of slip at the end of a control period; whether the robot changed."""
+        limit = settings.max_slip
+        if limit > 0.0 and self.slip.end(stamp, pose, settings.robot, limit):
+            self.use_slip(settings)
+            return True
+        return False
+
+    def pose_at_end(self, stamp: int, pose: Array, latest: int, delay: int) -> Array:
+        """Where the robot was at the final time, which odometry need not meet.
+
+        It is driven back by the commands since, unless odometry has come too late to be sure.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            latest: How long after the final time odometry may come [ns].
+            delay: From a command to its effect [ns].
+        """
+        end = (self.start or 0) + self.goals.end
+        if self.final_pose is None and 0 < stamp - end <= latest:
+            speeds, durations = self.pending.since(end, stamp, delay)
+            self.final_pose = self.robot.roll_out(pose, speeds, -durations)[-1]
+        return pose if self.final_pose is None else self.final_pose
+
+    def use_slip(self, settings: GuidanceSettings) -> None:
+        """Rebuild the model with the current slip estimate."""
+        self.used_slip = min(self.slip.slip, settings.max_slip)
+        self.robot = settings.robot.slipping(self.used_slip)

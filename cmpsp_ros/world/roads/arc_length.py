@@ -1,0 +1,157 @@
+"""Arc length along the centre line of a road: of poses, between them, and to a goal."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road_space import RoadSpace
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+# Distance beyond an edge that no driving robot reaches, as a fraction of the road's width.
+_FAR: Final = 0.25
+
+
+def arc_length_to(
+    road: Road, pose: Array, goal: Point, heading: float | None = None, progress: float = math.nan
+) -> float:
+    """Arc length of the centre line from a pose to a goal, negative against its direction [m].
+
+    Args:
+        road: The road.
+        pose: Where it begins, shape ``(3,)`` [m, m, rad].
+        goal: Where it ends (x, y) [m].
+        heading: At the goal: selects the branch where the road crosses itself [rad].
+        progress: Arc length of a place near the pose, NaN if unknown [m].
+    """
+    there = math.nan if heading is None else heading
+    return _length_to(road.space(0.0), pose[0], pose[1], pose[2], *goal, there, float(progress))
+
+
+def lookahead_point(
+    road: Road, pose: Array, length: float, progress: float = math.nan
+) -> tuple[Point, float]:
+    """Point of the centre line some arc length ahead of a pose.
+
+    Args:
+        road: A road with a centre line.
+        pose: Shape ``(3,)`` [m, m, rad].
+        length: Arc length, negative against the road's direction [m].
+        progress: Arc length of a place near the pose, NaN if unknown [m].
+
+    Returns:
+        The point (x, y) [m], and the direction in which the road is driven there [rad].
+    """
+    x, y, direction = _ahead(road.space(0.0), pose[0], pose[1], pose[2], length, float(progress))
+    return (x, y), direction
+
+
+def project_on_path(road: Road, pose: Array, before: float) -> float:
+    """Arc length of a pose, on the branch of the road along which the robot has come.
+
+    A robot that avoids something where the road crosses itself may turn towards the other branch:
+    its heading does not say then where it is.
+
+    Args:
+        road: The road.
+        pose: Shape ``(3,)`` [m, m, rad].
+        before: Arc length when it was last known, NaN at first [m].
+
+    Returns:
+        Arc length [m]; NaN for kinds of road that cannot cross themselves. A pose far beside the
+        road at the last place has been moved there, and is projected afresh.
+    """
+    if not isinstance(road, Corridor):
+        return math.nan
+    return _project(road.space(0.0), pose[0], pose[1], pose[2], float(before), _FAR * road.width)
+
+
+def remaining_arc_length(
+    road: Road, poses: Array, goal: Point, heading: float | None, progress: float = math.nan
+) -> Array:
+    """Arc length from beside each pose of a path to beside the goal.
+
+    Args:
+        road: The road.
+        poses: Along the path, shape ``(K, 3)`` [m, m, rad].
+        goal: The goal (x, y) [m].
+        heading: As of `arc_length_to` [rad].
+        progress: Arc length of a place near the first pose, NaN if unknown [m].
+
+    Returns:
+        Negative where the goal is behind, shape ``(K,)`` [m].
+    """
+    lengths = np.empty(len(poses))
+    there = math.nan if heading is None else heading
+    _fill_remaining(lengths, road.space(0.0), poses, *goal, there, float(progress))
+    return lengths
+
+
+@allocation_free
+def _project(
+    road: RoadSpace, x: float, y: float, heading: float, before: float, far: float
+) -> float:
+    place: float = road_functions.find(road, x, y, heading, before)
+    _, _, over, over_other = road_functions.measure(road, 0, x, y, place)
+    if max(over, over_other) > far:
+        place = road_functions.find(road, x, y, heading, math.nan)
+    return place
+
+
+@allocation_free
+def _length_to(
+    road: RoadSpace,
+    x: float,
+    y: float,
+    heading: float,
+    goal_x: float,
+    goal_y: float,
+    there: float,
+    progress: float,
+) -> float:
+    here = road_functions.find(road, x, y, heading, progress)
+    at_goal = road_functions.find(road, goal_x, goal_y, there, math.nan)
+    length: float = road_functions.way_to(road, x, y, here, goal_x, goal_y, at_goal)
+    return length
+
+
+@allocation_free
+def _ahead(road: RoadSpace, x: float, y: float, heading: float, way: float, progress: float) -> Any:
+    here = road_functions.find(road, x, y, heading, progress)
+    at_x, at_y = road_functions.ahead(road, x, y, here, way, (x, y))
+    before_x, before_y = road_functions.ahead(road, x, y, here, 0.999 * way, (x, y))
+    along = math.atan2(at_y - before_y, at_x - before_x)
+    there = road_functions.find(road, at_x, at_y, along, here + way)
+    across_x, across_y, _, _, _, _, _ = road_functions.slopes(road, at_x, at_y, there)
+    # Along the road, in the sense in which it is driven.
+    along_x, along_y = across_y, -across_x
+    if along_x * (at_x - before_x) + along_y * (at_y - before_y) < 0.0:
+        along_x, along_y = -along_x, -along_y
+    return at_x, at_y, math.atan2(along_y, along_x)
+
+
+@allocation_free
+def _fill_remaining(
+    lengths: Array,
+    road: RoadSpace,
+    poses: Array,
+    goal_x: float,
+    goal_y: float,
+    goal_heading: float,
+    progress: float,
+) -> None:
+    here = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
+    at_goal = road_functions.find(road, goal_x, goal_y, goal_heading, math.nan)
+    for k in range(poses.shape[0]):
+        x, y = poses[k, 0], poses[k, 1]
+        here = road_functions.measure(road, 0, x, y, here)[0]
+        lengths[k] = road_functions.way_to(road, x, y, here, goal_x, goal_y, at_goal)

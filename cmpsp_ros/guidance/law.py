@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance import decision_builder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-from cmpsp_ros.guidance.mission.goal_manager import check_goal
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
@@ -144,23 +143,14 @@ class GuidanceLaw:
             GoalError: It is refused, and nothing changes.
         """
         state = self._state
-        state.goals.goals_received += 1
-        check_goal(self._settings, self._audit, goal)
-        latest = state.now + (state.start or 0)
-        if state.start is not None and stamp - latest > to_nanoseconds(self._settings.odom_timeout):
-            ahead = (stamp - latest) / NANOSECONDS
-            raise GoalError(
-                f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
-            )
-        state.goals.receive(stamp, goal)
+        latest = None if state.start is None else state.start + state.now
+        state.goals.receive(stamp, goal, self._audit, latest)
 
     @property
     def ends_at(self) -> int | None:
         """When the robot is to stop at the latest, a time stamp [ns]; None where none is known."""
-        state = self._state
-        if state.start is None or state.goals.end >= NEVER:
-            return None
-        return state.start + state.goals.end
+        start, end = self._state.start, self._state.goals.end
+        return None if start is None or end >= NEVER else start + end
 
     def halt(self, stamp: int, reason: str, *, finished: bool = False) -> Decision:
         """Stop for a reason that odometry does not show.

@@ -28,6 +28,9 @@ _GOAL_PENALTY = 1e3
 # of the iterations that is faster or turns faster.
 _RESERVE = 1.1
 
+# Goals are few at a time; those of a long run are not all remembered.
+_MAX_ENDS = 64
+
 
 class OcpFormulation:
     """What every plan for one set of settings has in common.
@@ -83,7 +86,7 @@ class OcpFormulation:
             return None
         key = target, duration
         if key not in self._ends:
-            if len(self._ends) >= _MOST_ENDS:
+            if len(self._ends) >= _MAX_ENDS:
                 self._ends.clear()
             self._ends[key] = goal_space(self.settings, target, duration)
         return self._ends[key]
@@ -142,10 +145,6 @@ class OcpFormulation:
         centers[:, discs.slots[inside]] = found[0][:, inside]
         radii[:, discs.slots[inside]] = found[1][:, inside]
         return centers, radii
-
-
-# Goals are few at a time; those of a long run are not all remembered.
-_MOST_ENDS = 64
 
 
 def terminal_constraint(target: Target) -> TerminalConstraint:

@@ -69,13 +69,26 @@ class GoalManager:
         """The goal that was received and is driven to, if there is one."""
         return self._received
 
-    def receive(self, stamp: int, goal: Goal) -> None:
+    def receive(self, stamp: int, goal: Goal, audit: Audit, latest: int | None) -> None:
         """Take another goal instead of all others, from the first control step that is not older.
 
         Args:
             stamp: Its time stamp [ns]; 0 for at once.
             goal: The goal; when to pass it is determined then.
+            audit: Knows where the robot may be.
+            latest: Time stamp of the last odometry [ns]; None before the first.
+
+        Raises:
+            GoalError: It is refused, and nothing changes.
         """
+        self.goals_received += 1
+        _check_goal(self._settings, audit, goal)
+        timeout = to_nanoseconds(self._settings.odom_timeout)
+        if latest is not None and stamp - latest > timeout:
+            ahead = (stamp - latest) / NANOSECONDS
+            raise GoalError(
+                f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
+            )
         self._waiting = stamp, goal
 
     def update(self, stamp: int, now: int, pose: Array, progress: float = math.nan) -> bool:
@@ -175,7 +188,7 @@ class GoalManager:
         self.target = Target(place, direction, is_line=True)
 
 
-def check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
+def _check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
     """Refuse a goal that the robot cannot stand at.
 
     Raises:

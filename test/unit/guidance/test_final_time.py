@@ -25,7 +25,7 @@ def drive(settings, stamps, halts=()):
     for stamp in sorted({*stamps, *halts}):
         if speeds is not None:
             duration = np.array([(stamp - before) / 1e9])
-            pose = settings.model.roll_out(pose, speeds[None], duration)[-1]
+            pose = settings.robot.roll_out(pose, speeds[None], duration)[-1]
         before = stamp
         if stamp in halts:
             made = law.halt(stamp, 'The final time has passed.', finished=True)
@@ -47,7 +47,7 @@ def test_odometry_that_does_not_meet_the_final_time_tells_the_miss_at_it(setting
     assert law.ends_at == END
     finished = [each for each in decisions if each.finished and not each.halted]
     assert len(finished) > 1
-    driven_on = settings.miss(pose)
+    driven_on = settings.target.errors(pose)[0]
     assert driven_on > (0.004 if halts else 0.01)
     for each in finished:
         assert each.miss < 1e-6
@@ -59,10 +59,10 @@ def test_odometry_that_meets_it_is_taken_as_it_is(settings):
     decisions, pose, _ = drive(settings, at(50, 510))
     last = decisions[-1]
     assert last.finished
-    assert last.miss == settings.miss(pose)
+    assert last.miss == settings.target.errors(pose)[0]
 
 
 def test_odometry_that_comes_much_later_is_judged_where_it_is(settings):
     decisions, pose, _ = drive(settings, [*at(50, 500), END + 2_000_000_000])
-    assert decisions[-1].miss == settings.miss(pose) > 1.0
+    assert decisions[-1].miss == settings.target.errors(pose)[0] > 1.0
     assert decisions[-1].missed

@@ -35,7 +35,7 @@ FARTHEST: Final = 1e6
 # A contradiction up to this, relative to the size of what is added up, may be rounding.
 _ROUNDING = 1e-8
 # Slopes up to this fraction of the largest are met by `FARTHEST`, if that leaves a proof.
-_THRESHOLDS = (1e-3, 1e-6, 1e-9, 0.0)
+_THRESHOLDS = (1e-12, 0.0)
 # Multipliers in a warm start are whole numbers up to this one.
 _SCALE = 1e15
 

@@ -140,7 +140,7 @@ def _recorder() -> Rights:
     absolute = {each.name for each in TOPICS if each.name.startswith('/')}
     found.subscribe |= {each if each in absolute else each[1:] for each in own_topics('/')}
     found.subscribe.add(_name(OTHER_PLANS))
-    found.subscribe |= set(ALWAYS)
+    found.subscribe |= {*ALWAYS, '/tf'}
     found.request |= {'/*/list_parameters', '/*/get_parameters'}
     return found
 

@@ -127,10 +127,9 @@ def topics_of_nodes(node: Node) -> frozenset[str]:
             node.get_subscriber_names_and_types_by_node,
         ):
             found.update(topic for topic, _ in listed(name, namespace))
-    repeated = tuple(each.name.replace('~', '') for each in TOPICS if each.repeats)
-    return frozenset(
-        each for each in found if '/_' not in each and not each.endswith((*repeated, '/rosout'))
-    )
+    left_out = ('/rosout', '/transition_event')
+    left_out += tuple(each.name.replace('~', '') for each in TOPICS if each.repeats)
+    return frozenset(each for each in found if '/_' not in each and not each.endswith(left_out))
 
 
 def _form(node: Node) -> Form:

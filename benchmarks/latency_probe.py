@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import TwistStamped
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock, ClockType
@@ -62,7 +62,7 @@ class LatencyProbe(Node):
         self._own_ms: dict[int, float] = {}
         self._odometry = SIM_ODOM.publish_on(self)
         SIM_STAMPED_COMMAND.listen_on(self, self._on_command, raw=True)
-        self.create_subscription(DiagnosticStatus, _DECISION, self._on_decision, 100)
+        self.create_subscription(DiagnosticArray, _DECISION, self._on_decision, 100)
 
         # The first motion compiles the kinematics, which must not count as time that passes.
         _ = Plant(settings).motion
@@ -107,10 +107,10 @@ class LatencyProbe(Node):
         self._plant.advance(self._clock_ns())
         self._plant.command(self._plant.stamp_ns, message.twist.linear.x, message.twist.angular.z)
 
-    def _on_decision(self, message: DiagnosticStatus) -> None:
-        values = {each.key: each.value for each in message.values}
+    def _on_decision(self, message: DiagnosticArray) -> None:
+        values = {each.key: each.value for each in message.status[0].values}
         stamp_ns = int(values['stamp'])
-        if values['finished'] == 'true':
+        if (values['finished'], values['halted']) == ('true', 'false'):
             self._write(stamp_ns)
         elif 'step_ms' in values:
             self._own_ms[stamp_ns] = float(values['step_ms'])

@@ -3,102 +3,137 @@
 `ros2 launch cmpsp_ros guidance.launch.py params_file:=my_course.yaml record:=my_bag rviz:=true`
 """
 
+import os
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, Shutdown
-from launch.conditions import IfCondition
-from launch.substitutions import (
-    LaunchConfiguration,
-    NotEqualsSubstitution,
-    PathJoinSubstitution,
-)
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-CONFIG = PathJoinSubstitution([FindPackageShare('cmpsp_ros'), 'config'])
+CONFIG = Path(__file__).parents[1] / 'config'
 
-ARGUMENTS = (
-    DeclareLaunchArgument('namespace', default_value='', description='Of all nodes, as in r1.'),
-    DeclareLaunchArgument(
-        'use_sim_time', default_value='false', description='Whether time comes from /clock.'
-    ),
-    DeclareLaunchArgument(
-        'params_file',
-        default_value=PathJoinSubstitution([CONFIG, 'case3.yaml']),
-        description='Parameters of course and robot.',
-    ),
-    DeclareLaunchArgument(
-        'robot_file',
-        # Twice the same file is the file.
-        default_value=LaunchConfiguration('params_file'),
-        description='Parameters of the robot, which count before those of params_file.',
-    ),
-    DeclareLaunchArgument(
-        'record', default_value='', description='New folder of a bag; none is recorded without.'
-    ),
-    DeclareLaunchArgument('rviz', default_value='false', description='Whether to open RViz.'),
-    DeclareLaunchArgument(
-        'view', default_value='false', description='Whether to serve a page for a browser.'
-    ),
-    DeclareLaunchArgument(
-        'log_level', default_value='info', description='Of all nodes: debug, info, warn, error.'
-    ),
+RECORDER_TIMEOUT = 10.0
+
+SHOWN = (
+    'odom',
+    'goal_pose',
+    'guidance/markers',
+    'guidance/plan_markers',
+    'guidance/predicted_path',
 )
+"""Topics of the layout for RViz, which has no namespace."""
 
-LOGGING = ['--ros-args', '--log-level', LaunchConfiguration('log_level')]
+ARGUMENTS = {
+    'namespace': ('', 'Of all nodes, as in r1.'),
+    'use_sim_time': ('false', 'Whether time comes from /clock.'),
+    # Without a default: the paper's course is not that of the robot that happens to listen.
+    'params_file': (None, 'Parameters of course and robot. Required.'),
+    'robot_file': ('', 'Parameters of the robot, which count before those of params_file.'),
+    'autostart': ('false', 'Whether the robot sets off by itself; else: ros2 lifecycle set.'),
+    'odom': ('odom', 'Topic of the odometry.'),
+    'cmd_vel': ('cmd_vel', 'Topic of the commands.'),
+    'realtime_priority': ('', 'Instead of realtime.priority of the files.'),
+    'realtime_cpu': ('', 'Instead of realtime.cpu of the files.'),
+    'record': ('', 'New folder of a bag; none is recorded without.'),
+    'rviz': ('false', 'Whether to open RViz.'),
+    'view': ('false', 'Whether to serve a page for a browser.'),
+    'view_port': ('8765', 'Port of that page; when it is taken, the next one that is free.'),
+    'log_level': ('info', 'Of all nodes: debug, info, warn, error.'),
+}
+"""By name: default, and what it is."""
+
+
+def is_on(text: str) -> bool:
+    """Whether an argument says yes, by the words of launch."""
+    return text.lower() in {'true', '1'}
+
+
+def refusals(given: dict[str, str]) -> list[str]:
+    """What cannot work, found before anything is started: nothing is left behind then."""
+    found = [
+        f'{name}: found no file {given[name]}'
+        for name in ('params_file', 'robot_file')
+        if given[name] and not Path(given[name]).is_file()
+    ]
+    if given['record'] and Path(given['record']).exists():
+        found.append(f'record: found {given["record"]}, wanted a folder that is not there yet')
+    if is_on(given['rviz']):
+        try:
+            get_package_prefix('rviz2')
+        except PackageNotFoundError:
+            found.append('rviz: found no package rviz2, wanted it (apt install ros-jazzy-rviz2)')
+    return found
+
+
+def nodes(given: dict[str, str]) -> list[Node]:
+    """Everything to start: what only looks on first, and last what moves the robot."""
+    namespace, record = given['namespace'].strip('/'), given['record']
+    clock = {'use_sim_time': is_on(given['use_sim_time'])}
+    usual = {
+        'package': 'cmpsp_ros',
+        'namespace': namespace,
+        'arguments': ['--ros-args', '--log-level', given['log_level']],
+        'output': 'screen',
+        'remappings': [('odom', given['odom']), ('cmd_vel', given['cmd_vel'])],
+    }
+    started = []
+    if is_on(given['rviz']):
+        place = f'/{namespace}' if namespace else ''
+        names = [(f'/{each}', f'{place}/{each}') for each in SHOWN[1:]]
+        odometry = given['odom'] if given['odom'].startswith('/') else f'{place}/{given["odom"]}'
+        started.append(
+            Node(
+                package='rviz2',
+                executable='rviz2',
+                arguments=['--display-config', str(CONFIG / 'cmpsp.rviz')],
+                parameters=[clock],
+                remappings=[(f'/{SHOWN[0]}', odometry), *names],
+            )
+        )
+    if is_on(given['view']):
+        port = {'port': int(given['view_port'])}
+        started.append(Node(executable='viewer', parameters=[port, clock], **usual))
+    if record:
+        bag = {'output': record, 'own_topics': True}
+        started.append(Node(executable='recorder', parameters=[bag, clock], **usual))
+    more = {
+        f'realtime.{name}': int(given[f'realtime_{name}'])
+        for name in ('priority', 'cpu')
+        if given[f'realtime_{name}']
+    }
+    own = {
+        'autostart': is_on(given['autostart']),
+        'recorder_timeout': RECORDER_TIMEOUT if record else 0.0,
+        # However this process ends, the robot stops.
+        'stop_with_process': os.getpid(),
+    }
+    files = [given[name] for name in ('params_file', 'robot_file') if given[name]]
+    started.append(
+        Node(
+            executable='guidance_node',
+            parameters=[*files, clock, more | own],
+            # A recorder of nothing would go on for ever.
+            on_exit=Shutdown(reason='the guidance node has ended'),
+            **usual,
+        )
+    )
+    return started
+
+
+def start(context) -> list[Node]:
+    """Check the arguments and start the nodes."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    if found := refusals(given):
+        raise RuntimeError('; '.join(found))
+    return nodes(given)
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return everything to start."""
-    namespace = LaunchConfiguration('namespace')
-    clock = {'use_sim_time': LaunchConfiguration('use_sim_time')}
-    record = LaunchConfiguration('record')
-    guidance = Node(
-        package='cmpsp_ros',
-        executable='guidance_node',
-        namespace=namespace,
-        parameters=[LaunchConfiguration('params_file'), LaunchConfiguration('robot_file'), clock],
-        arguments=LOGGING,
-        output='screen',
-        # A recorder of nothing would go on for ever.
-        on_exit=Shutdown(reason='the guidance node has ended'),
-    )
-    recorder = Node(
-        package='cmpsp_ros',
-        executable='recorder',
-        namespace=namespace,
-        parameters=[
-            {'output': ParameterValue(record, value_type=str), 'own_topics': True},
-            clock,
-        ],
-        arguments=LOGGING,
-        output='screen',
-        condition=IfCondition(NotEqualsSubstitution(record, '')),
-    )
-    viewer = Node(
-        package='cmpsp_ros',
-        executable='viewer',
-        namespace=namespace,
-        parameters=[clock],
-        arguments=LOGGING,
-        output='screen',
-        condition=IfCondition(LaunchConfiguration('view')),
-    )
-    rviz = Node(
-        package='rviz2',
-        executable='rviz2',
-        arguments=['--display-config', PathJoinSubstitution([CONFIG, 'cmpsp.rviz'])],
-        parameters=[clock],
-        # The layout has the names of nodes without a namespace.
-        remappings=[
-            (name, [namespace, name])
-            for name in (
-                '/odom',
-                '/guidance/markers',
-                '/guidance/plan_markers',
-                '/guidance/predicted_path',
-            )
-        ],
-        condition=IfCondition(LaunchConfiguration('rviz')),
-    )
-    return LaunchDescription([*ARGUMENTS, guidance, recorder, viewer, rviz])
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=start)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import signal
 import sys
@@ -100,6 +101,31 @@ def program():
         module = sys.modules[name] = module_from_spec(spec)
         spec.loader.exec_module(module)
         return module
+
+    return load
+
+
+@pytest.fixture
+def launch_file():
+    """What a launch file decides, by name: `launch_file(path)['nodes'](given)`.
+
+    Its imports are left out, for `launch` is not there; a node is the mapping of its arguments.
+    """
+
+    def not_there(name):
+        raise LookupError(name)
+
+    def load(path):
+        tree = ast.parse(path.read_text(encoding='utf-8'))
+        plain = (ast.Import, ast.Assign, ast.FunctionDef)
+        tree.body = [each for each in tree.body if isinstance(each, plain)]
+        names = {
+            '__file__': str(path), 'Path': Path, 'Node': dict, 'Shutdown': dict,
+            'LaunchDescription': None, 'get_package_prefix': not_there,
+            'PackageNotFoundError': LookupError,
+        }  # fmt: skip
+        exec(compile(tree, path, 'exec', dont_inherit=True), names)
+        return names
 
     return load
 

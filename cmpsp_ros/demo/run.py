@@ -289,7 +289,10 @@ def guide(
                     f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
         decisions = (seen.decision for seen in observer.robots.values())
-        return all(each.get('finished') == 'true' for each in decisions)
+        # The one that the clock has made is followed by one that judges where the robot was.
+        return all(
+            (each.get('finished'), each.get('halted')) == ('true', 'false') for each in decisions
+        )
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Decision, Plan, Rung
 from cmpsp_ros.guidance.decision_builder import Account
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, shift, to_nanoseconds
 from cmpsp_ros.guidance.messages.goal_pose import GoalError, check_goal
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.goal_manager import Itinerary
@@ -58,6 +58,7 @@ class GuidanceLaw:
         """Begin again: the next odometry is time 0."""
         self._account.begin()
         self._start: int | None = None
+        self._passed: Array | None = None
         self._due = 0
         self._latest = 0
         self._held = np.zeros(2)
@@ -127,6 +128,7 @@ class GuidanceLaw:
         if now >= itinerary.end:
             self._due = now + self._period
             return self._sent(self._finish(stamp, pose, moving), tracks)
+        self._passed = None
         horizon = remaining(now, self._period, itinerary.final)
         self._due = horizon.next_instant
         # A command that is given later takes effect after the final time.
@@ -191,7 +193,14 @@ class GuidanceLaw:
             )
         self._itinerary.tell(stamp, goal)
 
-    def halt(self, stamp: int, reason: str) -> Decision:
+    @property
+    def ends_at(self) -> int | None:
+        """When the robot is to stop at the latest, a time stamp [ns]; None where none is known."""
+        if self._start is None or self._itinerary.end >= NEVER:
+            return None
+        return self._start + self._itinerary.end
+
+    def halt(self, stamp: int, reason: str, *, finished: bool = False) -> Decision:
         """Stop for a reason that odometry does not show.
 
         The plan is dropped, and the next newer odometry is decided on at once.
@@ -199,11 +208,13 @@ class GuidanceLaw:
         Args:
             stamp: Present time [ns].
             reason: Why, in a sentence.
+            finished: Whether it is the final time, which the next odometry is to judge.
         """
         self._forget()
         self._slip.lose()
         self._due = 0 if self._start is None else self._latest + 1
-        return self._sent(self._halt(stamp, np.full(3, math.nan), reason, halted=True))
+        nowhere = np.full(3, math.nan)
+        return self._sent(self._halt(stamp, nowhere, reason, finished=finished, halted=True))
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         self._under_way.add(decision.stamp, decision.wheel_speeds)
@@ -342,7 +353,8 @@ class GuidanceLaw:
         settings, missed, where = self._itinerary.settings, False, ''
         self._plan = None
         if self._itinerary.goal is not None:
-            miss, off = settings.miss(pose), settings.heading_miss(pose) or 0.0
+            passed = self._pose_at_end(stamp, pose)
+            miss, off = settings.miss(passed), settings.heading_miss(passed) or 0.0
             missed = miss > settings.goal_tolerance or off > settings.heading_tolerance
             if miss > settings.goal_tolerance:
                 where = f', {miss:.3g} m from the goal'
@@ -350,7 +362,20 @@ class GuidanceLaw:
                 where = f", {off:.3g} rad off the goal's heading"
         reason = f'The final time has passed{where}.'
         stop = self._halt(stamp, pose, reason, finished=True, moving=moving)
+        if self._passed is not None:
+            stop = stop._replace(**self._account.misses(self._passed))
         return stop._replace(missed=missed)
+
+    def _pose_at_end(self, stamp: int, pose: Array) -> Array:
+        """Where the robot was at the final time, which odometry need not meet.
+
+        It is driven back by the commands since, unless odometry has come too late to be sure.
+        """
+        since = (self._start or 0) + self._itinerary.end
+        if self._passed is None and 0 < stamp - since <= self._period:
+            speeds, durations = self._under_way.since(since, stamp, self._delay)
+            self._passed = self._reckoned.model.roll_out(pose, speeds, -durations)[-1]
+        return pose if self._passed is None else self._passed
 
     def _forget_after_failures(self) -> None:
         if self._account.failures >= self._settings.failure_tolerance:

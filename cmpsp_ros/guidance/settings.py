@@ -166,6 +166,8 @@ class GuidanceSettings:
         odom_timeout: Age at which odometry counts as lost [s].
         max_slip: Largest wheel slip, a fraction, that is estimated and reckoned with; 0 for none.
         slip: Wheel slip that plans reckon with; the law follows its estimate with it.
+        start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
+        start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
@@ -195,6 +197,8 @@ class GuidanceSettings:
     failure_tolerance: int = 3
     max_slip: float = 0.0
     slip: float = 0.0
+    start_tolerance: float = 0.5
+    start_pose: tuple[float, float, float] | None = None
 
     @property
     def model(self) -> DifferentialDrive:

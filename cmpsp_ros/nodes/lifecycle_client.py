@@ -74,7 +74,7 @@ class Observer:
         self._transitions = {}
         for each in self.robots:
             node = f'{each}/guidance'
-            listen(DiagnosticStatus, f'{node}/decision', partial(self._on_decision, each), 100)
+            listen(DiagnosticArray, f'{node}/decision', partial(self._on_decision, each), 100)
             client = self._node.create_client(ChangeState, f'{node}/change_state')
             self._transitions[each] = client
 
@@ -163,9 +163,10 @@ class Observer:
                 seen.health = {each.key: each.value for each in status.values}
                 seen.level, seen.message = status.level, status.message
 
-    def _on_decision(self, namespace: str, message: DiagnosticStatus) -> None:
+    def _on_decision(self, namespace: str, message: DiagnosticArray) -> None:
         seen = self.robots[namespace]
-        seen.decision = {each.key: each.value for each in message.values}
-        seen.reason = message.message
+        status = message.status[0]
+        seen.decision = {each.key: each.value for each in status.values}
+        seen.reason = status.message
         seen.decisions += 1
         self.on_decision(namespace, seen)

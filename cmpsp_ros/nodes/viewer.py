@@ -30,7 +30,7 @@ from cmpsp_ros.view.shared_state import SharedState
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+    from diagnostic_msgs.msg import DiagnosticArray
     from nav_msgs.msg import Odometry, Path
     from rclpy.task import Future
     from sensor_msgs.msg import JointState
@@ -111,7 +111,7 @@ class Viewer(Node):
             self._state.add('path', place[:2])
             self._place = place
 
-    def _on_decision(self, message: DiagnosticArray | DiagnosticStatus) -> None:
+    def _on_decision(self, message: DiagnosticArray) -> None:
         decision = decision_of(message)
         number = decision['run'], decision['step']
         if number != self._number and (number[0] != self._number[0] or number[1] == 0):

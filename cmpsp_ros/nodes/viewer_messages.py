@@ -42,13 +42,12 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
     return place if all(map(math.isfinite, place)) else None
 
 
-def decision_of(message: DiagnosticArray | DiagnosticStatus) -> dict[str, Any]:
+def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     """A decision by the names of `DecisionRecord`; what it lacks, or has no sense, is None.
 
     The level of one after the final time is `arrived`.
     """
-    # Of anybody's making: an array of none is a decision that lacks everything.
-    status = next(iter(getattr(message, 'status', [message])), DiagnosticStatus())
+    status = message.status[0] if message.status else DiagnosticStatus()
     texts = {each.key: _short(each.value) for each in status.values}
     shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
     shown['reason'] = _short(status.message)

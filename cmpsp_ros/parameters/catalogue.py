@@ -63,6 +63,12 @@ def _parameters() -> Iterator[Parameter]:
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
         '`follow.speed` it is the time at which to stop, 0 for never.',
         range=_NOT_NEGATIVE, **_FIXED)
+    yield task('start.tolerance', _DOUBLE, 0.5, 'm',
+        'How far off the road, or from `start.pose`, the robot may be when a run begins; farther '
+        'away it stands and says so.', range=_NOT_NEGATIVE, **guidance_only)
+    yield task('start.pose', _DOUBLES, [], 'm, m, rad',
+        'Where a run is to begin (x, y, heading), of which the place counts; none for anywhere on '
+        'the road.', **guidance_only)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
@@ -252,8 +258,17 @@ def _parameters() -> Iterator[Parameter]:
     node = _Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',
         'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
-    yield node('autostart', _BOOL, True, '',
-        'Whether the guidance node configures and activates itself.', **_FIXED, **guidance_only)
+    yield node('autostart', _BOOL, False, '',
+        'Whether the guidance node configures and activates itself; without a course it never '
+        'becomes active.', **_FIXED, **guidance_only)
+
+    yield node('recorder_timeout', _DOUBLE, 0.0, 's',
+        'How long to wait for a recorder before the run begins; 0 where none is to come.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
+    yield node('stop_with_process', _INTEGER, 0, '',
+        'Number of a process, as of `ros2 launch`: when it has ended, however, the robot is '
+        'stopped and the guidance node ends; 0 for none.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
 
     realtime = _Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',

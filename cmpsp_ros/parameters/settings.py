@@ -20,6 +20,7 @@ from cmpsp_ros.guidance.settings import (
 )
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
+from cmpsp_ros.parameters.course import start_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.goals import (
     follow_of,
@@ -73,6 +74,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         goals,
         _solver_problems,
         _others_problems,
+        start_problems,
     )
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
@@ -108,6 +110,8 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         frame_id=values['frame_id'],
         odom_timeout=values['odom_timeout'],
         failure_tolerance=values['failure_tolerance'],
+        start_tolerance=values['start.tolerance'],
+        start_pose=tuple(values['start.pose']) or None,
     )
 
 

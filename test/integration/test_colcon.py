@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = 'cmpsp_ros'
@@ -163,18 +163,17 @@ def test_installed_nodes_complete_a_run(
     [packages] = (colcon_install / PACKAGE / 'lib').glob('python*/site-packages')
     decided: list[dict[str, str]] = []
 
-    def on_decision(message: DiagnosticStatus) -> None:
-        decided.append({each.key: each.value for each in message.values})
+    def on_decision(message: DiagnosticArray) -> None:
+        decided.append({each.key: each.value for each in message.status[0].values})
 
-    ros.node.create_subscription(DiagnosticStatus, '/guidance/decision', on_decision, 100)
+    ros.node.create_subscription(DiagnosticArray, '/guidance/decision', on_decision, 100)
     common = ['--ros-args', '--params-file', share / 'config' / 'case3.yaml']
     lockstep = ['-p', 'lockstep:=true', '-p', 'publish_clock:=true']
     # What sourcing the workspace does: its packages come before any other copy.
     paths = os.pathsep.join([str(packages), *filter(None, [os.environ.get('PYTHONPATH')])])
     spawn([programs / 'sim_node', *common, *lockstep], PYTHONPATH=paths)
-    guidance = spawn(
-        [programs / 'guidance_node', *common, '-p', 'use_sim_time:=true'], PYTHONPATH=paths
-    )
+    flags = ['-p', 'use_sim_time:=true', '-p', 'autostart:=true']
+    guidance = spawn([programs / 'guidance_node', *common, *flags], PYTHONPATH=paths)
     # The ROS wheels start Python once more, and for a moment the process has no command line.
     command = Path(f'/proc/{guidance.pid}/cmdline')
     ros.spin_until(lambda: str(programs / 'guidance_node') in command.read_text().split('\0'))

@@ -71,7 +71,8 @@ def contents(folder):
     with Bag(folder / 'bag') as bag:
         decisions = [
             (each.message, {v.key: v.value for v in each.values if not v.key.endswith('_ms')})
-            for _, each in bag.messages('/guidance/decision')
+            for _, array in bag.messages('/guidance/decision')
+            for each in array.status
         ]
         count = 1 + next(k for k, (_, each) in enumerate(decisions) if each['finished'] == 'true')
         begin, end = (int(decisions[k][1]['stamp']) for k in (0, count - 1))

@@ -8,7 +8,7 @@ import sys
 import time
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
@@ -68,13 +68,13 @@ def test_killed_recorder_loses_at_most_a_second(spawn, ros, tmp_path, options):
 def test_command_records_our_topics_of_a_namespace(spawn, ros, tmp_path):
     ours = ros.node.create_publisher(Odometry, '/r1/odom', 1)
     others = [ros.node.create_publisher(Odometry, name, 1) for name in ('/odom', '/r1/other')]
-    decisions = ros.node.create_publisher(DiagnosticStatus, '/r1/guidance/decision', 1)
+    decisions = ros.node.create_publisher(DiagnosticArray, '/r1/guidance/decision', 1)
     clock = ros.node.create_publisher(Clock, '/clock', 1)
     recorder = spawn([*COMMAND, 'record', '--output', 'bag', '--namespace', '/r1'])
     recorded = (ours, decisions, clock)
     ros.spin_until(lambda: all(heard(each)() for each in recorded), timeout=30.0)
     assert not any(heard(each)() for each in others)
-    for publisher, message in zip(recorded, (Odometry(), DiagnosticStatus(), Clock()), strict=True):
+    for publisher, message in zip(recorded, (Odometry(), DiagnosticArray(), Clock()), strict=True):
         publisher.publish(message)
         publisher.wait_for_all_acked(Duration(seconds=5.0))
     recorder.signal(signal.SIGTERM)

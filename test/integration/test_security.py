@@ -88,7 +88,7 @@ def start(spawn, tmp_path):
         given += [part for each in parameters for part in ('-p', each)]
         spawn([sys.executable, '-m', MODULES[name], '--ros-args', *given])
 
-    node('guidance_node', 'use_sim_time:=true', file='moving.yaml')
+    node('guidance_node', 'use_sim_time:=true', 'autostart:=true', file='moving.yaml')
     node('sim_node', 'publish_clock:=true', file='moving.yaml')
     node('viewer', 'port:=0', 'use_sim_time:=true')
     node('recorder', f'output:={tmp_path / "bag"}', 'own_topics:=true', 'use_sim_time:=true')

@@ -15,7 +15,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
@@ -68,7 +68,8 @@ def start_robot(spawn):
         arguments = ['--ros-args', '-r', f'__ns:={namespace}', *patient]
         for name in ('sim_node', 'guidance_node'):
             module = MODULES[name]
-            spawn([sys.executable, '-m', module, *arguments, '--params-file', CASE3])
+            more = ['--params-file', CASE3, '-p', 'autostart:=true']
+            spawn([sys.executable, '-m', module, *arguments, *more])
 
     return start
 
@@ -169,7 +170,8 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     arrow.points = [Point(x=1.0, y=2.0), Point(x=1.5, y=2.25)]
     plan = Marker(ns='plan', type=Marker.LINE_STRIP)
     facts = {'rung': 'nominal', 'goal': 'b', 'goal_x': '0.5', 'goal_y': '-1.0', 'goal_time': '17'}
-    decision = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
+    status = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
+    decision = DiagnosticArray(status=[status])
 
     def shown():
         markers.publish(MarkerArray(markers=[plan, disc, arrow]))
@@ -228,7 +230,8 @@ def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):
     decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
     markers = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
     evil = '</p><img src=x onerror="document.title=1"><script>document.title=2</script>'
-    decision = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    status = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    decision = DiagnosticArray(status=[status])
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns=evil, text=evil)
     text.scale.z = math.nan
 

@@ -1,7 +1,7 @@
-"""The launch files name what there is: executables, parameters, arguments, topics and files.
+"""The launch files name what there is, and refuse what cannot work before anything is started.
 
-`launch` is not on the Python package index, so they are read here and not run. What they start
-is run, by the command lines that it would have, in test/integration/test_launch_commands.py.
+`launch` is not on the Python package index. So what they decide is run here by itself, and what
+they start is run by its command lines in test/integration/test_launch_commands.py.
 """
 
 from __future__ import annotations
@@ -17,39 +17,20 @@ from cmpsp_ros.parameters.table import is_of_ros
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
-USUAL = {'namespace', 'use_sim_time', 'params_file', 'robot_file', 'log_level'}
-OF_RECORDER = {'output', 'own_topics'}
+USUAL = {
+    'namespace', 'use_sim_time', 'params_file', 'robot_file', 'autostart', 'odom', 'cmd_vel',
+    'log_level',
+}  # fmt: skip
+OF_OTHERS = {'output', 'own_topics', 'port'}
+EVERYTHING = {'record': 'bag', 'rviz': 'true', 'view': 'true', 'realtime_cpu': '0'}
 
 by_file = pytest.mark.parametrize('file', FILES, ids=lambda file: file.name)
+guidance = FILES[-1]
 
 
-def calls(file, name):
-    """All calls of a class, in their order."""
-    tree = ast.parse(file.read_text(encoding='utf-8'))
-    found = [each for each in ast.walk(tree) if isinstance(each, ast.Call)]
-    return [each for each in found if isinstance(each.func, ast.Name) and each.func.id == name]
-
-
-def keyword(call, name):
-    """A keyword's value as source; None without."""
-    return next((ast.unparse(each.value) for each in call.keywords if each.arg == name), None)
-
-
-def texts(node):
-    return [
-        each.value
-        for each in ast.walk(node)
-        if isinstance(each, ast.Constant) and isinstance(each.value, str)
-    ]
-
-
-def declared(file):
-    return {each.args[0].value: each for each in calls(file, 'DeclareLaunchArgument')}
-
-
-def executables():
-    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-    return set(re.findall(r"'(\w+) = cmpsp_ros\.", setup))
+def given(launch_file, **arguments):
+    defaults = {name: default for name, (default, _) in launch_file['ARGUMENTS'].items()}
+    return {**defaults, 'params_file': str(ROOT / 'config/case3.yaml'), **arguments}
 
 
 def test_there_are_two():
@@ -57,75 +38,86 @@ def test_there_are_two():
 
 
 @by_file
-def test_it_has_the_usual_arguments_described(file):
-    arguments = declared(file)
+def test_it_has_the_usual_arguments_described(launch_file, file):
+    arguments = launch_file(file)['ARGUMENTS']
     assert set(arguments) >= USUAL
-    for call in arguments.values():
-        assert keyword(call, 'default_value') is not None
-        assert keyword(call, 'description')
+    assert all(text.endswith('.') for _, text in arguments.values())
 
 
-def test_guidance_can_record_and_show():
-    assert set(declared(ROOT / 'launch/guidance.launch.py')) == {*USUAL, 'record', 'rviz', 'view'}
-
-
-@by_file
-def test_every_argument_used_is_declared_and_every_one_declared_is_used(file):
-    used = {each.args[0].value for each in calls(file, 'LaunchConfiguration')}
-    assert used == set(declared(file))
+def test_only_a_demo_has_a_course_by_default_and_sets_off(launch_file):
+    course, autostart = 'params_file', 'autostart'
+    demo, robot = (launch_file(file)['ARGUMENTS'] for file in FILES)
+    assert (demo[course][0], demo[autostart][0]) == (str(ROOT / 'config/case3.yaml'), 'true')
+    assert (robot[course][0], robot[autostart][0]) == (None, 'false')
 
 
 @by_file
-def test_every_node_is_an_executable_of_the_package_and_tells_its_level(file):
-    nodes = calls(file, 'Node')
+def test_every_node_is_an_executable_of_the_package_and_tells_its_level(launch_file, file):
+    setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    known = {('cmpsp_ros', each) for each in re.findall(r"'(\w+) = cmpsp_ros\.", setup)}
+    loaded = launch_file(file)
+    nodes = loaded['nodes'](given(loaded, **EVERYTHING))
     assert nodes
     for node in nodes:
-        package, executable = (keyword(node, name) for name in ('package', 'executable'))
-        if package == "'rviz2'":
-            assert executable == "'rviz2'"
-            continue
-        assert package == "'cmpsp_ros'"
-        assert ast.literal_eval(executable) in executables()
-        assert 'log_level' in keyword(node, 'arguments') or keyword(node, 'arguments') == 'LOGGING'
+        if node['package'] != 'rviz2':
+            assert (node['package'], node['executable']) in known
+            assert '--log-level' in node['arguments']
 
 
 @by_file
-def test_every_parameter_exists(file):
-    known = OF_RECORDER | TABLE.resolve({}).keys()
-    for node in calls(file, 'Node'):
-        for each in ast.walk(node):
-            if isinstance(each, ast.Dict):
-                keys = {key.value for key in each.keys}
-                assert all(key in known or is_of_ros(key) for key in keys), keys
+def test_every_parameter_exists(launch_file, file):
+    known = OF_OTHERS | TABLE.resolve({}).keys()
+    loaded = launch_file(file)
+    for node in loaded['nodes'](given(loaded, **EVERYTHING)):
+        sets = [each for each in node['parameters'] if isinstance(each, dict)]
+        assert all(key in known or is_of_ros(key) for each in sets for key in each)
 
 
-@by_file
-def test_files_that_it_names_are_installed(file):
-    named = set()
-    for call in calls(file, 'PathJoinSubstitution'):
-        parts = [text for text in texts(call) if text != 'cmpsp_ros']
-        if 'CONFIG' in ast.unparse(call):
-            parts.insert(0, 'config')
-        named.add('/'.join(parts))
-    assert named >= {'config/case3.yaml'}
-    for path in named:
-        assert (ROOT / path).exists(), path
+def test_what_moves_the_robot_is_started_last(launch_file):
+    loaded = launch_file(guidance)
+    started = [each['executable'] for each in loaded['nodes'](given(loaded, **EVERYTHING))]
+    assert started == ['rviz2', 'viewer', 'recorder', 'guidance_node']
 
 
-def test_the_demo_includes_guidance():
-    (call,) = calls(ROOT / 'launch/demo.launch.py', 'IncludeLaunchDescription')
-    assert texts(call) == ['launch', 'guidance.launch.py']
+def test_real_time_settings_of_the_files_stay_unless_others_are_given(launch_file):
+    loaded = launch_file(guidance)
+    (plain,) = loaded['nodes'](given(loaded))
+    assert not any(key.startswith('realtime') for key in plain['parameters'][-1])
+    (told,) = loaded['nodes'](given(loaded, realtime_priority='50', realtime_cpu='3'))
+    last = told['parameters'][-1]
+    assert (last['realtime.priority'], last['realtime.cpu']) == (50, 3)
 
 
-def test_rviz_is_told_the_topics_of_a_namespace():
-    (rviz,) = (
-        each
-        for each in calls(ROOT / 'launch/guidance.launch.py', 'Node')
-        if keyword(each, 'package') == "'rviz2'"
+def test_what_cannot_work_is_refused_before_anything_is_started(launch_file, tmp_path):
+    loaded = launch_file(guidance)
+    assert loaded['refusals'](given(loaded)) == []
+    absent = str(tmp_path / 'absent.yaml')
+    found = loaded['refusals'](
+        given(loaded, params_file=absent, robot_file=absent, record=str(tmp_path), rviz='true')
     )
-    names = {text for text in texts(rviz) if text.startswith('/')}
+    names = ['params_file', 'robot_file', 'record', 'rviz']
+    assert [each.partition(':')[0] for each in found] == names
+    source = guidance.read_text(encoding='utf-8')
+    assert source.index('refusals(given)', source.index('def start')) < source.index(
+        'return nodes(given)'
+    )
+
+
+def test_guidance_is_started_before_the_simulator_for_it_may_refuse():
+    source = (ROOT / 'launch/demo.launch.py').read_text(encoding='utf-8')
+    assert 'LaunchDescription([*arguments, guidance, OpaqueFunction(function=start)])' in source
+
+
+@pytest.mark.parametrize('namespace', ['', 'r1', '/r1'])
+def test_rviz_is_told_the_topics_of_a_namespace(launch_file, namespace):
+    loaded = launch_file(guidance)
+    rviz, _ = loaded['nodes'](given(loaded, rviz='true', namespace=namespace, odom='wheels/odom'))
     layout = (ROOT / 'config/cmpsp.rviz').read_text(encoding='utf-8')
-    assert names == set(re.findall(r'Value: (/\S+)', layout))
+    place = '/r1' if namespace else ''
+    told = dict(rviz['remappings'])
+    assert set(told) == set(re.findall(r'Value: (/\S+)', layout))
+    assert told['/odom'] == f'{place}/wheels/odom'
+    assert told['/guidance/markers'] == f'{place}/guidance/markers'
 
 
 @by_file
@@ -135,7 +127,8 @@ def test_it_imports_only_what_it_needs_of_launch(file):
         for each in ast.walk(ast.parse(file.read_text(encoding='utf-8')))
         if isinstance(each, ast.ImportFrom)
     ]
-    assert {each.module.partition('.')[0] for each in imports} == {'launch', 'launch_ros'}
+    packages = {each.module.partition('.')[0] for each in imports}
+    assert packages - {'pathlib', 'ament_index_python'} == {'launch', 'launch_ros'}
     source = file.read_text(encoding='utf-8')
     for each in imports:
         for name in each.names:

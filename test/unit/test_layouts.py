@@ -8,18 +8,20 @@ from pathlib import Path
 
 import pytest
 import yaml
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from rclpy.time import Time
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.key_values import facts
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.nodes.common.topics import TOPICS
+from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
 from cmpsp_ros.nodes.guidance.markers import marker_array
 from cmpsp_ros.nodes.guidance.plan_markers import PlanMarkers
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
+COMMANDS = (Twist, TwistStamped)
 CONFIG = Path(__file__).parents[2] / 'config'
 
 # The types of topics that RViz' displays show (rviz_default_plugins/plugins_description.xml).
@@ -29,7 +31,7 @@ DISPLAYS = {
     'rviz_default_plugins/Odometry': 'Odometry',
     'rviz_default_plugins/Path': 'Path',
 }
-PANELS = {'3D', 'Plot', 'StateTransitions', 'RawMessages', 'DiagnosticSummary'}
+PANELS = {'3D', 'Plot', 'StateTransitions', 'RawMessages', 'DiagnosticSummary', 'Publish'}
 
 
 @pytest.fixture(scope='module')
@@ -123,11 +125,11 @@ def paths(foxglove):
 def test_every_path_of_foxglove_leads_to_a_field_of_a_topic(foxglove, topics):
     for path in paths(foxglove):
         name, *fields = re.sub(r'\[[^]]*\]|\{[^}]*\}', '', path).split('.')
-        message = topics[name].type()
+        message = COMMANDS[fields[0] == 'twist']() if name == '/cmd_vel' else topics[name].type()
         for field in fields:
             # A list is empty in a new message; what is in a decision's is read below.
             if isinstance(message, list):
-                assert field == 'value'
+                assert fields == ['status', 'values', 'value']
                 break
             message = getattr(message, field)
 
@@ -137,6 +139,19 @@ def test_the_values_that_foxglove_plots_are_those_of_a_decision(foxglove):
     assert keys == {'rung', 'worst_margin', 'miss'}
     source = Path(facts.__code__.co_filename).read_text(encoding='utf-8')
     assert keys <= set(re.findall(r"'(\w+)': decision\.", source))
+
+
+def test_a_goal_can_be_sent_where_guidance_hears_it(foxglove, rviz):
+    panel, scene = (foxglove['configById'][each] for each in ('Publish!goal', '3D!course'))
+    tools = rviz['Visualization Manager']['Tools']
+    (tool,) = (each for each in tools if each['Class'].endswith('SetGoal'))
+    topic = f'/{GOAL_POSE.name}'
+    assert {panel['topicName'], scene['publish']['poseTopic'], tool['Topic']['Value']} == {topic}
+    assert GOAL_POSE.type is PoseStamped
+    assert panel['datatype'] == 'geometry_msgs/PoseStamped'
+    goal = json.loads(panel['value'])
+    assert {*goal['pose']} <= {*PoseStamped().pose.get_fields_and_field_types()}
+    assert goal['header']['frame_id'] == TABLE.resolve({})['frame_id']
 
 
 def test_foxglove_is_in_the_frame_of_the_course(foxglove):

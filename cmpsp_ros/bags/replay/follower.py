@@ -52,7 +52,8 @@ class Follower:
                 with suppress(GoalError):
                     self.law.tell(stamp, goal)
             case Halted(decision):
-                return self.law.halt(decision.stamp, decision.reason)
+                finished = decision.finished
+                return self.law.halt(decision.stamp, decision.reason, finished=finished)
             case OdometryReceived(odometry, tracks=tracks):
                 return self.law.update(odometry.stamp, odometry.pose, tracks)
         return None

@@ -17,6 +17,10 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 Array = NDArray[np.float64]
 
 
+_KEPT = 8
+"""Commands that are remembered of those that took effect."""
+
+
 class CommandsUnderWay:
     """The commands of one run, as far as they still matter."""
 
@@ -24,6 +28,7 @@ class CommandsUnderWay:
         """Begin with a robot that stands still."""
         self._given: deque[tuple[int, Array]] = deque()
         self._in_force = np.zeros(2)
+        self._in_effect: deque[tuple[int, Array]] = deque(maxlen=_KEPT)
 
     @property
     def in_force(self) -> Array:
@@ -56,7 +61,8 @@ class CommandsUnderWay:
             without a delay.
         """
         while self._given and self._given[0][0] + delay <= stamp:
-            self._in_force = self._given.popleft()[1]
+            at, self._in_force = self._given.popleft()
+            self._in_effect.append((at + delay, self._in_force))
         if not delay:
             return np.empty((0, 2)), np.empty(0)
         ahead = [(at + delay, speeds) for at, speeds in self._given if at < stamp]
@@ -65,3 +71,23 @@ class CommandsUnderWay:
         durations = np.diff(edges) / NANOSECONDS
         lasting = durations > 0.0
         return speeds[lasting], durations[lasting]
+
+    def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
+        """What the wheels did between two instants, the latest first.
+
+        Args:
+            begin: The earlier instant [ns], not long ago.
+            end: The later one [ns], which was asked for last.
+            delay: Time from a command's stamp to its effect [ns].
+
+        Returns:
+            Wheel speeds ``(K, 2)`` [rad/s], and for how long each pair held ``(K,)`` [s].
+        """
+        self.until(end, delay)
+        speeds, lengths = [], []
+        for at, each in reversed(self._in_effect):
+            if end > begin:
+                speeds.append(each)
+                lengths.append((end - max(at, begin)) / NANOSECONDS)
+                end = min(end, max(at, begin))
+        return np.array(speeds).reshape(-1, 2), np.array(lengths)

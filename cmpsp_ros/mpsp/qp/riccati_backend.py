@@ -58,7 +58,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: Indice
             count = int(space.program.head['conflicting'][0])
             conflict = _named(space, space.active.conflict[:count].tolist())
             otherwise = QPSolution.unsolved(size, QPStatus.INFEASIBLE, conflict)
-            if _contradict(subproblem, conflict):
+            if space.program.head['is_proved'][0] or _contradict(subproblem, conflict):
                 return otherwise
     warm[0] = 0
     answer = clarabel_backend.solve(subproblem, penalties)

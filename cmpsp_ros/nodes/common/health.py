@@ -58,8 +58,8 @@ class Health:
         """Publish the state now."""
         report = self._look()
         self._shown = report.marks
-        name = f'{self._node.get_fully_qualified_name()}: {self._node.get_name()}'
-        status = status_message(report.level, name, report.message, report.values())
+        name = self._node.get_name()
+        status = status_message(report.level, self._node, name, report.message, report.values())
         array = DiagnosticArray(status=[status])
         array.header.stamp = self._node.get_clock().now().to_msg()
         self._publisher.publish(array)

@@ -47,17 +47,18 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
             problems of the set, and before anything is declared.
 
     """
-    values = table.resolve(with_road_file(_overrides(node)))
+    values = table.resolve(with_road_file(overrides(node)))
     for key, row in table.keys(values):
         if which in row.nodes:
             _declare(node, key, row, values[key])
     return values
 
 
-def _overrides(node: Node) -> dict[str, Any]:
+def overrides(node: Node) -> dict[str, Any]:
+    """What the node was started with, by key."""
     # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
-    overrides = node._parameter_overrides  # noqa: SLF001
-    return {key: each.value for key, each in overrides.items()}
+    given = node._parameter_overrides  # noqa: SLF001
+    return {key: each.value for key, each in given.items()}
 
 
 def _declare(node: Node, key: str, row: Row, value: Any) -> None:

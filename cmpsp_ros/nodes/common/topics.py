@@ -10,7 +10,7 @@ import sys
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -155,10 +155,10 @@ DECISION = Topic(
     'guidance',
     'out',
     '~/decision',
-    DiagnosticStatus,
-    'each control step: rung, why, miss, margins, slack, iterations, active rows, times; floats'
-    ' read back exactly',
-    depth=OF_A_RUN,
+    DiagnosticArray,
+    'each control step, stamped as the odometry that it answers: rung, why, miss, margins, slack,'
+    ' iterations, active rows, times; floats read back exactly; latched',
+    latched=True,
 )
 PLAN = Topic(
     'guidance',

@@ -35,10 +35,11 @@ def report_on(
     decision = None if loop is None else loop.decision
     listeners = {} if loop is None else loop.subscribers
     level, message = _state(state, refusal, loop)
-    if loop is not None and state == ACTIVE:
-        if said := [*warnings, *loop.warnings()]:
+    if loop is not None:
+        said = [*warnings, *(loop.warnings() if state == ACTIVE else [])]
+        if said and not refusal:
             level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *said])
-        if said := [*filter(None, [loop.road.refusal]), *errors]:
+        if state == ACTIVE and (said := [*filter(None, [loop.road.refusal]), *errors]):
             level, message = DiagnosticStatus.ERROR, ' '.join([message, *said])
 
     def figures() -> dict[str, object]:
@@ -60,8 +61,6 @@ def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, 
         return DiagnosticStatus.ERROR, refusal
     if loop is None or state != ACTIVE:
         return DiagnosticStatus.OK, f'The node is {state}.'
-    if loop.decision is not None:
+    if loop.decision is not None and not loop.waiting:
         return level_of(loop.decision), loop.decision.reason
-    if loop.road.waits:
-        return DiagnosticStatus.WARN, 'Waiting for a road on the topic road.'
-    return DiagnosticStatus.WARN, 'Waiting for odometry.'
+    return DiagnosticStatus.WARN, loop.waiting or 'Waiting for odometry.'

@@ -11,6 +11,7 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import GoalError, goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.table import Values
 
 _WATCH_PERIOD = 0.025
+
+_LATEST_ODOMETRY = 5_000_000
+"""How long after the final time its odometry may come before the clock stops the robot [ns]."""
 
 
 class GuidanceLoop:
@@ -70,6 +74,8 @@ class GuidanceLoop:
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
         self._goals = GOAL_POSE.listen_on(node, self._on_goal)
         self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
+        self._end_timer = node.create_timer(_WATCH_PERIOD, self._on_end)
+        self._end_timer.cancel()
         self._begin()
 
     def close(self) -> None:
@@ -77,6 +83,7 @@ class GuidanceLoop:
         self._node.destroy_subscription(self._odometry)
         self._node.destroy_subscription(self._goals)
         self._node.destroy_timer(self._timer)
+        self._node.destroy_timer(self._end_timer)
         self._obstacles.close()
         self.road.close()
         self._outputs.close()
@@ -94,6 +101,8 @@ class GuidanceLoop:
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
         self._pose: list[float] = []
+        self._begun = False
+        self._outputs.listeners.begin()
 
     def take(self, settings: GuidanceSettings) -> None:
         """Take other settings, from the next control step on."""
@@ -136,11 +145,19 @@ class GuidanceLoop:
         return [
             *self._obstacles.warnings(now),
             *self._clock_watch.warnings(now),
+            *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
         ]
 
+    @property
+    def waiting(self) -> str:
+        """What must still come before time 0, in a sentence; empty when all is there."""
+        if self.road.waits:
+            return 'Waiting for a road on the topic road.'
+        return '' if self._begun else self._outputs.listeners.lacking()
+
     def _on_odometry(self, data: bytes) -> None:
-        if not self.active or self.road.waits:
+        if not self.active or self.waiting:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
@@ -150,9 +167,13 @@ class GuidanceLoop:
         except OdometryError as error:
             self._halt_for(str(error))
             return
+        self._outputs.name_robot(message.child_frame_id)
         self.silence.end(now)
         self._pose = pose.tolist()
         self._notice_time(stamp)
+        if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
+            self._halt_for(why)
+            return
         try:
             tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
             decision = self._law.update(stamp, pose, tracks)
@@ -162,12 +183,36 @@ class GuidanceLoop:
         if decision is None:
             return
         self._outputs.command(decision)
+        self._begun = True
+        self._expect_end(decision, now)
         period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
         self.times.add(step_ms, period)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _expect_end(self, decision: Decision, now: int) -> None:
+        """See to it that the robot stops in time where odometry does not come just then."""
+        end = self._law.ends_at
+        if decision.finished or end is None:
+            return
+        self._end_timer.timer_period_ns = max(1, end - now) + _LATEST_ODOMETRY
+        self._end_timer.reset()
+
+    def _on_end(self) -> None:
+        self._end_timer.cancel()
+        # Odometry of that instant comes first where it is there; in lockstep it always is.
+        catch_up(self._odometry)
+        now, end = self._now(), self._law.ends_at
+        if self.active and end is not None and now > end and not self._is_finished:
+            decision = self._law.halt(now, 'The final time has passed.', finished=True)
+            self._outputs.command(decision)
+            self._note(decision)
+
+    @property
+    def _is_finished(self) -> bool:
+        return self.decision is not None and self.decision.finished
 
     def _on_goal(self, message: PoseStamped) -> None:
         if not self.active or self.road.waits:
@@ -192,6 +237,7 @@ class GuidanceLoop:
             said = f'time has jumped back by {back:.3f} s: the run begins again'
             self._node.get_logger().warning(said)
             self._law.reset()
+            self._begun = False
             self._obstacles.forget_after(stamp)
 
     def _watch(self) -> None:
@@ -215,7 +261,8 @@ class GuidanceLoop:
 
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision, self._pose)
-        if self.decision is None or decision.rung != self.decision.rung:
+        before = self.decision
+        if before is None or (decision.rung, decision.missed) != (before.rung, before.missed):
             said = f'{decision.rung.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
             if decision.rung == Rung.NOMINAL or decision.finished:

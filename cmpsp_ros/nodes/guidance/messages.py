@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
@@ -41,17 +41,26 @@ class DecisionMessage:
     One message is filled again and again: making its parts anew takes longer than to fill them.
     """
 
-    def __init__(self, name: str) -> None:
-        """Make the message of a node, ``name`` in diagnostics."""
-        self._message = DiagnosticStatus(name=name)
+    def __init__(self, name: str, hardware_id: str, frame_id: str) -> None:
+        """Make the message.
+
+        Args:
+            name: Of the node, in diagnostics.
+            hardware_id: Of the robot.
+            frame_id: Of the odometry.
+        """
+        self._message = DiagnosticStatus(name=name, hardware_id=hardware_id)
+        self._array = DiagnosticArray(status=[self._message])
+        self._array.header.frame_id = frame_id
         self._values: dict[str, KeyValue] = {}
 
-    def fill(self, decision: Decision) -> DiagnosticStatus:
-        """The message of a decision, good until the next."""
+    def fill(self, decision: Decision) -> DiagnosticArray:
+        """The message of a decision, good until the next; stamped as what it answers."""
+        set_stamp(self._array.header, decision.stamp)
         self._message.level = level_of(decision)
         self._message.message = decision.reason
         self._message.values = [self._value(key, value) for key, value in facts(decision).items()]
-        return self._message
+        return self._array
 
     def _value(self, key: str, value: str) -> KeyValue:
         found = self._values.get(key) or self._values.setdefault(key, KeyValue(key=key))

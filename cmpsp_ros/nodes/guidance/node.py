@@ -18,7 +18,8 @@ from cmpsp_ros.nodes.common.lifecycle import (
     UNCONFIGURED,
     guard_change_state,
 )
-from cmpsp_ros.nodes.common.parameters import declare
+from cmpsp_ros.nodes.common.parameters import declare, overrides
+from cmpsp_ros.nodes.common.process_watch import ProcessWatch
 from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topics import RESET
@@ -26,6 +27,7 @@ from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.course import course_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.roads import lacks_road
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -61,16 +63,18 @@ class GuidanceNode(LifecycleNode):
         self._state = UNCONFIGURED
         self._garbage = GarbageCollection()
         self._late = LateCompilations()
-        autostart = True
+        self._given = set(overrides(self))
         try:
             self._values = declare(self, TABLE, 'guidance')
-            autostart = self._values['autostart']
         except ParameterError as error:
             self._refusal = str(error)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._take_parameters)
         self._health = Health(self, self._report)
-        if autostart and self.trigger_configure() == SUCCESS:
+        if self._values is not None:
+            self._process_watch = ProcessWatch(self, self._values['stop_with_process'])
+        autostart = self._values is not None and self._values['autostart']
+        if (autostart or self._refusal) and self.trigger_configure() == SUCCESS:
             self._activate_when_known()
 
     def stop(self) -> None:
@@ -112,10 +116,14 @@ class GuidanceNode(LifecycleNode):
         self.get_logger().info('configured')
         self._garbage.settle()
         self._state = INACTIVE
+        for each in self._missing():
+            self.get_logger().warning(each)
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin: the next odometry is time 0. Not where another node guides this robot."""
+        if missing := self._missing():
+            return self._refuse('\n'.join(missing), 'activate')
         if rival := self._rivals.guiding:
             return self._refuse(_GUIDED.format(rival), 'activate')
         self._refusal = ''
@@ -178,6 +186,12 @@ class GuidanceNode(LifecycleNode):
             self.get_logger().error(f'cannot {transition}: {line}')
         return FAILURE
 
+    def _missing(self) -> list[str]:
+        """What of a course nobody has given, in sentences; a robot is not driven without."""
+        if self._values is None:
+            return []
+        return [f'No course: {each}' for each in course_problems(self._values, self._given)]
+
     def _give_way(self, rival: str) -> None:
         """Leave the robot to a node that began before and had not been heard."""
         if self._state == ACTIVE:
@@ -200,6 +214,7 @@ class GuidanceNode(LifecycleNode):
 
     def _take_parameters(self, parameters: list[Parameter]) -> None:
         self._values, settings = self._changed(parameters)
+        self._given.update(each.name for each in parameters)
         if self._is_configured:
             self._loop.take(settings)
 
@@ -215,6 +230,8 @@ class GuidanceNode(LifecycleNode):
     def _report(self) -> Report:
         if not self._is_configured:
             return report_on(self._state, self._refusal, None)
+        if self._state == INACTIVE:
+            return report_on(self._state, self._refusal, self._loop, self._missing())
         warnings, errors = self._rivals.warnings(), self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
+from cmpsp_ros.nodes.common.status import hardware_id
 from cmpsp_ros.nodes.common.topics import (
     COMMAND,
     DECISION,
@@ -16,8 +17,10 @@ from cmpsp_ros.nodes.common.topics import (
     PLAN_MARKERS,
     STAMPED_COMMAND,
     WHEELS,
+    Topic,
 )
 from cmpsp_ros.nodes.guidance.command_bytes import frame_bytes, stamped_bytes, twist_bytes
+from cmpsp_ros.nodes.guidance.listeners import Listeners
 from cmpsp_ros.nodes.guidance.markers import marker_array
 from cmpsp_ros.nodes.guidance.messages import (
     DecisionMessage,
@@ -38,29 +41,39 @@ if TYPE_CHECKING:
     from cmpsp_ros.parameters.table import Values
 
 
-_FRAME = frame_bytes('base_link')
+_BASE = 'base_link'
 
 
 class GuidanceOutputs:
     """Publishers of one configured guidance node.
 
     The command leaves before anything else is made or sent.
+
+    Attributes:
+        listeners: Who listens.
     """
 
     def __init__(self, node: LifecycleNode, values: Values, settings: GuidanceSettings) -> None:
         """Create all publishers; the command's is silent unless the node is active."""
         self._node = node
+        # Where time stands still nothing grows stale, and all is to be recorded.
+        simulated = node.get_parameter('use_sim_time').value
+
+        def of_a_run(topic: Topic) -> Topic:
+            return replace(topic, depth=OF_A_RUN) if simulated else topic
+
         self._topic = STAMPED_COMMAND if values['enable_stamped_cmd_vel'] else COMMAND
-        command = self._topic
-        if node.get_parameter('use_sim_time').value:
-            # Where time stands still no command grows stale, and all are to be recorded.
-            command = replace(command, depth=OF_A_RUN)
+        command = of_a_run(self._topic)
         self._command = node.create_lifecycle_publisher(command.type, command.name, command.qos)
         self._wheels = WHEELS.publish_on(node)
-        self._decisions = DECISION.publish_on(node)
+        self._decisions = of_a_run(DECISION).publish_on(node)
         self._path = PLAN.publish_on(node)
         self._plan_markers = PLAN_MARKERS.publish_on(node)
         self._markers = MARKERS.publish_on(node)
+        self.listeners = Listeners(
+            node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
+        )
+        self._robot_frame = _BASE, frame_bytes(_BASE)
         self._make_messages(values, settings)
 
     def _make_messages(self, values: Values, settings: GuidanceSettings) -> None:
@@ -69,7 +82,9 @@ class GuidanceOutputs:
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
         self._plan_message = PlanMarkers(settings)
-        self._decision_message = DecisionMessage(f'{name}: decision')
+        robot = hardware_id(self._node)
+        frame_id = values['frame_id']
+        self._decision_message = DecisionMessage(f'{name}: decision', robot, frame_id)
 
     @property
     def subscribers(self) -> dict[str, int]:
@@ -88,9 +103,14 @@ class GuidanceOutputs:
     def command(self, decision: Decision) -> None:
         """Send the command of a decision, stamped as the odometry that it answers."""
         if self._topic is STAMPED_COMMAND:
-            self._command.publish(stamped_bytes(decision, _FRAME))
+            self._command.publish(stamped_bytes(decision, self._robot_frame[1]))
         else:
             self._command.publish(twist_bytes(decision))
+
+    def name_robot(self, frame: str) -> None:
+        """Name the robot's frame, of commands that are stamped; `base_link` where unknown."""
+        if frame != self._robot_frame[0]:
+            self._robot_frame = frame, frame_bytes(frame or _BASE)
 
     def report(self, decision: Decision, pose: Sequence[float]) -> None:
         """Send what a decision was made of; path and markers only if somebody listens.

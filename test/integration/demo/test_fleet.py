@@ -32,7 +32,7 @@ def test_four_robots_whose_ways_cross(start_demo, start_cmpsp, tmp_path):
         nodes = {f'{each}/{node}' for each in robots for node in ('guidance', 'sim')}
         assert set(bag.parameters) == {*nodes, '/recorder'}
         assert bag.parameters['/r3/guidance']['goal.position'] == [0.0, 5.0]
-        known = [message.values for _, message in bag.messages('/r1/guidance/decision')]
+        known = [each.status[0].values for _, each in bag.messages('/r1/guidance/decision')]
     said = [each.value for values in known for each in values if each.key == 'moving_obstacles']
     assert all(name in said[-1] for name in robots[1:])
     assert '/r1@' not in said[-1]

@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Twist, TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
@@ -55,7 +55,7 @@ class Client:
         self.wheels, self.paths, self.health, self.recorded = [], [], [], {}
         listen, self.base = self.node.create_subscription, f'{prefix}/guidance'
         listen(kind, f'{prefix}/cmd_vel', self.on_command, 100)
-        listen(DiagnosticStatus, f'{self.base}/decision', self.on_decision, 1000)
+        listen(DiagnosticArray, f'{self.base}/decision', self.on_decision, 1000)
         listen(JointState, f'{self.base}/wheel_speeds', self.wheels.append, 1000)
         listen(PathMessage, f'{self.base}/predicted_path', self.paths.append, 100)
         listen(DiagnosticArray, '/diagnostics', self.on_diagnostics, 100)
@@ -69,8 +69,10 @@ class Client:
         self.commands.append((twist.linear.x, twist.angular.z))
 
     def on_decision(self, message):
-        values = {each.key: each.value for each in message.values}
-        self.decisions.append({**values, 'reason': message.message, 'level': message.level})
+        (status,) = message.status
+        values = {each.key: each.value for each in status.values}
+        assert values['stamp'] == str(Time.from_msg(message.header.stamp).nanoseconds)
+        self.decisions.append({**values, 'reason': status.message, 'level': status.level})
 
     def on_diagnostics(self, message):
         for status in message.status:
@@ -212,10 +214,16 @@ def verdicts():
 
 @pytest.fixture
 def start_node(spawn):
-    """Start a node with case 3: `start_node('guidance_node', {key: value}, *ros_arguments)`."""
+    """Start a node with case 3, and let it set off unless told otherwise.
+
+    `start_node('guidance_node', {key: value}, *ros_arguments)`.
+    """
 
     def start(name='guidance_node', parameters=None, *more):
-        given = {key: str(value).lower() for key, value in (parameters or {}).items()}
+        given = {
+            key: str(value).lower()
+            for key, value in {'autostart': True, **(parameters or {})}.items()
+        }
         flags = [part for key, value in given.items() for part in ('-p', f'{key}:={value}')]
         module = MODULES[name]
         command = [sys.executable, '-m', module, '--ros-args', '--params-file', CASE3]

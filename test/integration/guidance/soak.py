@@ -19,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
 from nav_msgs.msg import Odometry
@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[3]
 CASE = ROOT / 'config' / 'case3.yaml'
 PARAMETERS = {
     'sim': ('lockstep:=true', 'publish_clock:=true', 'lockstep_timeout:=60.0'),
-    'guidance': ('use_sim_time:=true',),
+    'guidance': ('use_sim_time:=true', 'autostart:=true'),
 }
 RUN = 10.0
 """Simulated time of a run [s]."""
@@ -84,14 +84,14 @@ class Client:
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.node)
         self.latest = {}
-        self.node.create_subscription(DiagnosticStatus, '/guidance/decision', self._note, 1000)
+        self.node.create_subscription(DiagnosticArray, '/guidance/decision', self._note, 1000)
         self.node.create_subscription(Odometry, '/odom', self._hear, 1000)
         self.stamp, self.repeated = None, 0
         self.reset = self.node.create_client(Trigger, '/sim/reset')
         self.change_state = self.node.create_client(ChangeState, '/guidance/change_state')
 
     def _note(self, message):
-        self.latest = {each.key: each.value for each in message.values}
+        self.latest = {each.key: each.value for each in message.status[0].values}
 
     def _hear(self, message):
         stamp = (message.header.stamp.sec, message.header.stamp.nanosec)

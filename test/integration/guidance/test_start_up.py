@@ -17,6 +17,7 @@ from cmpsp_ros.mpsp.jit.folder import kernel_folder
 pytestmark = pytest.mark.integration
 
 ANNOUNCED = 'compiling, once; `cmpsp warmup` does it beforehand'
+CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 # Without CAP_SYS_NICE, whoever runs the tests.
@@ -77,8 +78,9 @@ def test_the_deciding_thread_alone_has_its_core_while_the_node_is_active(start_n
 def test_without_the_right_to_a_priority_it_says_so_and_guides_all_the_same(
     fault, spawn, client, make_odometry
 ):
-    node = ['-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args', '-p', 'realtime.priority:=7']
-    running = spawn([sys.executable, '-c', POWERLESS, *node, '-p', 'odom_timeout:=60.0'])
+    node = ['-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args', '--params-file', CASE3]
+    flags = ['-p', 'realtime.priority:=7', '-p', 'odom_timeout:=60.0', '-p', 'autostart:=true']
+    running = spawn([sys.executable, '-c', POWERLESS, *node, *flags])
     client.connect()
     client.until_health(state='active', level=DiagnosticStatus.WARN)
     (said,) = [line for line in running.stderr.splitlines() if 'realtime' in line]
@@ -96,6 +98,39 @@ def test_a_core_that_is_not_there_is_refused(fault, start_node, client):
     fault.assert_said('—', health['level'][0], health['said'])
     assert health['state'] == 'unconfigured'
     assert 'Traceback' not in running.stderr
+
+
+@pytest.mark.smoke
+def test_without_a_course_it_configures_says_what_is_missing_and_does_not_set_off(
+    fault, spawn, client
+):
+    """As with a parameter file that is not there: ROS then goes on without."""
+    node = ['-m', 'cmpsp_ros.nodes.guidance.node', '--ros-args', '-p', 'autostart:=true']
+    running = spawn([sys.executable, *node])
+    health = client.until_health(state='inactive', level=DiagnosticStatus.ERROR)
+    lines = health['said'].splitlines()
+    assert [line.partition(':')[0] for line in lines] == ['No course'] * 2
+    for line, key in zip(lines, ('road.type', 'goal.position'), strict=True):
+        assert key in line
+        assert f'cannot activate: {line}' in running.stderr
+        fault.assert_said('—', health['level'][0], line)
+    client.drive()
+    assert not client.change_state('activate')
+    assert client.set_parameter('goal.position', [10.0, 0.0]).successful
+    assert not client.change_state('activate')
+    assert not client.commands
+    # What has been refused is not yet done by itself once all is there.
+    assert client.set_parameter('road.outer_radius', 11.0).successful
+    client.until_health(state='inactive')
+    assert client.change_state('activate')
+    client.until_driving()
+
+
+def test_by_itself_it_only_waits(start_node, client):
+    start_node('guidance_node', {'autostart': False})
+    assert client.change_state('configure')
+    client.until_health(state='inactive', level=DiagnosticStatus.OK)
+    assert not client.commands
 
 
 def test_a_changed_scene_is_shown_to_all_before_the_first_odometry(start_node, client):

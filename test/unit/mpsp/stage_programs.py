@@ -9,6 +9,7 @@ import numpy as np
 
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp.riccati import kkt
+from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST
 from cmpsp_ros.mpsp.qp.riccati.fill import Space, fill, multipliers_of, space
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.solver import TOLERANCE, solve
@@ -139,7 +140,7 @@ def run(qp, penalties=None, warm=None, begun=0, work_limit=UNLIMITED, mine=None)
 def warm_with(qp, rows):
     """A warm start with these rows."""
     warm = space(staged(qp).size).warm
-    warm[0], warm[2 : 2 + len(rows)] = len(rows), rows
+    warm[0], warm[FIRST : FIRST + len(rows)] = len(rows), rows
     return warm
 
 

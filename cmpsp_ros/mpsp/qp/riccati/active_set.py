@@ -29,8 +29,11 @@ CAPACITY = 400
 TOLERANCE = 1e-11
 """Violation up to which a row counts as met, relative to 1 plus its right-hand side."""
 
-FIRST = 2
-"""Where in a warm start the rows begin."""
+FIRST = 35
+"""Where in a warm start the rows begin, after room for a proof (see `empty_warm_start`)."""
+
+AT_LOWER = 2**32
+"""Marks terminal rows of a warm start whose multiplier is at its lower end."""
 
 IS_OFF, IS_ACTIVE, AT_PENALTY, AT_MINUS_PENALTY, IS_IMPLIED = 0, 1, 2, 3, 4
 """States of a row; the last one is of a row that the active ones imply."""
@@ -98,9 +101,12 @@ def empty_active_set(N: int, n: int, r: int, m: int, l: int) -> ActiveSet:  # no
 def empty_warm_start(N: int, n: int, r: int, m: int, l: int) -> Indices:  # noqa: E741
     """Memory for the rows that a solution leaves for the next program like it.
 
-    The first entry is how many there are, the second the `begun` of their program's head. Then come
-    the numbers of the rows that were active, in the order in which they became so, and
-    ``-1 - number`` of those at their (upper) penalty.
+    The first entry is how many there are, the second the `begun` of their program's head. The third
+    is how many rows proved that there was no solution (see `farkas`): pairs of a row's number and
+    its multiplier follow, as many as there is room for before `FIRST`. From there on there are the
+    numbers of the rows that were active, in the order in which they became so, and
+    ``-1 - number`` of those at their penalty; of terminal rows at minus their penalty it is
+    ``-1 - number - AT_LOWER``.
     """
     return np.zeros(FIRST + m + (N + 1) * (l + 2 * r + 2 * n), np.int64)
 
@@ -200,8 +206,9 @@ def leave_warm_start(p: Program, at: ActiveSet, warm: Indices) -> None:
         found += 1
     if head.saturated > 0:
         for row in range(at.states.shape[0]):
-            if at.states[row] == AT_PENALTY:
-                warm[found] = -1 - row
+            state = at.states[row]
+            if state in (AT_PENALTY, AT_MINUS_PENALTY):
+                warm[found] = -1 - row - (AT_LOWER if state == AT_MINUS_PENALTY else 0)
                 found += 1
     warm[0] = found - FIRST
     if head.fixed > 0:
@@ -220,6 +227,10 @@ def shift_warm_start(p: Program, warm: Indices) -> None:
     over = (p.head[0].begun - warm[1]) * rows_per_stage(p)
     if over == 0:
         return
+    for i in range(3, 3 + 2 * warm[2], 2):
+        # A row that is over has a number that no row has.
+        if warm[i] >= terminal:
+            warm[i] = warm[i] - over if warm[i] - over >= terminal else -1
     for i in range(FIRST, FIRST + warm[0]):
         row, saturated = warm[i], warm[i] < 0
         if saturated:

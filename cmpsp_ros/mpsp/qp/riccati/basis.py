@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
 
 # Fraction of its length that a row must have outside the basis to count as independent.
-_INDEPENDENT = 1e-9
+_INDEPENDENT = 1e-10
 # A projection that leaves less than this fraction has lost digits, and is made once more.
 _CANCELLED = 0.01
 

@@ -66,7 +66,7 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
         outcome = meet(p, at, row)
         if outcome == DONE and may_crowd and is_bound(p, row):
             bounds += 1
-            if bounds > MANY:
+            if bounds > MANY and 2 * _bounds_in_basis(p, at) > head.active:
                 return CROWDED
     if outcome == DONE:
         if head.iterations > _MANY:
@@ -74,6 +74,14 @@ def meet_all(p: Program, at: ActiveSet, may_crowd: bool) -> int:
             recover_step(p, at.v)
         iterative_refinement(p, at)
     return outcome
+
+
+@inner
+def _bounds_in_basis(p: Program, at: ActiveSet) -> int:
+    count = 0
+    for j in range(p.head[0].active):
+        count += int(is_bound(p, at.rows[j]))
+    return count
 
 
 @inner

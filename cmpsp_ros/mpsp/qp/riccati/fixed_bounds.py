@@ -28,7 +28,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     clear_multipliers,
     count_rows,
     locate,
-    row_number,
+    product,
     set_multiplier,
 )
 
@@ -37,8 +37,6 @@ MANY: Final = 12
 
 # A multiplier of the wrong sign by less than this, relative to 1 plus the largest gradient, is 0.
 _ROUNDING = 1e-11
-# The same for the direction in which multipliers grow where rows contradict each other.
-_NO_DIRECTION = 1e-9
 
 
 @allocation_free
@@ -56,7 +54,7 @@ def fix_from(p: Program, warm: Indices) -> None:
                     found += 1
                 elif abs(p.stages[k].upper[a] if sign > 0.0 else p.stages[k].lower[a]) < math.inf:
                     _hold(p, k, a, sign)
-        if found < MANY:
+        if found < MANY or 2 * found < warm[0]:
             return
 
 
@@ -110,7 +108,7 @@ def recover_bound_multipliers(p: Program, cost: float) -> float:
 
     Args:
         p: The program, with its step and all other multipliers.
-        cost: 1, or 0 to leave the cost out.
+        cost: 1, or 0 to leave the cost out; then those of all bounds.
 
     Returns:
         The largest part of a gradient.
@@ -124,7 +122,7 @@ def recover_bound_multipliers(p: Program, cost: float) -> float:
     for k in range(head.horizon, -1, -1):
         stage, last = p.stages[k], k == head.horizon
         for a in range(r):
-            if stage.fixed[a] == 0.0:
+            if stage.fixed[a] == 0.0 and cost != 0.0:
                 continue
             total = _gradient_U(p, k, a, cost)
             if not last:
@@ -188,12 +186,12 @@ def release_wrong(p: Program, at: ActiveSet) -> int:
     write_multipliers(p, at)
     if p.head[0].fixed == 0:
         return 0
-    tolerance = _ROUNDING * (1.0 + recover_bound_multipliers(p, 1.0))
-    return _release(p, tolerance)
+    return release(p, _ROUNDING * (1.0 + recover_bound_multipliers(p, 1.0)))
 
 
-@inner
-def _release(p: Program, tolerance: float) -> int:
+@allocation_free
+def release(p: Program, tolerance: float) -> int:
+    """Let go of the held bounds with negative multipliers; less than the tolerance counts as 0."""
     released = 0
     for k in range(p.head[0].horizon + 1):
         stage = p.stages[k]
@@ -211,51 +209,20 @@ def hold_violated(p: Program) -> int:
     """Hold the controls that the step has beyond a bound, if they are many; returns how many."""
     found = 0
     for attempt in range(2):
-        found = 0
+        found, others = 0, 0
         for k in range(p.head[0].horizon + 1):
             stage = p.stages[k]
+            for j in range(p.path.shape[1]):
+                others += int(p.path[k, j].value + product(p.path[k, j], stage) > 0.0)
             for a in range(stage.fixed.shape[0]):
                 above = stage.dU[a] > stage.upper[a]
                 if stage.fixed[a] == 0.0 and (above or stage.dU[a] < stage.lower[a]):
                     found += 1
                     if attempt == 1:
                         _hold(p, k, a, 1.0 if above else -1.0)
-        if found < MANY:
+        if found < MANY or found + p.head[0].fixed < others:
             return 0
     return found
-
-
-@allocation_free
-def release_against(p: Program, at: ActiveSet, row: int, sign: float) -> int:
-    """Let go of the held bounds that a row which depends on the active ones would push inward.
-
-    Args:
-        p: The program.
-        at: `dependence` has the row as a combination of the active ones.
-        row: The row.
-        sign: Its sign.
-    """
-    clear_multipliers(p)
-    set_multiplier(p, row, sign)
-    for j in range(p.head[0].active):
-        set_multiplier(p, at.rows[j], -at.dependence[j])
-    tolerance = _NO_DIRECTION * recover_bound_multipliers(p, 0.0)
-    return _release(p, tolerance)
-
-
-@allocation_free
-def name_fixed(p: Program, at: ActiveSet) -> None:
-    """Add the held bounds that take part to the rows in conflict; after `release_against`."""
-    head, largest = p.head[0], 0.0
-    for k in range(head.horizon + 1):
-        for a in range(p.stages[k].fixed.shape[0]):
-            largest = max(largest, abs(p.stages[k].bounds[a]) * abs(p.stages[k].fixed[a]))
-    for k in range(head.horizon + 1):
-        stage = p.stages[k]
-        for a in range(stage.fixed.shape[0]):
-            if stage.fixed[a] * stage.bounds[a] > _NO_DIRECTION * largest:
-                at.conflict[head.conflicting] = row_number(p, BOUND, k, a, stage.fixed[a])
-                head.conflicting += 1
 
 
 @allocation_free

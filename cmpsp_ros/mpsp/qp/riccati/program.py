@@ -211,3 +211,15 @@ def set_multiplier(p: Program, row: int, multiplier: float) -> None:
         p.stages[k].bounds[i] += sign * multiplier
     else:
         p.stages[k].trust[i] += sign * multiplier
+
+
+@allocation_free
+def multiplier_of(p: Program, row: int) -> float:
+    """Multiplier of a row; of two opposite limits only one has it."""
+    if row < p.terminal.shape[0]:
+        return p.terminal[row].multiplier
+    kind, k, i, sign = locate(p, row)
+    if kind == PATH:
+        return p.path[k, i].multiplier
+    both = p.stages[k].bounds[i] if kind == BOUND else p.stages[k].trust[i]
+    return max(sign * both, 0.0)

@@ -15,6 +15,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 )
 from cmpsp_ros.mpsp.qp.riccati.dual import meet_all
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin, recover_step
+from cmpsp_ros.mpsp.qp.riccati.farkas import leave_proof, still_contradicts
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
     fix_from,
     free_all,
@@ -30,7 +31,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     SOLVED,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, RELEASED
+from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin
 
 TOLERANCE: Final = 1e-8
@@ -60,9 +61,11 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
     """
     head, warm_started = p.head[0], warm[0] > 0
     sweeps, in_vain, fewest = 0, 0, p.stages.shape[0] * p.stages[0].B.shape[1]
-    head.iterations = 0
+    head.iterations = head.active = head.saturated = 0
     at = on_horizon(p, whole)
     shift_warm_start(p, warm)
+    if still_contradicts(p, at, warm):
+        return INFEASIBLE
     fix_from(p, warm)
     while head.work <= head.work_limit:
         if head.is_factorised == 0 and not factorise(p):
@@ -86,6 +89,10 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         outcome = meet_all(p, at, guesses)
         if outcome == DONE and release_wrong(p, at) > 0:
             outcome = RELEASED
+        if outcome == FULL and head.fixed > 0 and head.work <= head.work_limit:
+            # Rows pile up against bounds that should not be held.
+            free_all(p)
+            sweeps, guesses, outcome = _SWEEPS, False, RELEASED
         if outcome in (RELEASED, CROWDED):
             restart_from(p, at, warm, guesses)
             continue
@@ -93,6 +100,7 @@ def solve(p: Program, whole: ActiveSet, warm: Indices) -> int:
         if outcome == DONE and kkt_residual(p) <= TOLERANCE:
             return SOLVED
         if outcome == CONTRADICTION and (head.is_proved == 1 or not warm_started):
+            leave_proof(p, at, warm)
             return INFEASIBLE
         if not warm_started:
             return ITERATION_LIMIT

@@ -20,9 +20,17 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import name_fixed, release_against
+from cmpsp_ros.mpsp.qp.riccati.farkas import bounds_cross, contradicts, name_rows
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers, release
 from cmpsp_ros.mpsp.qp.riccati.inner_product import dot
-from cmpsp_ros.mpsp.qp.riccati.program import Program, limit, row_value, row_value_at_origin
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    Program,
+    clear_multipliers,
+    limit,
+    row_value,
+    row_value_at_origin,
+    set_multiplier,
+)
 from cmpsp_ros.mpsp.qp.riccati.refinement import iterative_refinement
 
 DONE, CONTRADICTION, FULL, RELEASED, CROWDED = 0, 1, 2, 3, 4
@@ -35,9 +43,8 @@ NEGLIGIBLE = 1e-12
 # A row that depends on others is implied by them, not in contradiction, up to this violation,
 # relative as `TOLERANCE` is. The check of the answer has the last word.
 _ROUNDING = 1e-8
-# A contradiction is proved for all points no farther from the one found than so many times 1 plus
-# its length.
-_FARTHEST = 1e6
+# Multipliers of held bounds below this, relative to the largest, are 0 in a combination of rows.
+_NO_DIRECTION = 1e-9
 
 
 @allocation_free
@@ -150,16 +157,17 @@ def _release(p: Program, at: ActiveSet, index: int) -> float:
 def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) -> int:
     """Tell a row that contradicts the active ones from one that they imply.
 
-    Rounding of the active rows would look like a contradiction: it is taken out first. The proof of
-    one is that of Farkas: what meets the active rows exceeds this one by as much as the point
-    does, but for the part of the row that is no combination of them. Bounds that are held belong to
-    the active rows; where the combination asks for a multiplier that one cannot have, it is in the
-    way, and released.
+    Farkas' proof comes first. Without one, bounds that are held stand in the way where the
+    combination asks for a multiplier that they cannot have, and are released. Rounding of the
+    active rows would look like a contradiction: it is taken out.
     """
     head = p.head[0]
-    _name_conflict(p, at, row)
-    unlike = _independent_part(p, at, row, sign)
-    if head.fixed > 0 and release_against(p, at, row, sign) > 0:
+    _combine(p, at, row, sign)
+    largest = recover_bound_multipliers(p, 0.0)
+    head.is_proved = int(bounds_cross(p, at, row) or contradicts(p, at, largest))
+    if head.is_proved == 1:
+        return CONTRADICTION
+    if head.fixed > 0 and release(p, _NO_DIRECTION * largest) > 0:
         return RELEASED
     # What was added to its multiplier is theirs, since the row is a combination of them.
     for j in range(head.active):
@@ -169,14 +177,10 @@ def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) 
     for j in range(head.active):
         size += abs(at.dependence[j]) * (1.0 + abs(limit(p, at.rows[j])[0]))
     rounding = max(_ROUNDING * (1.0 + abs(bound)), TOLERANCE * size)
-    if head.fixed > 0:
-        name_fixed(p, at)
     recover_step(p, at.v)
     iterative_refinement(p, at)
-    excess = sign * (row_value(p, row) - bound)
-    if excess > rounding:
-        far = _FARTHEST * (1.0 + math.sqrt(dot(at.v, at.v, at.v.shape[0])))
-        head.is_proved = int(excess > unlike * far)
+    if sign * (row_value(p, row) - bound) > rounding:
+        name_rows(p, at, _NO_DIRECTION * largest)
         return CONTRADICTION
     at.states[row] = IS_IMPLIED
     head.implied += 1
@@ -184,29 +188,13 @@ def _judge(p: Program, at: ActiveSet, row: int, sign: float, multiplier: float) 
 
 
 @inner
-def _name_conflict(p: Program, at: ActiveSet, row: int) -> None:
-    """The rows whose combination, with multipliers that are not negative, nothing can meet."""
-    largest, found = 0.0, 1
-    at.conflict[0] = row
-    for j in range(p.head[0].active):
+def _combine(p: Program, at: ActiveSet, row: int, sign: float) -> None:
+    """Write the combination of rows that is 0: a row times its sign less its `dependence`."""
+    count, largest = p.head[0].active, 0.0
+    clear_multipliers(p)
+    set_multiplier(p, row, sign)
+    for j in range(count):
         largest = max(largest, abs(at.dependence[j]))
-    for j in range(p.head[0].active):
+    for j in range(count):
         if abs(at.dependence[j]) > NEGLIGIBLE * largest:
-            at.conflict[found] = at.rows[j]
-            found += 1
-    p.head[0].conflicting = found
-
-
-@inner
-def _independent_part(p: Program, at: ActiveSet, row: int, sign: float) -> float:
-    """Length of a row times its sign without the combination of the rows in conflict with it."""
-    own, named = at.outside, 1
-    own[:] = 0.0
-    for i in range(row_in_v(p, row, at.row)):
-        own[i] = sign * at.row[i]
-    for j in range(p.head[0].active):
-        if named < p.head[0].conflicting and at.conflict[named] == at.rows[j]:
-            named += 1
-            for i in range(row_in_v(p, at.rows[j], at.row)):
-                own[i] -= at.dependence[j] * at.row[i]
-    return math.sqrt(dot(own, own, own.shape[0]))
+            set_multiplier(p, at.rows[j], -at.dependence[j])

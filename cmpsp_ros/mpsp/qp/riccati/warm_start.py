@@ -14,6 +14,7 @@ from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
+    AT_LOWER,
     AT_MINUS_PENALTY,
     AT_PENALTY,
     FIRST,
@@ -93,15 +94,18 @@ def begin(p: Program, at: ActiveSet, warm: Indices) -> None:
 def _rest_at_penalty(p: Program, at: ActiveSet, warm: Indices) -> None:
     """Put rows at their penalty that the warm start has there."""
     for i in range(FIRST, FIRST + warm[0]):
-        row = -1 - warm[i]
-        if not 0 <= row < at.states.shape[0] or at.states[row] != IS_OFF:
+        row, state = -1 - warm[i], AT_PENALTY
+        if row >= AT_LOWER:
+            row, state = row - AT_LOWER, AT_MINUS_PENALTY
+        count = at.states.shape[0] if state == AT_PENALTY else p.terminal.shape[0]
+        if not 0 <= row < count or at.states[row] != IS_OFF:
             continue
         bound, upper = limit(p, row)
         # A row that is hard now is met like any other; one that does not apply has no multiplier.
         if math.inf in (bound, upper):
             continue
-        apply_multiplier(p, at, row, upper)
-        at.states[row] = AT_PENALTY
+        apply_multiplier(p, at, row, upper if state == AT_PENALTY else -upper)
+        at.states[row] = state
         p.head[0].saturated += 1
 
 

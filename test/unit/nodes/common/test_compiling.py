@@ -28,6 +28,7 @@ def report(late):
         decision=None,
         subscribers={},
         warnings=list,
+        waiting='',
         road=SimpleNamespace(waits=False, refusal=''),
         odometry_age=None,
         times=SimpleNamespace(values=dict),

@@ -27,6 +27,9 @@ class FakeNode:
     def get_name(self):
         return 'guidance'
 
+    def get_namespace(self):
+        return '/r1'
+
     def get_fully_qualified_name(self):
         return '/r1/guidance'
 
@@ -49,7 +52,7 @@ def test_a_report_becomes_a_status_with_the_node_s_full_name(node):
     assert node.topic == '/diagnostics'
     assert Time.from_msg(array.header.stamp).nanoseconds == 1_000_000_002
     (status,) = array.status
-    assert (status.name, status.hardware_id) == ('/r1/guidance: guidance', '')
+    assert (status.name, status.hardware_id) == ('/r1/guidance: guidance', 'r1')
     assert (status.level, status.message) == (DiagnosticStatus.WARN, 'So so.')
     assert {each.key: each.value for each in status.values} == {
         'age': '0.30000000000000004',

@@ -33,6 +33,7 @@ def make(monkeypatch):
     rclpy.try_shutdown()
 
 
+COURSE = ('road.center:=[0.0, 0.0]', 'goal.position:=[10.0, 0.0]')
 FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
 
 
@@ -67,13 +68,19 @@ def in_table(node, direction, *, stamped=False, clock=True):
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
     more = ('moving_obstacles.capacity:=2', "others.namespaces:=['/r2']", *FROM_TOPIC)
-    node = make(GuidanceNode, f'enable_stamped_cmd_vel:={str(stamped).lower()}', *more)
+    node = make(
+        GuidanceNode,
+        *COURSE,
+        'autostart:=true',
+        f'enable_stamped_cmd_vel:={str(stamped).lower()}',
+        *more,
+    )
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, stamped=stamped)
 
 
 def test_an_active_node_that_is_destroyed_gives_the_collector_back(make):
-    node = make(GuidanceNode)
+    node = make(GuidanceNode, *COURSE, 'autostart:=true')
     assert not gc.isenabled()
     node.destroy_node()
     assert gc.isenabled()

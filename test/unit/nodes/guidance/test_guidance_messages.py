@@ -50,14 +50,15 @@ def decision(**changes):
 
 
 def values_of(message):
-    return {each.key: each.value for each in message.values}
+    (status,) = message.status
+    return {each.key: each.value for each in status.values}
 
 
 @given(numbers=st.tuples(*[FLOATS] * 5), wheels=st.tuples(FLOATS, FLOATS), phase=FLOATS)
 def test_every_number_of_a_decision_reads_back_bit_for_bit(numbers, wheels, phase):
     given_ = dict(zip(NUMBERS, numbers, strict=True))
     made = decision(**given_, wheel_speeds=np.array(wheels), phases={'solve': phase})
-    message = DecisionMessage('/guidance: decision').fill(made)
+    message = DecisionMessage('/guidance: decision', 'robot', 'odom').fill(made)
     values = values_of(message)
     for key, number in given_.items():
         assert bits(float(values[key])) == bits(number)
@@ -70,16 +71,19 @@ def test_every_number_of_a_decision_reads_back_bit_for_bit(numbers, wheels, phas
 
 def test_numpy_numbers_are_written_as_plain_ones():
     made = decision(slack=np.float64(0.1) + 0.2, active_rows=np.int64(3), qp_iterations=np.int32(4))
-    values = values_of(DecisionMessage('').fill(made))
+    values = values_of(DecisionMessage('', 'robot', 'odom').fill(made))
     assert (values['slack'], values['active_rows']) == ('0.30000000000000004', '3')
     assert values['qp_iterations'] == '4'
 
 
 def test_a_decision_carries_its_name_level_and_reason():
     made = decision(rung=Rung.ELASTIC, reason='Tight.')
-    message = DecisionMessage('/r1/guidance: it').fill(made)
-    assert (message.name, message.message) == ('/r1/guidance: it', 'Tight.')
-    assert message.level == DiagnosticStatus.WARN
+    message = DecisionMessage('/r1/guidance: it', 'r1', 'odom').fill(made)
+    (status,) = message.status
+    assert (status.name, status.message) == ('/r1/guidance: it', 'Tight.')
+    assert (status.hardware_id, message.header.frame_id) == ('r1', 'odom')
+    assert Time.from_msg(message.header.stamp).nanoseconds == made.stamp
+    assert status.level == DiagnosticStatus.WARN
     assert values_of(message)['rung'] == 'elastic'
     assert values_of(message)['finished'] == 'false'
 
@@ -99,11 +103,11 @@ def test_a_stop_is_an_error_unless_the_run_is_over(rung, level):
 
 
 def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
-    refilled = DecisionMessage('it')
+    refilled = DecisionMessage('it', 'robot', 'odom')
     first = decision(rung=Rung.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
     second = decision(step=8, finished=True)
     for made in (first, second, first):
-        assert refilled.fill(made) == DecisionMessage('it').fill(made)
+        assert refilled.fill(made) == DecisionMessage('it', 'robot', 'odom').fill(made)
     assert 'solve_ms' in values_of(refilled.fill(first))
     assert 'solve_ms' not in values_of(refilled.fill(second))
 

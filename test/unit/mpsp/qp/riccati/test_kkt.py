@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from stage_programs import place, random_program, relaxed, run
 
+from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 
@@ -113,4 +114,4 @@ def test_many_held_bounds_have_their_multipliers():
     k, a = np.argwhere(held)[7]
     p.stages['bounds'][k, a] *= -1.0
     assert kkt_residual(p) > 1e-4
-    assert place(qp, 'bound', k, a, held[k, a]) in found.warm[2 : 2 + found.warm[0]]
+    assert place(qp, 'bound', k, a, held[k, a]) in found.warm[FIRST : FIRST + found.warm[0]]

@@ -1,0 +1,173 @@
+"""Proof by multipliers that no point meets the hard rows of a program (Farkas' lemma).
+
+Rows are added up with multipliers, of any sign for equalities and not negative otherwise, and the
+states eliminated by an adjoint sweep: what meets the rows meets the sum, ``constant + slope' dU <=
+0``. Where the least value of that within the bounds of the controls is positive, nothing does. Such
+a proof rests on the data of the program alone, wherever its multipliers come from: those of the
+last program, a stage later, mostly prove the same of the next one at once.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
+from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST, ActiveSet, Indices
+from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    BOUND,
+    PATH,
+    TRUST,
+    Program,
+    clear_multipliers,
+    is_bound,
+    limit,
+    locate,
+    multiplier_of,
+    row_number,
+    set_multiplier,
+)
+
+FARTHEST: Final = 1e6
+"""A proof covers all controls within their bounds, and within this where they have none."""
+
+# A contradiction up to this, relative to the size of what is added up, may be rounding.
+_ROUNDING = 1e-8
+# Slopes up to this fraction of the largest are met by `FARTHEST`, if that leaves a proof.
+_THRESHOLDS = (1e-3, 1e-6, 1e-9, 0.0)
+# Multipliers in a warm start are whole numbers up to this one.
+_SCALE = 1e15
+
+
+@allocation_free
+def contradicts(p: Program, at: ActiveSet, largest: float) -> bool:
+    """Whether the multipliers of the rows prove that nothing meets them; names them if so.
+
+    Args:
+        p: The program, with multipliers of hard rows, and of bounds what these leave over.
+        at: `conflict` is filled.
+        largest: The largest multiplier of a bound.
+    """
+    for threshold in _THRESHOLDS:
+        if _least_value(p, threshold * largest) > 0.0:
+            name_rows(p, at, threshold * largest)
+            return True
+    return False
+
+
+@inner
+def _least_value(p: Program, negligible: float) -> float:
+    """Least value of the sum of the rows within the bounds, less its rounding.
+
+    Args:
+        p: The program, with all multipliers.
+        negligible: Bounds whose multiplier is not larger are not used.
+    """
+    head, total, size = p.head[0], 0.0, 0.0
+    for j in range(p.terminal.shape[0]):
+        row = p.terminal[j]
+        total += row.multiplier * row.value
+        size += abs(row.multiplier) * (1.0 + abs(row.value))
+    for k in range(head.horizon + 1):
+        stage = p.stages[k]
+        for j in range(p.path.shape[1]):
+            row = p.path[k, j]
+            if row.multiplier != 0.0:
+                total += row.multiplier * row.value
+                size += row.multiplier * (1.0 + abs(row.value))
+        for i in range(stage.trust.shape[0]):
+            if stage.trust[i] != 0.0:
+                total -= abs(stage.trust[i]) * head.trust_radius[i]
+                size += abs(stage.trust[i]) * (1.0 + head.trust_radius[i])
+        for a in range(stage.bounds.shape[0]):
+            multiplier = stage.bounds[a]
+            if multiplier != 0.0:
+                bound = stage.upper[a] if multiplier > 0.0 else -stage.lower[a]
+                if abs(multiplier) <= negligible or bound == math.inf:
+                    bound = FARTHEST
+                total -= abs(multiplier) * bound
+                size += abs(multiplier * bound)
+    return total - _ROUNDING * size
+
+
+@allocation_free
+def name_rows(p: Program, at: ActiveSet, negligible: float) -> None:
+    """Name the rows that have a multiplier, bounds if it is not negligible."""
+    head, found = p.head[0], 0
+    for row in range(p.terminal.shape[0]):
+        if p.terminal[row].multiplier != 0.0:
+            at.conflict[found] = row
+            found += 1
+    for k in range(head.horizon + 1):
+        stage = p.stages[k]
+        for j in range(p.path.shape[1]):
+            if p.path[k, j].multiplier > 0.0:
+                at.conflict[found] = row_number(p, PATH, k, j, 1.0)
+                found += 1
+        for a in range(stage.bounds.shape[0]):
+            if abs(stage.bounds[a]) > negligible:
+                at.conflict[found] = row_number(p, BOUND, k, a, stage.bounds[a])
+                found += 1
+        for i in range(stage.trust.shape[0]):
+            if stage.trust[i] != 0.0:
+                at.conflict[found] = row_number(p, TRUST, k, i, stage.trust[i])
+                found += 1
+    head.conflicting = found
+
+
+@allocation_free
+def bounds_cross(p: Program, at: ActiveSet, row: int) -> bool:
+    """Whether a row is the bound of a control whose bounds leave nothing between them; names it."""
+    if not is_bound(p, row):
+        return False
+    _, k, a, _ = locate(p, row)
+    lower, upper = p.stages[k].lower[a], p.stages[k].upper[a]
+    if not lower - upper > _ROUNDING * (1.0 + abs(upper)):
+        return False
+    for i in range(2):
+        at.conflict[i] = row_number(p, BOUND, k, a, 1.0 - 2.0 * i)
+    p.head[0].conflicting = 2
+    return True
+
+
+@allocation_free
+def leave_proof(p: Program, at: ActiveSet, warm: Indices) -> None:
+    """Leave the multipliers of a proof in a warm start, if they are few."""
+    found, largest = 0, 0.0
+    for i in range(p.head[0].conflicting):
+        if not is_bound(p, at.conflict[i]):
+            largest = max(largest, abs(multiplier_of(p, at.conflict[i])))
+            found += 1
+    warm[2] = 0
+    if 2 * found > FIRST - 3 or not 0.0 < largest < math.inf:
+        return
+    for i in range(p.head[0].conflicting):
+        row = at.conflict[i]
+        if not is_bound(p, row):
+            place = 3 + 2 * warm[2]
+            warm[place] = row
+            warm[place + 1] = int(_SCALE * (multiplier_of(p, row) / largest))
+            warm[2] += 1
+
+
+@allocation_free
+def still_contradicts(p: Program, at: ActiveSet, warm: Indices) -> bool:
+    """Whether the proof in a warm start, moved to the present horizon, holds for this program."""
+    if warm[0] == 0:
+        warm[2] = 0
+    if warm[2] == 0:
+        return False
+    clear_multipliers(p)
+    for i in range(warm[2]):
+        row = warm[3 + 2 * i]
+        if not 0 <= row < at.states.shape[0]:
+            return False
+        bound, upper = limit(p, row)
+        if upper < math.inf or abs(bound) == math.inf:
+            return False
+        set_multiplier(p, row, float(warm[4 + 2 * i]))
+    if contradicts(p, at, recover_bound_multipliers(p, 0.0)):
+        return True
+    warm[2] = 0
+    return False

@@ -1,0 +1,68 @@
+"""The goal is judged at the final time, also where odometry comes before and after it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+
+END = 10_000_000_000
+
+
+@pytest.fixture
+def settings():
+    return guidance_settings(TABLE.resolve(load_parameter_file('case3')))
+
+
+def drive(settings, stamps, halts=()):
+    """Decisions on odometry of these stamps, by exact arcs, and on halts by the clock."""
+    law, pose, speeds, decisions = GuidanceLaw(settings), np.array([0.0, -9.25, 0.0]), None, []
+    before = 0
+    for stamp in sorted({*stamps, *halts}):
+        if speeds is not None:
+            duration = np.array([(stamp - before) / 1e9])
+            pose = settings.model.roll_out(pose, speeds[None], duration)[-1]
+        before = stamp
+        if stamp in halts:
+            made = law.halt(stamp, 'The final time has passed.', finished=True)
+        else:
+            made = law.update(stamp, pose)
+        if made is not None:
+            decisions.append(made)
+            speeds = made.wheel_speeds
+    return decisions, pose, law
+
+
+def at(rate, count):
+    return [round(k * 1e9 / rate) for k in range(count)]
+
+
+@pytest.mark.parametrize('halts', [(), (END + 4_000_000,)])
+def test_odometry_that_does_not_meet_the_final_time_tells_the_miss_at_it(settings, halts):
+    decisions, pose, law = drive(settings, at(29.73, 305), halts)
+    assert law.ends_at == END
+    finished = [each for each in decisions if each.finished and not each.halted]
+    assert len(finished) > 1
+    driven_on = settings.miss(pose)
+    assert driven_on > (0.004 if halts else 0.01)
+    for each in finished:
+        assert each.miss < 1e-6
+        assert not each.missed
+        assert each.reason == 'The final time has passed.'
+
+
+def test_odometry_that_meets_it_is_taken_as_it_is(settings):
+    decisions, pose, _ = drive(settings, at(50, 510))
+    last = decisions[-1]
+    assert last.finished
+    assert last.miss == settings.miss(pose)
+
+
+def test_odometry_that_comes_much_later_is_judged_where_it_is(settings):
+    decisions, pose, _ = drive(settings, [*at(50, 500), END + 2_000_000_000])
+    assert decisions[-1].miss == settings.miss(pose) > 1.0
+    assert decisions[-1].missed

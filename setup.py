@@ -53,7 +53,7 @@ EXTRAS_REQUIRE = {
         'pyarrow',
         'distributed',
         'plotly',
-        'scipy',
+        'psutil',
         'colcon-common-extensions',
         'setuptools<80',  # colcon-core drives `setup.py` in ways that 80 took away
         'wheel',

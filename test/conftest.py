@@ -30,12 +30,6 @@ settings.register_profile('exploring', deadline=None)
 settings.register_profile('repeatable', deadline=None, derandomize=True)
 settings.load_profile('repeatable')
 
-# Slow tests in folders that are being rewritten; all others have the marker themselves.
-SLOW = (
-    'test/unit/mpsp/jit/test_cache.py',
-    'test/unit/mpsp/test_kernel_cache.py',
-    'test/unit/mpsp/riccati/test_interior_point.py::test_more_active_rows',
-)
 # Longest time of a fast test, and of one that can be in a part [s].
 LONGEST = 120
 
@@ -74,7 +68,7 @@ def pytest_collection_modifyitems(config, items):
 def _is_slow(item):
     is_integration = item.path.is_relative_to(INTEGRATION)
     is_smoke = item.get_closest_marker('smoke') is not None
-    return (is_integration and not is_smoke) or _takes_minutes(item) or item.nodeid.startswith(SLOW)
+    return (is_integration and not is_smoke) or _takes_minutes(item)
 
 
 def _takes_minutes(item):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
-from benchmarks.families.memory import resident
+from benchmarks.families.memory import processor_time, resident
 from benchmarks.quiet import collector_off
 from benchmarks.tables import Table
 from cmpsp_ros.demo.errors import DemoError
@@ -32,7 +32,6 @@ _APART: Final = 0.5
 """Time between two that set out [s]: a first step, and what goes before it, takes the longest."""
 
 _KINDS: Final = ('guidance_node', 'sim_node')
-_TICKS: Final = os.sysconf('SC_CLK_TCK')
 
 
 @dataclass(frozen=True)
@@ -146,10 +145,13 @@ def _run(robots: Sequence[Scenario], folder: Path, progress: Callable[[float], N
     # This process hears all robots, and must not be late itself.
     with collector_off(), started(robots, folder, record=False) as (observer, children):
         ready = time.monotonic()
-        before = [_cpu_time(each) for each in children]
+        before = [processor_time(each.process.pid) for each in children]
         guide(observer, children, robots, notice, _APART)
         seconds = time.monotonic() - ready
-        spent = [_cpu_time(each) - used for each, used in zip(children, before, strict=True)]
+        spent = [
+            processor_time(each.process.pid) - used
+            for each, used in zip(children, before, strict=True)
+        ]
         kinds = tuple(_kind(name, children, spent, seconds) for name in _KINDS)
     settings = robots[0].settings
     instants = round(settings.final_time / settings.control_period)
@@ -171,13 +173,6 @@ def _kind(name: str, children: Sequence[Child], spent: Sequence[float], seconds:
     these = [i for i, each in enumerate(children) if each.name.endswith(name)]
     memory = max(resident(children[i].process.pid) for i in these)
     return Kind(name, memory, float(np.mean([spent[i] for i in these])) / seconds)
-
-
-def _cpu_time(child: Child) -> float:
-    """Processor time that a process has had [s]."""
-    stat = Path(f'/proc/{child.process.pid}/stat').read_text(encoding='utf-8')
-    user, system = stat.rpartition(')')[2].split()[11:13]
-    return (int(user) + int(system)) / _TICKS
 
 
 def _times(milliseconds: NDArray[np.float64]) -> str:

@@ -1,28 +1,33 @@
-"""How much memory a process has in use."""
+"""How much memory and processor time a process has had."""
 
 from __future__ import annotations
 
-from pathlib import Path
+import psutil
 
 from benchmarks.errors import BenchError
 
 
-def resident(pid: int | str = 'self') -> float:
-    """Resident set of a process [MB], as Linux counts it.
-
-    Args:
-        pid: Of the process; this one when absent.
+def resident(pid: int | None = None) -> float:
+    """Resident set of a process [MB]; of this one without a number.
 
     Raises:
-        BenchError: There is no such process, or the system does not tell.
+        BenchError: There is no such process.
     """
-    path = Path(f'/proc/{pid}/status')
+    return float(_process(pid).memory_info().rss) / 1e6
+
+
+def processor_time(pid: int) -> float:
+    """Processor time that a process has had [s].
+
+    Raises:
+        BenchError: There is no such process.
+    """
+    spent = _process(pid).cpu_times()
+    return float(spent.user + spent.system)
+
+
+def _process(pid: int | None) -> psutil.Process:
     try:
-        lines = path.read_text(encoding='utf-8').splitlines()
-    except OSError as error:
-        raise BenchError(f'{path}: {error.strerror or error}') from error
-    for line in lines:
-        name, _, value = line.partition(':')
-        if name == 'VmRSS':
-            return float(value.split()[0]) * 1024 / 1e6
-    raise BenchError(f'{path}: found no VmRSS, wanted a process that is alive')
+        return psutil.Process(pid)
+    except psutil.NoSuchProcess as error:
+        raise BenchError(f'process {pid}: {error.msg}') from error

@@ -134,6 +134,7 @@ def warmup(
 
     Exit code 1 only if there is no folder to keep it in.
     """
+    from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.warmup.kernels import warm_up_all  # noqa: PLC0415 (loads all kernels)
     from cmpsp_ros.warmup.work_rate import work_rate  # noqa: PLC0415 (loads kernels)
@@ -144,7 +145,9 @@ def warmup(
         done = f'{part.kernels} kernels compiled' if part.kernels else 'all there'
         console().print(f'{part.name}: {done}, {part.seconds:.1f} s', highlight=False)
     if not presets and outcome.folder is not None:
-        console().print(f'solver.work_rate: {work_rate():.2g} (default 6e+07)', highlight=False)
+        default = SolverSettings().work_rate
+        said = f'solver.work_rate: {work_rate():.2g} (default {default:.2g})'
+        console().print(said, highlight=False)
     if outcome.removed:
         console().print(f'removed: {len(outcome.removed)} files not used for 30 days')
     if outcome.folder is not None:

@@ -23,11 +23,6 @@ _TAIL = 20
 _MARGIN = 10.0
 # Rounding of a control that went through a whole iteration, relative to the control history.
 _ROUNDING = 1e-12
-# Student's distribution at 97.5 %, for an interval of 95 %, with 1 to 18 degrees of freedom.
-_STUDENT = (
-    12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262,
-    2.228, 2.201, 2.179, 2.160, 2.145, 2.131, 2.120, 2.110, 2.101,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -234,10 +229,7 @@ def _last_run(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def _slope(x: NDArray[np.int64], y: Array) -> tuple[float, float]:
     """Slope of a regression line, and half the width of its confidence interval."""
-    centred = x - x.mean()
-    spread = float(centred @ centred)
-    slope = float(centred @ y) / spread
-    scatter = y - y.mean() - slope * centred
-    freedom = len(x) - 2
-    variance = float(scatter @ scatter) / freedom
-    return slope, _STUDENT[freedom - 1] * math.sqrt(variance / spread)
+    from scipy.stats import linregress, t  # noqa: PLC0415 (slow to import, and seldom asked for)
+
+    line = linregress(x, y)
+    return float(line.slope), float(t.ppf(0.975, len(x) - 2) * line.stderr)

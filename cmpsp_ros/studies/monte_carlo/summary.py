@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
+from scipy.stats import binomtest
 
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
-from cmpsp_ros.studies.monte_carlo.wilson import wilson
 
 _RUNGS = ('nominal', 'elastic', 'shifted', 'stop')
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
@@ -36,8 +36,11 @@ class Share:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's, for 95 %."""
-        return wilson(self.count, self.total)
+        """Wilson's, for 95 %; without any runs it may be anything."""
+        if not self.total:
+            return 0.0, 1.0
+        found = binomtest(self.count, self.total).proportion_ci(0.95, method='wilson')
+        return float(found.low), float(found.high)
 
 
 def shares(outcomes: Sequence[Outcome]) -> list[Share]:

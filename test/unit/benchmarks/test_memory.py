@@ -1,9 +1,11 @@
-"""Resident memory, as Linux tells it."""
+"""Resident memory and processor time."""
+
+import os
 
 import pytest
 
 from benchmarks.errors import BenchError
-from benchmarks.families.memory import resident
+from benchmarks.families.memory import processor_time, resident
 
 
 def test_of_this_process_it_is_that_of_what_it_holds():
@@ -15,5 +17,11 @@ def test_of_this_process_it_is_that_of_what_it_holds():
 
 
 def test_of_no_process():
-    with pytest.raises(BenchError, match='/proc/0/status'):
-        resident(0)
+    with pytest.raises(BenchError, match='process 99999999: '):
+        resident(99_999_999)
+
+
+def test_processor_time_grows_with_work():
+    before = processor_time(os.getpid())
+    while processor_time(os.getpid()) < before + 0.05:
+        sum(range(10_000))

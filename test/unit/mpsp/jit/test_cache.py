@@ -12,6 +12,9 @@ import pytest
 from cmpsp_ros.mpsp.jit import cache
 from cmpsp_ros.mpsp.jit.compiled import compiled
 
+# Programs of their own compile in each test.
+pytestmark = pytest.mark.slow
+
 DOUBLE = """
 from typing import NamedTuple
 from cmpsp_ros.mpsp.jit.compiled import compiled

@@ -45,7 +45,7 @@ def test_every_decision_is_replayed_and_says_the_same_things(name):
             if decision is None:
                 continue
             count += 1
-            assert untimed(facts(decision)) == untimed(recorded.entries)
+            assert untimed(facts(decision)) == untimed(recorded.entries) <= ENTRIES.keys()
             different = {each.field for each in comparison.differences(count, recorded, decision)}
             # How much work it took is the solver's own affair.
             assert different <= {'iterations', 'qp_iterations', 'active_rows'}

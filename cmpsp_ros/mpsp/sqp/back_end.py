@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
 from cmpsp_ros.mpsp.curvature import convexify
+from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
@@ -31,6 +32,7 @@ class BackEnd:
         self._name = name
         self._is_exact = hessian == 'exact'
         self._space = space
+        self._activate = entry_for(activate, space.program, space.active)
         self.begin()
 
     def begin(self) -> None:
@@ -77,7 +79,7 @@ class BackEnd:
             g: Path constraints after the full step, shape ``(N + 1, l)``.
         """
         program, active = self._space.program, self._space.active
-        if activate(program, active):
+        if self._activate(program, active):
             correct(program, active, output_error, g)
         else:
             program.stages['correction_U'] = 0.0

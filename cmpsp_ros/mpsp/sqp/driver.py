@@ -105,7 +105,10 @@ class Driver:
         sizes = size.horizon, n, r, size.output, size.path
         self._active = empty_active_set(*sizes)
         self._warm_hard, self._warm_relaxed = empty_warm_start(*sizes), empty_warm_start(*sizes)
+        at = ws.trial
         self._advance = entry_for(advance, ws)
+        # Seldom needed, and never to be waited for.
+        self._correct = entry_for(correct, ws.program, self._active, at.output_error, at.g)
         self.back_end = None
         if back_end is None:
             self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
@@ -155,7 +158,7 @@ class Driver:
                 if back_end is not None:
                     back_end.begin()
             elif request == CORRECT and back_end is None:
-                correct(program, self._active, trial.output_error, trial.g)
+                self._correct(program, self._active, trial.output_error, trial.g)
             elif request == DONE or back_end is None:
                 return
             elif request == SOLVE_QP:

@@ -13,7 +13,8 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
-from benchmarks import BenchError, over_dds
+from benchmarks.errors import BenchError
+from benchmarks.families import over_dds
 from benchmarks.families.over_dds import measure_latency
 from cmpsp_ros.nodes.common.topics import DECISION, SIM_ODOM
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file

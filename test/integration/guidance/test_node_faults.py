@@ -8,6 +8,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
+from cmpsp_ros.parameters.presets import config_directory
 
 pytestmark = pytest.mark.integration
 
@@ -15,7 +16,8 @@ pytestmark = pytest.mark.integration
 @pytest.fixture
 def node(ros_domain):
     """The guidance node in this process, spun by hand."""
-    rclpy.init(args=['--ros-args', '-p', 'odom_timeout:=60.0'], domain_id=ros_domain)
+    course = ['--params-file', str(config_directory() / 'case3.yaml'), '-p', 'autostart:=true']
+    rclpy.init(args=['--ros-args', *course, '-p', 'odom_timeout:=60.0'], domain_id=ros_domain)
     made = GuidanceNode()
     executor = SingleThreadedExecutor()
     executor.add_node(made)

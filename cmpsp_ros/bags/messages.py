@@ -13,19 +13,18 @@ DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'
 PATH = 'nav_msgs/msg/Path'
 
+_LATEST = (2**31 - 1) * NANOSECONDS
+
 
 def decision_message(decision: Decision, name: str) -> bytes:
     """Everything about a decision but its plan, serialised as a `DECISION`."""
     pairs = [_make('diagnostic_msgs/msg/KeyValue', *item) for item in facts(decision).items()]
     status = _make(
-        'diagnostic_msgs/msg/DiagnosticStatus',
-        severity(decision),
-        name,
-        decision.reason,
-        '',
-        pairs,
+        'diagnostic_msgs/msg/DiagnosticStatus', severity(decision), name, decision.reason, '', pairs
     )
-    return _raw(_make(DECISION, _header('', decision.stamp), [status]), DECISION)
+    # A stamp that no header can hold is in the entries alone.
+    stamp = min(decision.stamp, _LATEST)
+    return _raw(_make(DECISION, _header('', stamp), [status]), DECISION)
 
 
 def command_message(decision: Decision) -> bytes:

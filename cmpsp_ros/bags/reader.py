@@ -39,7 +39,7 @@ _TELLS_PARAMETERS = 'rcl_interfaces/msg/ParameterEvent'
 
 
 @dataclass(frozen=True)
-class Topic:
+class BagTopic:
     """What a bag says about one of its topics.
 
     Attributes:
@@ -212,7 +212,7 @@ class Bag:
             yield record
 
     def _read_summary(self, information: dict[str, Any]) -> None:
-        self.topics: dict[str, Topic] = {}
+        self.topics: dict[str, BagTopic] = {}
         for each in self._reader.connections:
             expected(each.topic, str, 'topic')
             expected(each.msgtype, str, f'type of {each.topic}')
@@ -220,7 +220,7 @@ class Bag:
             expected(each.msgcount, int, f'number of messages of {each.topic}')
             before = self.topics.get(each.topic)
             ext = cast('ConnectionExtRosbag2', each.ext)
-            self.topics[each.topic] = Topic(
+            self.topics[each.topic] = BagTopic(
                 each.msgtype,
                 each.msgcount + (before.count if before else 0),
                 (*(before.qos_profiles if before else ()), *ext.offered_qos_profiles),

@@ -47,7 +47,7 @@ def audit(
     console().print(auditing.table(findings, f'audit of {bag}'))
     for remark in auditing.remarks(findings):
         say(remark)
-    if any(each.outcome is auditing.Outcome.FAILED for each in findings):
+    if any(each.outcome is auditing.CheckOutcome.FAILED for each in findings):
         raise typer.Exit(1)
 
 

@@ -47,8 +47,7 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
 
     The level of one after the final time is `arrived`.
     """
-    # Of anybody's making: an array of none is a decision that lacks everything.
-    status = next(iter(message.status), DiagnosticStatus())
+    status = message.status[0] if message.status else DiagnosticStatus()
     texts = {each.key: _short(each.value) for each in status.values}
     shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
     shown['reason'] = _short(status.message)

@@ -1,15 +1,15 @@
 """The audit of a bag: what really happened, by odometry and parameters alone."""
 
 from cmpsp_ros.bags.audit.checks import audit, audit_record
-from cmpsp_ros.bags.audit.finding import Finding, Outcome
+from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding
 from cmpsp_ros.bags.audit.output import remarks, table, write_junit
-from cmpsp_ros.bags.audit.record import Record, read_record
+from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
 
 __all__ = [
+    'AuditRecord',
+    'CheckOutcome',
     'Finding',
-    'Outcome',
-    'Record',
     'Sources',
     'audit',
     'audit_record',

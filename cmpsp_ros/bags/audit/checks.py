@@ -9,7 +9,7 @@ from typing import Final
 
 from cmpsp_ros.bags.audit import command_checks, fallback_checks, path_checks
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
-from cmpsp_ros.bags.audit.record import Record, read_record
+from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.parameters.roads import road_keys
 
@@ -23,7 +23,7 @@ _WHEELS: Final = ('robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_spe
 class _Check:
     name: str
     title: str
-    judge: Callable[[Record], Verdict]
+    judge: Callable[[AuditRecord], Verdict]
     needs: tuple[str, ...] = ()
 
 
@@ -84,14 +84,14 @@ def audit(path: Path, sources: Sources | None = None) -> tuple[Finding, ...]:
     return audit_record(read_record(path, sources))
 
 
-def audit_record(record: Record) -> tuple[Finding, ...]:
+def audit_record(record: AuditRecord) -> tuple[Finding, ...]:
     """Audit what has been read already."""
     return tuple(
         Finding(check=each.name, title=each.title, **vars(_judge(each, record))) for each in CHECKS
     )
 
 
-def _judge(check: _Check, record: Record) -> Verdict:
+def _judge(check: _Check, record: AuditRecord) -> Verdict:
     values = record.history.epochs[0].values
     needs = [
         key for need in check.needs for key in (road_keys(values) if need == 'road' else [need])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.audit.commands import agreeing
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
-from cmpsp_ros.bags.audit.record import Leg, Record
+from cmpsp_ros.bags.audit.record import AuditRecord, Leg
 from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -42,7 +42,7 @@ _OBEYED = 0.1
 _SIGMAS = 3.0 * math.sqrt(2.0)
 
 
-def finite(record: Record) -> Verdict:
+def finite(record: AuditRecord) -> Verdict:
     """Whether every command is a number."""
     wrong = ~np.all(np.isfinite(record.commands.twists), axis=1)
     count = int(wrong.sum())
@@ -55,7 +55,7 @@ def finite(record: Record) -> Verdict:
     return passed_if(not count, sentence, worst=float(count), limit=0.0, at=at)
 
 
-def wheel_limits(record: Record) -> Verdict:
+def wheel_limits(record: AuditRecord) -> Verdict:
     """Whether the wheels can turn as fast as commanded."""
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
@@ -77,7 +77,7 @@ def wheel_limits(record: Record) -> Verdict:
     )
 
 
-def as_decided(record: Record) -> Verdict:
+def as_decided(record: AuditRecord) -> Verdict:
     """Whether what was sent is what was decided."""
     if not record.decisions:
         return skipped(f'The bag has no decision in {record.places.decision}.')
@@ -102,7 +102,7 @@ def as_decided(record: Record) -> Verdict:
     )
 
 
-def obeyed(record: Record) -> Verdict:
+def obeyed(record: AuditRecord) -> Verdict:
     """Whether the robot drives what is commanded, once it had time to."""
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
@@ -135,7 +135,7 @@ def obeyed(record: Record) -> Verdict:
     )
 
 
-def rate(record: Record) -> Verdict:
+def rate(record: AuditRecord) -> Verdict:
     """Whether a command comes each control period while the robot is on its way.
 
     Where odometry drops out there is nothing to answer, and after a stop nothing is missing.
@@ -164,7 +164,7 @@ def rate(record: Record) -> Verdict:
     )
 
 
-def age(record: Record) -> Verdict:
+def age(record: AuditRecord) -> Verdict:
     """How old the newest odometry is when the robot is commanded to move."""
     limit = record.history.epochs[0].settings.odom_timeout + _SLACK
     worst, at = -math.inf, record.start
@@ -192,7 +192,7 @@ def age(record: Record) -> Verdict:
     )
 
 
-def silence(record: Record) -> Verdict:
+def silence(record: AuditRecord) -> Verdict:
     """How long the robot is left moving while there is no odometry."""
     limit = record.history.epochs[0].settings.odom_timeout + _SLACK
     worst, at, longest = 0.0, record.start, 0.0
@@ -224,7 +224,7 @@ def silence(record: Record) -> Verdict:
     )
 
 
-def stop_at_end(record: Record) -> Verdict:
+def stop_at_end(record: AuditRecord) -> Verdict:
     """Whether the last command of all is a stop."""
     leg = record.legs[-1]
     last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit.odometry import Odometry
+from cmpsp_ros.bags.audit.odometry import OdometrySeries
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
@@ -127,7 +127,7 @@ def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
 
 
 def timed(
-    commands: Commands, odometry: Odometry, pairs: Pairs, decisions: Sequence[DecisionRecord]
+    commands: Commands, odometry: OdometrySeries, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
     """Commands with the stamps of what they answer.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.record import Record
+from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.guidance.decision import Rung
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 
@@ -13,7 +13,7 @@ _ROUNDING = 1e-6
 """What rounding may take from a clearance [m]."""
 
 
-def reasons(record: Record) -> Verdict:
+def reasons(record: AuditRecord) -> Verdict:
     """Whether every level is a known one with a reason, and every stop a stop."""
     if not record.decisions:
         return _no_decision(record)
@@ -42,7 +42,7 @@ def reasons(record: Record) -> Verdict:
     )
 
 
-def shifted(record: Record) -> Verdict:
+def shifted(record: AuditRecord) -> Verdict:
     """Whether an old plan is followed for longer than `failure_tolerance` allows."""
     if not record.decisions:
         return _no_decision(record)
@@ -67,7 +67,7 @@ def shifted(record: Record) -> Verdict:
     )
 
 
-def nominal(record: Record) -> Verdict:
+def nominal(record: AuditRecord) -> Verdict:
     """Whether the path driven is clear wherever the level is nominal."""
     if not record.decisions:
         return _no_decision(record)
@@ -98,5 +98,5 @@ def nominal(record: Record) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
 
 
-def _no_decision(record: Record) -> Verdict:
+def _no_decision(record: AuditRecord) -> Verdict:
     return skipped(f'The bag has no decision in {record.places.decision or "any topic"}.')

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import Any
 
 
-class Outcome(Enum):
+class CheckOutcome(Enum):
     """How a check ended."""
 
     PASSED = 'passed'
@@ -28,7 +28,7 @@ class Verdict:
         at: When the worst was, counted from time 0 of the first run [s].
     """
 
-    outcome: Outcome
+    outcome: CheckOutcome
     sentence: str
     worst: float | None = None
     limit: float | None = None
@@ -64,10 +64,10 @@ class Finding(Verdict):
 
 def passed_if(passed: bool, sentence: str, **figures: Any) -> Verdict:
     """A verdict; `figures` as in `Verdict`."""
-    outcome = Outcome.PASSED if passed else Outcome.FAILED
+    outcome = CheckOutcome.PASSED if passed else CheckOutcome.FAILED
     return Verdict(outcome=outcome, sentence=sentence, **figures)
 
 
 def skipped(reason: str) -> Verdict:
     """No verdict, and why."""
-    return Verdict(outcome=Outcome.SKIPPED, sentence=reason)
+    return Verdict(outcome=CheckOutcome.SKIPPED, sentence=reason)

@@ -21,7 +21,7 @@ _TYPE = 'nav_msgs/msg/Odometry'
 
 
 @dataclass(frozen=True)
-class Odometry:
+class OdometrySeries:
     """Odometry in the order in which it was received.
 
     Attributes:
@@ -36,7 +36,7 @@ class Odometry:
     poses: Array
     spreads: Array
 
-    def legs(self, backwards: float) -> list[Odometry]:
+    def legs(self, backwards: float) -> list[OdometrySeries]:
         """Parts in which time does not jump back.
 
         Args:
@@ -50,13 +50,13 @@ class Odometry:
             legs.append(self._part(leg[stamps >= np.maximum.accumulate(stamps)]))
         return legs
 
-    def _part(self, chosen: NDArray[np.intp]) -> Odometry:
-        return Odometry(
+    def _part(self, chosen: NDArray[np.intp]) -> OdometrySeries:
+        return OdometrySeries(
             self.received[chosen], self.stamps[chosen], self.poses[chosen], self.spreads[chosen]
         )
 
 
-def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> Odometry:
+def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
     """Odometry of a topic.
 
     Args:
@@ -75,7 +75,7 @@ def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> Odometry:
         raise BagError(f'{bag.path}: found no message in {topic}, wanted odometry (--odom)')
     received, stamps, figures = zip(*rows, strict=True)
     table = np.array(figures)
-    return Odometry(
+    return OdometrySeries(
         np.array(received, dtype=np.int64),
         np.array(stamps, dtype=np.int64),
         table[:, :3],
@@ -83,7 +83,7 @@ def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> Odometry:
     )
 
 
-def path_through(odometry: Odometry) -> Driven:
+def path_through(odometry: OdometrySeries) -> Driven:
     """The path driven, as the arcs that lead from each sample to the next.
 
     Nothing but poses is trusted: an arc turns as much as the heading does between two samples and
@@ -108,7 +108,7 @@ def path_through(odometry: Odometry) -> Driven:
     return Driven(stamps, poses, twists)
 
 
-def interpolated(odometry: Odometry, stamps: Stamps) -> Array:
+def interpolated(odometry: OdometrySeries, stamps: Stamps) -> Array:
     """Poses ``(M, 3)`` at instants ``(M,)`` [ns], on straight lines between the samples.
 
     The headings stay the measured ones: between noisy samples that are close, arcs have others.

@@ -11,12 +11,16 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 from rich.table import Table
 from rich.text import Text
 
-from cmpsp_ros.bags.audit.finding import Finding, Outcome
-from cmpsp_ros.bags.audit.record import Record
+from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding
+from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 
-_STYLES = {Outcome.PASSED: 'green', Outcome.FAILED: 'bold red', Outcome.SKIPPED: 'dim'}
+_STYLES = {
+    CheckOutcome.PASSED: 'green',
+    CheckOutcome.FAILED: 'bold red',
+    CheckOutcome.SKIPPED: 'dim',
+}
 
 # Characters that XML 1.0 cannot hold, not even escaped.
 _NO_XML = re.compile('[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
@@ -39,7 +43,7 @@ def table(findings: Sequence[Finding], title: str) -> Table:
 def remarks(findings: Sequence[Finding]) -> Iterator[Text]:
     """A sentence on each check that has not been passed."""
     for each in findings:
-        if each.outcome is not Outcome.PASSED:
+        if each.outcome is not CheckOutcome.PASSED:
             yield _outcome(each).append(f' {each.title}: {each.sentence}')
 
 
@@ -47,7 +51,7 @@ def _outcome(finding: Finding) -> Text:
     return Text.assemble((finding.outcome.value, _STYLES[finding.outcome]))
 
 
-def write_junit(path: Path, findings: Sequence[Finding], record: Record) -> None:
+def write_junit(path: Path, findings: Sequence[Finding], record: AuditRecord) -> None:
     """Write one test case a check; valid by the schema that Jenkins and GitLab read.
 
     Args:
@@ -58,7 +62,7 @@ def write_junit(path: Path, findings: Sequence[Finding], record: Record) -> None
     Raises:
         BagError: The file cannot be written.
     """
-    counts = {each: sum(one.outcome is each for one in findings) for each in Outcome}
+    counts = {each: sum(one.outcome is each for one in findings) for each in CheckOutcome}
     suite = Element(
         'testsuite',
         {
@@ -66,9 +70,9 @@ def write_junit(path: Path, findings: Sequence[Finding], record: Record) -> None
             'timestamp': _date(record.start),
             'hostname': 'localhost',
             'tests': str(len(findings)),
-            'failures': str(counts[Outcome.FAILED]),
+            'failures': str(counts[CheckOutcome.FAILED]),
             'errors': '0',
-            'skipped': str(counts[Outcome.SKIPPED]),
+            'skipped': str(counts[CheckOutcome.SKIPPED]),
             'time': f'{record.end:.3f}',
         },
     )
@@ -90,9 +94,9 @@ def _add_case(suite: Element, finding: Finding) -> None:
         'testcase',
         {'name': finding.title, 'classname': f'audit.{finding.check}', 'time': '0'},
     )
-    if finding.outcome is Outcome.SKIPPED:
+    if finding.outcome is CheckOutcome.SKIPPED:
         SubElement(case, 'skipped', {'message': _text(finding.sentence)})
-    elif finding.outcome is Outcome.FAILED:
+    elif finding.outcome is CheckOutcome.FAILED:
         failure = SubElement(
             case, 'failure', {'message': _text(finding.sentence), 'type': finding.check}
         )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.audit.clearance import EDGES, space_of
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
-from cmpsp_ros.bags.audit.record import Leg, Record, Run
+from cmpsp_ros.bags.audit.record import AuditRecord, Leg, RunSpan
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
@@ -38,21 +38,21 @@ _SIGMAS = 3.0 * math.sqrt(2.0)
 """Standard deviations by which the difference of two measurements may be off."""
 
 
-def road(record: Record) -> Verdict:
+def road(record: AuditRecord) -> Verdict:
     """Clearance from both road edges."""
     if all(isinstance(each.settings.road, OpenFloor) for each in record.sweeps):
         return skipped('There is no road (road.type is none).')
     return _clear(record, slice(0, EDGES), 0.0)
 
 
-def obstacles(record: Record) -> Verdict:
+def obstacles(record: AuditRecord) -> Verdict:
     """Clearance from all obstacles."""
     if not any(each.settings.obstacles for each in record.sweeps):
         return skipped('There is no obstacle among the parameters.')
     return _clear(record, slice(EDGES, None), 0.0)
 
 
-def moving(record: Record) -> Verdict:
+def moving(record: AuditRecord) -> Verdict:
     """Clearance from moving obstacles at their predicted positions, while the robot moved as well.
 
     What drives into a robot that stands is no collision of the robot's.
@@ -63,7 +63,7 @@ def moving(record: Record) -> Verdict:
     return _apart(record, met, ', at its predicted position')
 
 
-def others(record: Record) -> Verdict:
+def others(record: AuditRecord) -> Verdict:
     """Clearance from the other robots, where they were, while the robot moved.
 
     What drives into a robot that stands is no collision of the robot's.
@@ -76,7 +76,7 @@ def others(record: Record) -> Verdict:
     return _apart(record, record.robot_encounters, '')
 
 
-def _apart(record: Record, met: Sequence[Encounter], where: str) -> Verdict:
+def _apart(record: AuditRecord, met: Sequence[Encounter], where: str) -> Verdict:
     """The least clearance of some encounters."""
     worst, at, nearest = math.inf, record.start, ''
     stood = min(float(each.clearance[each.stands].min(initial=math.inf)) for each in met)
@@ -98,7 +98,7 @@ def _apart(record: Record, met: Sequence[Encounter], where: str) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
 
 
-def margin(record: Record) -> Verdict:
+def margin(record: AuditRecord) -> Verdict:
     """Whether the margin asked for was kept as well."""
     wanted = max(each.settings.safety.margin for each in record.sweeps)
     if wanted == 0.0:
@@ -106,7 +106,7 @@ def margin(record: Record) -> Verdict:
     return _clear(record, slice(None), wanted)
 
 
-def commanded(record: Record) -> Verdict:
+def commanded(record: AuditRecord) -> Verdict:
     """What each command leads to, held for a control period from the pose where it takes effect.
 
     That is the pose that it answers, or with `command_delay` the one measured so much later.
@@ -143,7 +143,7 @@ def commanded(record: Record) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
 
 
-def jumps(record: Record) -> Verdict:
+def jumps(record: AuditRecord) -> Verdict:
     """Whether odometry only shows what the robot can drive."""
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
@@ -179,7 +179,7 @@ def jumps(record: Record) -> Verdict:
     )
 
 
-def goal(record: Record) -> Verdict:
+def goal(record: AuditRecord) -> Verdict:
     """Miss at each goal at its time, in each run that was not begun again before."""
     if record.history.epochs[0].settings.follow is not None:
         return skipped('There is no goal: a road is followed (follow.speed).')
@@ -213,7 +213,7 @@ def goal(record: Record) -> Verdict:
     )
 
 
-def _clear(record: Record, columns: slice, wanted: float) -> Verdict:
+def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
     worst, at, nearest, radius = math.inf, record.start, '', 0.0
     for each in record.sweeps:
         part = each.clearance[:, columns]
@@ -264,7 +264,7 @@ def _spare(
     return spare
 
 
-def _goals_of(record: Record, run: Run) -> list[Goal]:
+def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
     """The goals of a run, in order, as they were when they should have been passed.
 
     Those of the parameters are dropped when the first goal came on `goal_pose`, and each of those

@@ -11,7 +11,7 @@ from pathlib import Path
 from cmpsp_ros.bags.audit.clearance import Sweep, sweep
 from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
 from cmpsp_ros.bags.audit.history import History, read_history
-from cmpsp_ros.bags.audit.odometry import Odometry, path_through, read_odometry
+from cmpsp_ros.bags.audit.odometry import OdometrySeries, path_through, read_odometry
 from cmpsp_ros.bags.audit.sources import Places, Sources, find
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
@@ -24,7 +24,7 @@ from cmpsp_ros.guidance.messages.tracks import Track
 
 
 @dataclass(frozen=True)
-class Run:
+class RunSpan:
     """From one beginning of time to the next.
 
     Attributes:
@@ -46,9 +46,9 @@ class Leg:
         runs: In order of time; none before the first command.
     """
 
-    odometry: Odometry
+    odometry: OdometrySeries
     commands: Commands
-    runs: tuple[Run, ...]
+    runs: tuple[RunSpan, ...]
 
     @cached_property
     def path(self) -> Driven:
@@ -63,7 +63,7 @@ class Leg:
 
 
 @dataclass(frozen=True)
-class Record:
+class AuditRecord:
     """What an audit has before it.
 
     Attributes:
@@ -82,7 +82,7 @@ class Record:
     path: Path
     places: Places
     history: History
-    odometry: Odometry
+    odometry: OdometrySeries
     commands: Commands
     decisions: tuple[DecisionRecord, ...]
     tracks: tuple[Track, ...]
@@ -131,7 +131,7 @@ class Record:
         return (stamp - self.start) / NANOSECONDS
 
 
-def read_record(path: Path, sources: Sources | None = None) -> Record:
+def read_record(path: Path, sources: Sources | None = None) -> AuditRecord:
     """Read what is audited.
 
     Raises:
@@ -146,7 +146,7 @@ def read_record(path: Path, sources: Sources | None = None) -> Record:
             raise BagError(f'{path}: found times that no clock can have: {error}') from error
 
 
-def _record(bag: Bag, sources: Sources) -> Record:
+def _record(bag: Bag, sources: Sources) -> AuditRecord:
     places = find(bag, sources)
     history = read_history(bag, places, sources)
     settings = history.epochs[0].settings
@@ -166,13 +166,13 @@ def _record(bag: Bag, sources: Sources) -> Record:
     tracks = read_tracks(bag, places.moving, frame_id)
     own = places.node.rpartition('/')[0]
     others = read_others(bag, settings.moving_obstacles.others, own)
-    return Record(
+    return AuditRecord(
         bag.path, places, history, odometry, commands, decisions, tracks, others, pairs, legs
     )
 
 
 def _legs(
-    odometry: Sequence[Odometry], commands: Commands, decisions: Sequence[DecisionRecord]
+    odometry: Sequence[OdometrySeries], commands: Commands, decisions: Sequence[DecisionRecord]
 ) -> list[Leg]:
     begins = [int(each.received[0]) for each in odometry]
     legs = []
@@ -188,7 +188,7 @@ def _legs(
     return legs
 
 
-def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> tuple[Run, ...]:
+def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> tuple[RunSpan, ...]:
     """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]
     starts = [answers[0].stamp] if answers else [int(commands.stamps[0])]
@@ -196,4 +196,6 @@ def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> 
         if after.run != before.run or after.step < before.step:
             starts.append(after.stamp)
     starts = sorted({min(start, end) for start in starts})
-    return tuple(Run(start, stop) for start, stop in zip(starts, [*starts[1:], end], strict=True))
+    return tuple(
+        RunSpan(start, stop) for start, stop in zip(starts, [*starts[1:], end], strict=True)
+    )

@@ -80,6 +80,9 @@ _BEFORE_ENTRIES = (
     Column('reason', 'text'),
 )
 
+_OF_DECISIONS = ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus')
+"""As they are published, and as they were before."""
+
 _MAX_KEYS = 200
 
 _KINDS: dict[object, Kind] = {int: 'int', float: 'float', truth: 'bool', str: 'text'}
@@ -106,13 +109,7 @@ def tables(bag: Bag) -> list[Table]:
             _commands,
         ),
         ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
-        (
-            'decisions',
-            ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus'),
-            '/decision',
-            (),
-            _decisions,
-        ),
+        ('decisions', _OF_DECISIONS, '/decision', (), _decisions),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
         ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
         ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),

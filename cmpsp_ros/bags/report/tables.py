@@ -8,7 +8,7 @@ from html import escape
 
 import numpy as np
 
-from cmpsp_ros.bags.audit import Outcome
+from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import describe
@@ -83,7 +83,7 @@ def verdicts(views: Sequence[View]) -> str:
     """A word on each audit."""
     words = []
     for view in views:
-        skipped = sum(each.outcome is Outcome.SKIPPED for each in view.findings)
+        skipped = sum(each.outcome is CheckOutcome.SKIPPED for each in view.findings)
         clean = f'{len(view.findings) - skipped} checks passed, {skipped} skipped'
         failed = f'{view.failures} of {len(view.findings)} checks failed'
         kind = 'failed' if view.failures else 'passed'

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit import Finding, Outcome, Record, audit_record
+from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
@@ -70,7 +70,7 @@ class View:
     """
 
     label: str
-    record: Record
+    record: AuditRecord
     findings: tuple[Finding, ...]
     plans: tuple[Plan, ...]
     version: str
@@ -90,7 +90,7 @@ class View:
     @property
     def failures(self) -> int:
         """Number of checks that failed."""
-        return sum(each.outcome is Outcome.FAILED for each in self.findings)
+        return sum(each.outcome is CheckOutcome.FAILED for each in self.findings)
 
     @property
     def end(self) -> float:
@@ -173,7 +173,7 @@ class View:
         return seconds
 
 
-def view(path: Path, label: str, record: Record) -> View:
+def view(path: Path, label: str, record: AuditRecord) -> View:
     """Everything that is shown of a bag.
 
     Raises:

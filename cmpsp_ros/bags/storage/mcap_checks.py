@@ -31,7 +31,7 @@ from cmpsp_ros.bags.storage.mcap_records import (
     STATISTICS,
     ChunkHead,
     Fields,
-    Record,
+    McapRecord,
     chunk,
     chunk_head,
     content,
@@ -143,7 +143,7 @@ def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) ->
         raise ReaderError(msg)
     _check_overlap(chunks.values())
     for offset, head in chunks.items():
-        record = next(records(file, offset, size), Record(0, 0, 0))
+        record = next(records(file, offset, size), McapRecord(0, 0, 0))
         if record.opcode != CHUNK:
             msg = f'no chunk at offset {offset}'
             raise ReaderError(msg)

@@ -29,7 +29,7 @@ _CHUNK = struct.Struct('<QQQI')
 _MOST_HEAD = 64
 
 
-class Record(NamedTuple):
+class McapRecord(NamedTuple):
     """Where a record is.
 
     Attributes:
@@ -48,7 +48,7 @@ class Record(NamedTuple):
         return self.body + self.size
 
 
-class Message(NamedTuple):
+class McapMessage(NamedTuple):
     """A message record: number of its channel, stamp [ns], serialised message."""
 
     channel: int
@@ -145,7 +145,7 @@ class Fields:
         return found
 
 
-def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
+def records(file: BinaryIO, start: int, end: int) -> Iterator[McapRecord]:
     """Iterate over records from an offset on, without reading their content.
 
     The last may be cut off. What is no record at all ends the iteration.
@@ -161,12 +161,12 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[Record]:
         opcode, size = _HEAD.unpack(file.read(_HEAD.size))
         if not (0 < opcode <= LAST_OPCODE or opcode >= FIRST_PRIVATE):
             return
-        record = Record(opcode, start + _HEAD.size, size)
+        record = McapRecord(opcode, start + _HEAD.size, size)
         yield record
         start = record.end
 
 
-def content(file: BinaryIO, record: Record, limit: int = MAX_CHUNK + 4096) -> bytes:
+def content(file: BinaryIO, record: McapRecord, limit: int = MAX_CHUNK + 4096) -> bytes:
     """Read the content of a record.
 
     Raises:
@@ -181,7 +181,7 @@ def content(file: BinaryIO, record: Record, limit: int = MAX_CHUNK + 4096) -> by
     return file.read(record.size)
 
 
-def message(body: bytes) -> Message:
+def message(body: bytes) -> McapMessage:
     """Read a message record.
 
     Raises:
@@ -192,10 +192,10 @@ def message(body: bytes) -> Message:
         msg = f'message record of {len(body)} bytes'
         raise ReaderError(msg)
     channel, _, stamp, _ = _MESSAGE.unpack_from(body)
-    return Message(channel, stamp, body[_MESSAGE.size :])
+    return McapMessage(channel, stamp, body[_MESSAGE.size :])
 
 
-def chunk_head(file: BinaryIO, record: Record) -> ChunkHead:
+def chunk_head(file: BinaryIO, record: McapRecord) -> ChunkHead:
     """Read the head of a chunk record only.
 
     Raises:

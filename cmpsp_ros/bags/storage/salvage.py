@@ -26,7 +26,7 @@ from cmpsp_ros.bags.storage.mcap_records import (
     MESSAGE,
     SCHEMA,
     Fields,
-    Record,
+    McapRecord,
     chunk,
     content,
     inner,
@@ -98,7 +98,7 @@ def _from_mcap(path: Path, _folder: Path, remark: Remark) -> Iterator[Found]:
         if file.read(len(MAGIC)) != MAGIC:
             remark(f'{path.name}: not an mcap file')
             return
-        last = Record(0, len(MAGIC), 0)
+        last = McapRecord(0, len(MAGIC), 0)
         for record in records(file, len(MAGIC), end):
             last = record
             yield from _from_record(file, record, end, found)
@@ -106,7 +106,7 @@ def _from_mcap(path: Path, _folder: Path, remark: Remark) -> Iterator[Found]:
             remark(f'{path.name}: cut off or damaged at byte {min(last.end, end)} of {end}')
 
 
-def _from_record(file: BinaryIO, record: Record, end: int, found: _Channels) -> Iterator[Found]:
+def _from_record(file: BinaryIO, record: McapRecord, end: int, found: _Channels) -> Iterator[Found]:
     partly = record.end > end
     if partly:
         record = record._replace(size=end - record.body)

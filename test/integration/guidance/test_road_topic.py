@@ -13,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from cmpsp_ros.bags.audit import Outcome, audit
+from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
@@ -143,4 +143,4 @@ def test_a_drive_on_roads_that_change_is_replayed_and_audited(
     outcome = replay(bag, Names.under(''))
     assert (outcome.first, outcome.decisions) == (None, 30)
     found = {each.check: each.outcome for each in audit(bag)}
-    assert found['road'] is Outcome.PASSED
+    assert found['road'] is CheckOutcome.PASSED

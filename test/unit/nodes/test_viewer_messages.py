@@ -55,7 +55,6 @@ def test_a_decision_is_read_number_by_number():
     assert decision['finished'] is False
     assert decision_of(status())['level'] is None
     assert decision_of(DiagnosticArray())['level'] is None
-    assert decision_of(status(rung='stop'))['level'] == 'stop'
     assert decision_of(status(rung='stop', finished='true'))['level'] == 'arrived'
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cmpsp_ros.bags.audit import Outcome
+from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.messages import DECISION, PATH, TWIST, decision_message, path_message
 from cmpsp_ros.bags.writer import BagWriter
@@ -217,7 +217,7 @@ def event(stamp, node, key, value):
 
 def failed(findings):
     """Names of the checks that failed."""
-    return {name for name, each in findings.items() if each.outcome is Outcome.FAILED}
+    return {name for name, each in findings.items() if each.outcome is CheckOutcome.FAILED}
 
 
 def drive_settings(drive):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed
 
-from cmpsp_ros.bags.audit import Outcome, Sources
+from cmpsp_ros.bags.audit import CheckOutcome, Sources
 from cmpsp_ros.bags.audit.checks import CHECKS
 
-PASSED, FAILED, SKIPPED = Outcome
+PASSED, FAILED, SKIPPED = CheckOutcome
 
 CENTER = 'obstacles.a.center'
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from drives import SECOND, Command, drive_case, drive_settings, failed
 
-from cmpsp_ros.bags.audit import Outcome
+from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.decision import Rung
 
-PASSED, FAILED, _ = Outcome
+PASSED, FAILED, _ = CheckOutcome
 
 
 def test_one_wrong_command_is_caught(drive, outcomes):

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
-from cmpsp_ros.bags.audit import Outcome, audit_record, read_record, write_junit
+from cmpsp_ros.bags.audit import CheckOutcome, audit_record, read_record, write_junit
 from cmpsp_ros.bags.errors import BagError
 
 
@@ -47,7 +47,7 @@ def test_whatever_a_bag_says_is_valid_xml(record, tmp_path):
     said = 'a <b> & "c" \x00\x1b[31m \ud800 ]]> \U0001f600'
     findings = [
         replace(each, sentence=said, outcome=outcome)
-        for each, outcome in zip(audit_record(record), Outcome, strict=False)
+        for each, outcome in zip(audit_record(record), CheckOutcome, strict=False)
     ]
     write_junit(tmp_path / 'audit.xml', findings, record)
     suite = ET.parse(tmp_path / 'audit.xml').getroot()

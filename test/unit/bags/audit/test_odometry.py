@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.bags.audit.odometry import Odometry, interpolated, path_through, wrapped
+from cmpsp_ros.bags.audit.odometry import OdometrySeries, interpolated, path_through, wrapped
 from cmpsp_ros.robots.arcs import arc_ends
 
 SECOND = 1_000_000_000
@@ -19,7 +19,7 @@ TWISTS = st.tuples(st.floats(-2.0, 2.0), st.floats(-3.0, 3.0))
 
 def odometry(stamps, poses):
     stamps = np.array(stamps, dtype=np.int64)
-    return Odometry(stamps, stamps, np.array(poses, dtype=float), np.zeros((len(stamps), 2)))
+    return OdometrySeries(stamps, stamps, np.array(poses, dtype=float), np.zeros((len(stamps), 2)))
 
 
 def driven(twists, seconds):

@@ -7,7 +7,6 @@ from contextlib import suppress
 
 import numpy as np
 
-from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.messages import (
     DECISION,
@@ -214,7 +213,7 @@ def altered(
 
 
 def said(message, key):
-    return next(each for each in status_of(message).values if each.key == key)
+    return next(each for each in message.status[0].values if each.key == key)
 
 
 def setting(number, **facts):
@@ -234,8 +233,9 @@ def without(*keys):
 
     def change(topic, _index, message):
         if topic == DECISIONS:
-            status = status_of(message)
-            status.values = [each for each in status.values if each.key not in keys]
+            message.status[0].values = [
+                each for each in message.status[0].values if each.key not in keys
+            ]
         return message
 
     return change

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.bags.audit import Outcome, audit
+from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
@@ -69,6 +69,6 @@ def test_another_goal_makes_another_drive(told, alter):
 
 def test_goals_that_were_told_are_audited(told, bag):
     found = finding(bag, 'goal')
-    assert found.outcome is Outcome.PASSED
+    assert found.outcome is CheckOutcome.PASSED
     assert found.worst < 1e-3
     assert 'It is the worst of 2 goals.' in found.sentence

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from recorded_drives import DECISIONS, said, setting, without
 
-from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
@@ -125,7 +124,7 @@ def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(dr
     def reword(old, new):
         def change(topic, _index, message):
             if topic == DECISIONS:
-                status = status_of(message)
+                (status,) = message.status
                 status.message = status.message.replace(old, new)
             return message
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
@@ -21,7 +20,7 @@ WEIGHT = Change(None, {'weights.road_center': 30.0})
 def said(bag, topic):
     with Bag(bag) as opened:
         messages = [message for _, message in opened.messages(topic)]
-    return [{each.key: each.value for each in status_of(message).values} for message in messages]
+    return [{each.key: each.value for each in message.status[0].values} for message in messages]
 
 
 def test_nothing_changed_is_what_was_recorded(faulty, tmp_path):

@@ -127,8 +127,8 @@ def topics_of_nodes(node: Node) -> frozenset[str]:
             node.get_subscriber_names_and_types_by_node,
         ):
             found.update(topic for topic, _ in listed(name, namespace))
-    left_out = ('/rosout', '/transition_event')
-    left_out += tuple(each.name.replace('~', '') for each in TOPICS if each.repeats)
+    repeated = (each.name.replace('~', '') for each in TOPICS if each.repeats)
+    left_out = ('/rosout', '/transition_event', *repeated)
     return frozenset(each for each in found if '/_' not in each and not each.endswith(left_out))
 
 

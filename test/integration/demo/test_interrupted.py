@@ -10,19 +10,20 @@ import pytest
 from demo_folder import LIMIT, commands
 
 from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.nodes import MODULES
 
 pytestmark = pytest.mark.integration
 
 
 def children(pid):
-    """Module and process id of the nodes that a process has started."""
+    """Name and process id of the nodes that a process has started."""
     found = {}
     for folder in Path('/proc').iterdir():
         if folder.name.isdigit() and status(int(folder.name))[1] == pid:
             command = (folder / 'cmdline').read_bytes().decode().split('\0')
-            modules = [each for each in command if each.startswith('cmpsp_ros.nodes.')]
-            if modules:
-                found[modules[0].removeprefix('cmpsp_ros.nodes.')] = int(folder.name)
+            names = [name for name, module in MODULES.items() if module in command]
+            if names:
+                found[names[0]] = int(folder.name)
     return found
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from diagnostic_msgs.msg import KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from geometry_msgs.msg import TwistStamped
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
@@ -92,10 +92,11 @@ def test_odometry_keeps_its_grid_and_commands_move_the_robot(probe, ros, tmp_pat
     assert (np.diff(stamps) % PERIOD_NS == 0).all()
     assert (np.diff(stamps) > 0).all()
 
-    answered = DECISION.type()
-    answered.values = values(stamp=stamps[0], finished='false', step_ms=0.25)
-    decisions.publish(answered)
-    over = DECISION.type(values=values(stamp=stamps[-1], finished='true'))
+    def decision(**entries):
+        return DECISION.type(status=[DiagnosticStatus(values=values(**entries))])
+
+    decisions.publish(decision(stamp=stamps[0], finished='false', step_ms=0.25))
+    over = decision(stamp=stamps[-1], finished='true')
     ros.spin_until(lambda: decisions.publish(over) or (tmp_path / 'out.json').exists())
     found = json.loads((tmp_path / 'out.json').read_text())
     assert len(found['total_ms']) == len(found['own_ms']) <= 1

@@ -73,6 +73,7 @@ def test_a_clock_that_stands_still_is_told(fault, tick, client, make_odometry):
 def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odometry):
     """A thousand steps, and iterations without end: no computer does that in 10 ms."""
     slow = {'control_period': 0.01, 'solver.iterations_per_step': 50, 'odom_timeout': 60.0}
+    slow['solver.work_share'] = 0.0
     start_node('guidance_node', slow)
     client.connect()
     client.until_health(state='active')

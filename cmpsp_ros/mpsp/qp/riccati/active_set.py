@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove, solve, solve_transposed
-from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step, transform_row
 from cmpsp_ros.mpsp.qp.riccati.program import (
     Program,
     count_rows,
@@ -18,6 +17,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     load_row,
     row_value,
 )
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, transform_row
 
 Indices = NDArray[np.int64]
 

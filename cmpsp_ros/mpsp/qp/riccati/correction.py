@@ -12,9 +12,10 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     row_in_v,
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import append, solve_transposed, split
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, recover_step
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, TRUST, Program, locate, row_number
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 
 @allocation_free

@@ -29,10 +29,10 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     iterative_refinement,
     recompute_primal,
 )
-from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step, row_norm
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import MANY
 from cmpsp_ros.mpsp.qp.riccati.program import Program, is_bound, load_row, product
 from cmpsp_ros.mpsp.qp.riccati.step import CROWDED, DONE, active_set_step
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, row_norm
 
 # After so many steps the point is found again from the multipliers: rounding has added up.
 _MANY = 64

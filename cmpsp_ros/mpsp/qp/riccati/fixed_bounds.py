@@ -21,6 +21,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     Indices,
     saturated_multiplier,
 )
+from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
     Program,
@@ -115,7 +116,8 @@ def recover_bound_multipliers(p: Program, cost: float) -> float:
     """
     head = p.head[0]
     n, r = p.stages[0].B.shape
-    costate, following, largest = head.X, head.X_next, 0.0
+    costate, following = room_for(p.stages[0].L_X), room_for(p.stages[0].L_X)
+    largest = 0.0
     head.work += head.horizon + 1
     for i in range(n):
         following[i] = 0.0

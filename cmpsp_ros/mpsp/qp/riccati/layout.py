@@ -82,7 +82,7 @@ def row_type(n: int, r: int) -> RecordType:
 
 @cache
 def head_type(n: int, r: int) -> RecordType:
-    """What there is once for a whole program: its horizon, counters, and scratch for the sweeps.
+    """What there is once for a whole program: horizon, counters, and the row that is looked at.
 
     `begun` numbers the stage at which the horizon begins, for warm starts of a later one.
 
@@ -104,24 +104,12 @@ def head_type(n: int, r: int) -> RecordType:
             'has_covariance',
             'is_factorised',
             'is_proved',
-            'is_released',
             'work',
             'work_limit',
         )
     ]
-    scratch = _record(
-        trust_radius=(n,),
-        P=(n, n),
-        p=(n,),
-        PA=(n, n),
-        PB=(n, r),
-        G=(r, n),
-        L=(r, r),
-        X=(n,),
-        X_next=(n,),
-        U=(r,),
-    )
-    return np.dtype([*whole, *scratch.descr])
+    row = _record(trust_radius=(n,), X=(n,), U=(r,))
+    return np.dtype([*whole, *row.descr])
 
 
 def _record(**shapes: tuple[int, ...]) -> RecordType:

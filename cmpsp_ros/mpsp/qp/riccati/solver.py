@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     on_horizon,
 )
 from cmpsp_ros.mpsp.qp.riccati.dual import add_violated_rows
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise, keep_origin
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.farkas import leave_proof, still_contradicts
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
     fix_from,
@@ -30,6 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
+from cmpsp_ros.mpsp.qp.riccati.sweeps import keep_origin
 from cmpsp_ros.mpsp.qp.riccati.warm_start import begin, leave_warm_start, shift_warm_start
 
 TOLERANCE: Final = 1e-8

@@ -20,7 +20,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     row_in_v,
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
-from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
 from cmpsp_ros.mpsp.qp.riccati.farkas import bounds_cross, contradicts, name_rows
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers, release
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
@@ -32,6 +31,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_value_at_origin,
     set_multiplier,
 )
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 DONE, CONTRADICTION, FULL, RELEASED, CROWDED = 0, 1, 2, 3, 4
 """Outcomes of a step: the row is met; it contradicts the others; there is no room or work left;

@@ -28,7 +28,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     row_in_v,
 )
 from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
-from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
@@ -40,6 +39,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_value_at_origin,
     rows_per_stage,
 )
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 # Fraction of its length, squared, that a row must have outside the span of those before it. What is
 # closer to them is left to the method, which meets it along its own multiplier.

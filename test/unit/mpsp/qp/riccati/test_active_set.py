@@ -5,8 +5,8 @@ import pytest
 from stage_programs import random_program, relaxed, run
 
 from cmpsp_ros.mpsp.qp.riccati.active_set import iterative_refinement, recompute_primal
-from cmpsp_ros.mpsp.qp.riccati.factorisation import recover_step
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

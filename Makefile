@@ -134,7 +134,7 @@ check-ros:
 	    echo "       Source Jazzy, or use a shell without any ROS: the wheels do then." >&2; exit 1; fi
 
 # Same pins as in the environment that is there: a new date on the files is no reason to begin again.
-# Nothing is compiled that is not imported: that would take half of the time.
+# Side by side, and nothing is compiled that is not imported: that would take half of the time.
 $(ENVIRONMENT): $(REQUIREMENTS) | check-ros
 	@if [ "$$(cat $(VENV)/.made-for 2>/dev/null)" = '$(MADE_FOR)' ] && [ '$(filter FORCE,$^)' = '' ] \
 	    && cat $(REQUIREMENTS) | cmp -s - $@; then touch $@; \
@@ -146,8 +146,13 @@ $(ENVIRONMENT): $(REQUIREMENTS) | check-ros
 	    rm -rf $(VENV); \
 	    $(PYTHON) -m venv $(VENV_OPTIONS) $(VENV); \
 	    cat $(REQUIREMENTS) > $(VENV)/.requirements; \
-	    grep -v '^$(WITHOUT)==' $(VENV)/.requirements > $(VENV)/requirements.txt; \
-	    $(BIN)/python -m pip install --quiet --no-deps --no-compile -r $(VENV)/requirements.txt; \
+	    for each in $(REQUIREMENTS); do \
+	        list=$(VENV)/$$(basename $$each); \
+	        grep -v '^$(WITHOUT)==' $$each > $$list; \
+	        $(BIN)/python -m pip install --quiet --no-deps --no-compile -r $$list & \
+	        installing="$$installing $$!"; \
+	    done; \
+	    for each in $$installing; do wait $$each; done; \
 	    $(CHECK); \
 	    echo '$(MADE_FOR)' > $(VENV)/.made-for; \
 	    mv $(VENV)/.requirements $@; \

@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, solve_qp
 from cmpsp_ros.mpsp.qp.riccati_backend import solve
 from cmpsp_ros.mpsp.qp.solution import QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 Array = NDArray[np.float64]
 

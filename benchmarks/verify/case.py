@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.verify.errors import VerifyError
 from cmpsp_ros.mpsp.qp import Penalties
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 Rng = np.random.Generator
 

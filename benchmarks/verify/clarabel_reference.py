@@ -9,8 +9,8 @@ import numpy as np
 
 from benchmarks.verify.case import Program
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.clarabel_backend import cone_program, row_multipliers, row_weights, run
-from cmpsp_ros.mpsp.qp.sparse_rows import cost_of, multipliers_of, rows_of
+from cmpsp_ros.mpsp.qp.dense.clarabel_backend import cone_program, row_multipliers, row_weights, run
+from cmpsp_ros.mpsp.qp.dense.sparse_rows import cost_of, multipliers_of, rows_of
 
 _ENDED_AT_A_POINT = ('Solved', 'AlmostSolved', 'InsufficientProgress')
 

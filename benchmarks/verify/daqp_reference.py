@@ -6,8 +6,8 @@ import daqp
 import numpy as np
 
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense import DenseSolution, scatter
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.dense.dense import DenseSolution, scatter
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _TOLERANCE = 1e-9
 _EQUALITY = 5

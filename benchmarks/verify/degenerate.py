@@ -21,7 +21,7 @@ from benchmarks.verify.general import (
 from benchmarks.verify.loop import subproblems
 from benchmarks.verify.scenario import ordinary, tangent
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 Array = NDArray[np.float64]
 Change = Callable[[Known, Rng], Subproblem]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmarks.verify.case import Draft, Program, Rng
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import Penalties
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from benchmarks.verify.degenerate import (
 from benchmarks.verify.general import Known, row_values
 from benchmarks.verify.loop import loops
 from benchmarks.verify.scenario import blocked
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _BLOCKED = 0.5
 

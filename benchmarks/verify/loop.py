@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.problem import OptimalControlProblem
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,7 @@ from scipy.sparse.linalg import splu
 
 from benchmarks.verify.case import Program
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.solution import kkt_residual
-from cmpsp_ros.mpsp.qp.sparse_rows import (
+from cmpsp_ros.mpsp.qp.dense.sparse_rows import (
     Entries,
     assembled,
     cost_of,
@@ -21,7 +20,8 @@ from cmpsp_ros.mpsp.qp.sparse_rows import (
     rows_of,
     values_of,
 )
-from cmpsp_ros.mpsp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.solution import kkt_residual
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
 Array = NDArray[np.float64]
 

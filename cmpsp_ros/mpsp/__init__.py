@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.analysis.convergence import Convergence, Record
-    from cmpsp_ros.mpsp.closed_form import has_closed_form, solve_closed_form
-    from cmpsp_ros.mpsp.condensing import CondensedQP, condense, sensitivities
-    from cmpsp_ros.mpsp.curvature import convexify
     from cmpsp_ros.mpsp.errors import ProblemError
     from cmpsp_ros.mpsp.iterate import Iterate, Step
     from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
@@ -27,9 +24,12 @@ if TYPE_CHECKING:
         OptimalControlProblem,
     )
     from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, Row, available, solve_qp
+    from cmpsp_ros.mpsp.qp.curvature import convexify
+    from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
+    from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, sensitivities
+    from cmpsp_ros.mpsp.qp.subproblem import Subproblem
     from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
     from cmpsp_ros.mpsp.status import Solution, Status, Violation
-    from cmpsp_ros.mpsp.subproblem import Subproblem
 
 __all__ = [
     'CMPSP',
@@ -70,11 +70,11 @@ __all__ = [
 
 _HOMES = {
     'models.casadi_functions': ('from_casadi',),
-    'closed_form': ('has_closed_form', 'solve_closed_form'),
-    'condensing': ('CondensedQP', 'condense', 'sensitivities'),
+    'qp.dense.closed_form': ('has_closed_form', 'solve_closed_form'),
+    'qp.dense.condensing': ('CondensedQP', 'condense', 'sensitivities'),
     'models.control_rate': ('ControlRateProblem',),
     'analysis.convergence': ('Convergence', 'Record'),
-    'curvature': ('convexify',),
+    'qp.curvature': ('convexify',),
     'models.derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
     'models.functions': ('from_functions',),
@@ -84,7 +84,7 @@ _HOMES = {
     'sqp.cmpsp': ('CMPSP', 'solve'),
     'iterate': ('Iterate', 'Step'),
     'status': ('Solution', 'Status', 'Violation'),
-    'subproblem': ('Subproblem',),
+    'qp.subproblem': ('Subproblem',),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.iterate import Iterate

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.problem import Array, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.status import Solution, Status
 
 ACTIVE_TOLERANCE = 1e-6

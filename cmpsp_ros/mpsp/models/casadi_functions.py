@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmpsp_ros.mpsp.curvature import project_stages
-from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.arguments import (
     check_hessian,
@@ -27,6 +25,8 @@ from cmpsp_ros.mpsp.problem import (
     OptimalControlProblem,
     numbers,
 )
+from cmpsp_ros.mpsp.qp.curvature import project_stages
+from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
 
 if TYPE_CHECKING:
     from types import ModuleType

@@ -9,8 +9,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cmpsp_ros.mpsp.curvature import project_stages
-from cmpsp_ros.mpsp.definiteness import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.arguments import (
     check_hessian,
@@ -28,6 +26,8 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.qp.curvature import project_stages
+from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
 
 Derivatives = Literal['auto', Scheme]
 

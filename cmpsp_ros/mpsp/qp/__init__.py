@@ -8,17 +8,17 @@ from functools import cache
 from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.qp import clarabel_backend, daqp_backend, hildreth, riccati_backend
+from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend, hildreth
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Backend,
     Penalties,
     QPSolution,
     QPStatus,
-    Row,
     kkt_residual,
 )
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 __all__ = [
     'CLARABEL',
@@ -77,7 +77,7 @@ def backend(name: str) -> Backend:
         return _NATIVE[name]
     if name not in available():
         raise ProblemError(f'qp: found {name!r}, wanted one of {", ".join(available())}')
-    from cmpsp_ros.mpsp.qp.qpsolvers_backend import QpsolversBackend  # noqa: PLC0415
+    from cmpsp_ros.mpsp.qp.dense.qpsolvers_backend import QpsolversBackend  # noqa: PLC0415
 
     return QpsolversBackend(name)
 

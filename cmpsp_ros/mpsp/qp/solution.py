@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal, NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
-from cmpsp_ros.mpsp.stage_qp import Multipliers
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 TOLERANCE = 1e-5
 """Relative violation of the optimality conditions up to which an answer is a solution."""
@@ -24,21 +24,6 @@ class QPStatus(Enum):
     SOLVED = 'The quadratic program was solved.'
     INFEASIBLE = 'No control satisfies all linearised constraints.'
     FAILED = 'The QP back end gave up or returned a point that is not a solution.'
-
-
-class Row(NamedTuple):
-    """One constraint of a subproblem.
-
-    Attributes:
-        kind: Which constraints it is one of.
-        stage: Stage ``k``; ``N`` for a terminal output.
-        index: Component of the output, number of the path constraint, or component of the control
-            (bound) or of the state (trust region).
-    """
-
-    kind: Literal['terminal', 'path', 'bound', 'trust']
-    stage: int
-    index: int  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,11 @@ from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalCont
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.constraint_curvature import add_constraint_curvature
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
-from cmpsp_ros.mpsp.subproblem import Subproblem
 
 
 class CMPSP:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.mpsp.condensing import CondensedQP, condense
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
 from cmpsp_ros.studies.paper.drives import Path
 
 Array = NDArray[np.float64]

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import Penalties, solve_qp
-from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, scatter
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, scatter
 from cmpsp_ros.mpsp.qp.solution import kkt_residual
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 def staged(qp):

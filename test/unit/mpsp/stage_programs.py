@@ -14,8 +14,8 @@ from cmpsp_ros.mpsp.qp.riccati.fill import Space, fill, multipliers_of, space
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.solver import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.solution import Penalties
-from cmpsp_ros.mpsp.stage_qp import Multipliers, StageQP
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 STATES, CONTROLS = 3, 2
 UNLIMITED = np.iinfo(np.int64).max

@@ -23,8 +23,8 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
-from cmpsp_ros.mpsp.stage_qp import Multipliers, StageQP
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
 """States and controls that code is compiled for; those of the guidance law first."""

@@ -9,7 +9,7 @@ from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Case, Draft, Origin, Program
 from benchmarks.verify.contestant import Contestant
 from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 @pytest.fixture

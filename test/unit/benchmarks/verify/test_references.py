@@ -14,7 +14,7 @@ from benchmarks.verify.general import random_program
 from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
 from benchmarks.verify.references import Verdict, references, verdict
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 def prices(terminal, path):

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives, differences
 
-from cmpsp_ros.mpsp.condensing import condense
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp.qp.dense.condensing import condense
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, TooFlat, VanDerPol, options_for, run, zeros
 
-from cmpsp_ros.mpsp.condensing import condense
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.dense.condensing import condense
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
 from cmpsp_ros.mpsp.status import Status
 

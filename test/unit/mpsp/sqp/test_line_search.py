@@ -10,6 +10,7 @@ from reference_merit import Merit
 from cmpsp_ros.mpsp.problem import Evaluation
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.fill import compiled_size, put_derivatives
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.line_search import (
     GOES_ON,
     WANTS_CORRECTION,
@@ -19,7 +20,6 @@ from cmpsp_ros.mpsp.sqp.line_search import (
 )
 from cmpsp_ros.mpsp.sqp.merit import merit, predicted_reduction, update_penalties
 from cmpsp_ros.mpsp.sqp.workspace import workspace
-from cmpsp_ros.mpsp.subproblem import Subproblem
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

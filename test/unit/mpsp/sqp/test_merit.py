@@ -8,6 +8,7 @@ from stage_programs import random_program, relaxed, run, staged
 from cmpsp_ros.mpsp.problem import Dimensions, Evaluation
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.elastic import LEVELS, relax
 from cmpsp_ros.mpsp.sqp.merit import (
     magnitude,
@@ -17,7 +18,6 @@ from cmpsp_ros.mpsp.sqp.merit import (
     violation,
 )
 from cmpsp_ros.mpsp.sqp.workspace import workspace
-from cmpsp_ros.mpsp.subproblem import Subproblem
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -11,9 +11,9 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
-from cmpsp_ros.mpsp.stage_qp import Multipliers
-from cmpsp_ros.mpsp.subproblem import Subproblem
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -15,7 +15,8 @@ from stage_programs import (
     warm_with,
 )
 
-from cmpsp_ros.mpsp.qp import clarabel_backend, riccati_backend
+from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.dense import clarabel_backend
 from cmpsp_ros.mpsp.qp.riccati.active_set import CAPACITY
 from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, SOLVED

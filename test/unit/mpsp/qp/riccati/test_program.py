@@ -24,7 +24,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_number,
     row_value,
 )
-from cmpsp_ros.mpsp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 
 KINDS = {PATH: 'path', BOUND: 'bound', TRUST: 'trust'}
 

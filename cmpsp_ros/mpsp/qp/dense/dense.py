@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 class DensePenalties(NamedTuple):

@@ -24,8 +24,8 @@ from cmpsp_ros.mpsp.qp import (
     backend,
     solve_qp,
 )
-from cmpsp_ros.mpsp.qp.dense import DensePenalties
-from cmpsp_ros.mpsp.qp.qpsolvers_backend import QpsolversBackend
+from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties
+from cmpsp_ros.mpsp.qp.dense.qpsolvers_backend import QpsolversBackend
 
 BACKENDS = available()
 

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.definiteness import is_positive_definite, is_positive_definite_along
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.definiteness import is_positive_definite, is_positive_definite_along
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _TOLERANCE = 1e-8
 

@@ -6,19 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.closed_form import has_closed_form
-from cmpsp_ros.mpsp.definiteness import (
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.definiteness import (
     CURVATURE_MARGIN,
     is_positive_definite_along,
     nearest_positive_semidefinite,
 )
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
 from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
-from cmpsp_ros.mpsp.spectrum import (
+from cmpsp_ros.mpsp.qp.spectrum import (
     extreme_eigenvalues,
     largest_diagonal,
 )
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 CURVATURE_LEFT = 1e-3
 """Least eigenvalue of a shifted Hessian, relative to the largest in magnitude before.

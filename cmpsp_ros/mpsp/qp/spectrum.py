@@ -9,7 +9,7 @@ import numpy as np
 from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
-from cmpsp_ros.mpsp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
 _RESOLUTION = 1e-15
 # Both ends nearer to 0 than this are 0 themselves.

@@ -23,7 +23,7 @@ from cmpsp_ros.mpsp.qp import (
     solve_qp,
 )
 from cmpsp_ros.mpsp.qp.solution import kkt_residual
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 BACKENDS = available()
 

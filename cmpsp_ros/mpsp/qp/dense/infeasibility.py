@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.solution import Row
-from cmpsp_ros.mpsp.qp.sparse_rows import Rows
-from cmpsp_ros.mpsp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.dense.sparse_rows import Rows
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.subproblem import Row
 
 FARTHEST = 1e6
 """The proof covers all controls within their bounds, and within this where they have none."""

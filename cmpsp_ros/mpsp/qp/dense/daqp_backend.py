@@ -5,8 +5,8 @@ from __future__ import annotations
 import daqp
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import (
     TOLERANCE,
     Penalties,
@@ -14,7 +14,7 @@ from cmpsp_ros.mpsp.qp.solution import (
     QPStatus,
     kkt_residual,
 )
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _EQUALITY = 5
 _SOFT = 8

@@ -5,16 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP, condense
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
-from cmpsp_ros.mpsp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
-if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.qp.solution import Row
+
+class Row(NamedTuple):
+    """One constraint of a subproblem.
+
+    Attributes:
+        kind: Which constraints it is one of.
+        stage: Stage ``k``; ``N`` for a terminal output.
+        index: Component of the output, number of the path constraint, or component of the control
+            (bound) or of the state (trust region).
+    """
+
+    kind: Literal['terminal', 'path', 'bound', 'trust']
+    stage: int
+    index: int  # type: ignore[assignment]
 
 
 @dataclass(frozen=True)

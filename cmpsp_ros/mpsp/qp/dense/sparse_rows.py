@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.solution import QPSolution
-from cmpsp_ros.mpsp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
 
 Indices = NDArray[np.intp]
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic
 
-from cmpsp_ros.mpsp import spectrum
+from cmpsp_ros.mpsp.qp import spectrum
 from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
-from cmpsp_ros.mpsp.spectrum import extreme_eigenvalues, largest_diagonal
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.spectrum import extreme_eigenvalues, largest_diagonal
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 def program(seed, shape=(5, 3, 2, 2, 2), lost=0.0):

@@ -8,8 +8,8 @@ from problems import LinearQuadratic
 from programs import staged
 
 from cmpsp_ros.mpsp import QPStatus, Subproblem, convexify, solve_qp
-from cmpsp_ros.mpsp.curvature import CURVATURE_LEFT, project_stages
-from cmpsp_ros.mpsp.definiteness import (
+from cmpsp_ros.mpsp.qp.curvature import CURVATURE_LEFT, project_stages
+from cmpsp_ros.mpsp.qp.definiteness import (
     is_positive_definite,
     is_positive_definite_along,
     nearest_positive_semidefinite,

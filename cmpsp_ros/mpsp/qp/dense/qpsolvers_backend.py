@@ -10,11 +10,11 @@ import qpsolvers
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 # Solvers that factor the Hessian want it positive definite, slack variables included.
 _SLACK_CURVATURE = 1e-6

@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmpsp_ros.mpsp.condensing import CondensedQP
 from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.dense import DensePenalties, DenseSolution, gather, scatter
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 SWEEP_LIMIT = 20_000
 """Sweeps through all rows, at most."""

@@ -8,8 +8,8 @@ from problems import LinearQuadratic, VanDerPol
 from programs import residual_of, solve_rows, uniform
 
 from cmpsp_ros.mpsp import Options, Penalties, QPStatus, Status, Subproblem, solve, solve_qp
-from cmpsp_ros.mpsp.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp import hildreth
+from cmpsp_ros.mpsp.qp.dense import hildreth
+from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
 
 
 def program(seed, q=12, m=2, p=10, t=4, feasible=True):

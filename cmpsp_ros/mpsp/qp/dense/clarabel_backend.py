@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.infeasibility import contradicting_rows, row_lengths, row_of
-from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.qp.sparse_rows import (
+from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows, row_lengths, row_of
+from cmpsp_ros.mpsp.qp.dense.sparse_rows import (
     Entries,
     Rows,
     assembled,
@@ -24,8 +22,10 @@ from cmpsp_ros.mpsp.qp.sparse_rows import (
     multipliers_of,
     rows_of,
 )
-from cmpsp_ros.mpsp.stage_qp import StageQP
-from cmpsp_ros.mpsp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 TOLERANCE = 1e-8
 """Largest residual (see `kkt_residual`) of a solution, as in the active-set method."""

@@ -10,8 +10,8 @@ from problems import LinearQuadratic, VanDerPol, differences
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.dense import condensing
 from cmpsp_ros.mpsp.qp.dense.condensing import condense, sensitivities
-from cmpsp_ros.mpsp.qp.dense.dense import condensing
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive

@@ -69,8 +69,8 @@ def test_the_second_time_everything_is_there(run, caches):
     assert second.returncode == 0, second.stderr
     assert 'kernels compiled' not in second.stdout
     assert second.stderr == ''
-    # Each kind of road with and without what moves, and the method for any problem.
-    assert second.stdout.count('all there') == 7
+    # The solver, each kind of road with and without what moves, and the method for any problem.
+    assert second.stdout.count('all there') == 8
     assert 'removed' not in second.stdout
 
 

@@ -48,7 +48,7 @@ class Options:
         violation_tolerance: Largest path constraint (4) at a solution, absolute. Sec. 4 does not
             ask for it, but without it a point outside the constraints could pass for one.
         kkt_tolerance: Violation of the optimality conditions, relative to the size of the data, at
-            which a run has converged whatever the size of its last step; 0 for none.
+            which a run has converged, however long its last step was; 0 for none.
         growth_limit: Growth of the controls or the cost since the guess, as a factor, from which
             on a run has diverged.
     """

@@ -1,4 +1,4 @@
-"""What is infeasible whatever the plan, checked before a run: a goal too far, a gap too narrow.
+"""What no plan can do, checked before a run: a goal too far, a gap too narrow.
 
 Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
 and of a gap only its width counts. On other roads than an annulus the shortest path is the straight

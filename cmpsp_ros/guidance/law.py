@@ -23,6 +23,7 @@ from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 
@@ -113,9 +114,7 @@ class GuidanceLaw:
             horizon = Horizon.between([now, last if now < last else state.due])
         elif self._delay:
             horizon = remaining(now, self._period, last)
-        context = PlanningContext(
-            settings, start, goals.target, horizon, state.previous_control, state.plan, pending
-        )
+        context = PlanningContext(settings, start, goals.target, horizon, state.plan, pending)
         if too_late:
             decision = self._continue_past_end(stamp, pose, context, last)
         else:
@@ -167,6 +166,10 @@ class GuidanceLaw:
         state.slip.lose()
         state.due = 0 if state.start is None else state.now + 1
         nowhere = np.full(3, math.nan)
+        if not finished:
+            # Where the robot is nobody knows: no path is known to be clear, so it brakes as hard as
+            # its motors can.
+            state.ramp = NO_RAMP
         return self._sent(self._stop(stamp, nowhere, reason, finished=finished, halted=True))
 
     def _predict(
@@ -175,7 +178,7 @@ class GuidanceLaw:
         """Where a plan begins, and the verdict on the path there, if there is one."""
         state, road = self._state, self._settings.road
         state.progress = project_on_path(road, pose, state.progress)
-        here = PlanStart(pose, state.robot, moving, state.progress)
+        here = PlanStart(pose, state.robot, moving, state.progress, state.previous_control)
         wheel_speeds, durations = state.pending.until(stamp, self._delay)
         if not len(durations):
             return here, None
@@ -183,7 +186,7 @@ class GuidanceLaw:
         ahead = state.robot.roll_out(pose, wheel_speeds, durations)[-1]
         progress = project_on_path(road, ahead, state.progress)
         later = moving.after(float(durations.sum()))
-        return PlanStart(ahead, state.robot, later, progress), pending
+        return here._replace(pose=ahead, moving=later, progress=progress), pending
 
     def _turn(self, context: PlanningContext) -> Plan | None:
         """Begin towards another goal; with a plan where no road says how."""
@@ -228,7 +231,8 @@ class GuidanceLaw:
             level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
-        state.plan, state.previous_control = plan, plan.controls[0]
+        state.plan = plan
+        state.follow(plan, verdict)
         self._drop_plan_after_failures()
         return decision_builder.follow(
             state,
@@ -271,6 +275,7 @@ class GuidanceLaw:
             return self._stop(stamp, pose, reason, moving=start.moving)
         reason = 'The plan goes on: a new command comes too late to change its end.'
         errors = context.goal.errors(plan.poses[-1])
+        state.follow(*shifted)
         level, robot = FallbackLevel.NOMINAL, self._settings.robot
         return decision_builder.follow(state, stamp, level, reason, *shifted, robot, errors)
 
@@ -306,17 +311,25 @@ class GuidanceLaw:
         moving: MovingDiscs = NOTHING_MOVES,
         **flags: bool,
     ) -> Decision:
-        state = self._state
-        state.previous_control = np.zeros(2)
+        state, settings = self._state, self._settings
+        # A stop by the clock and the next odometry may come at once: that is one command.
+        if not len(state.ramp):
+            state.previous_control = np.zeros(2)
+        elif stamp - state.commanded_at >= self._period // 2:
+            state.previous_control, state.ramp = state.ramp[0], state.ramp[1:]
+        twist = settings.robot.twist(state.previous_control)
+        if np.any(twist) and 'halted' not in flags:
+            reason += f' It brakes to {abs(twist[0]):.3g} m/s.'
         clearance = float(self._audit.clearance_at(pose, moving, state.progress).min())
         iterations = 0 if result is None else result.iterations
         return decision_builder.stop(
-            state, stamp, pose, reason, clearance, iterations=iterations, **flags
+            state, stamp, pose, reason, clearance, twist, iterations=iterations, **flags
         )
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state
         state.pending.add(decision.stamp, decision.wheel_speeds)
+        state.commanded_at = decision.stamp
         if state.used_slip == 0.0 and not tracks:
             return decision
         return decision._replace(wheel_slip=state.used_slip, tracks=tracks)

@@ -196,6 +196,15 @@ class GuidanceSettings:
     start_pose: tuple[float, float, float] | None = None
 
     @property
+    def max_wheel_change(self) -> float:
+        """Largest change of a wheel from one command to the next; infinite for none [rad/s].
+
+        It is that of a control period, also where late odometry makes a step shorter or longer:
+        else no plan could be shifted.
+        """
+        return self.robot.max_wheel_acceleration * self.control_period
+
+    @property
     def target(self) -> Target:
         """What a plan for the last goal alone is to meet at its end."""
         return Target(self.goal, self.goal_heading, is_line=self.follow is not None)

@@ -112,6 +112,11 @@ def _parameters() -> Iterator[Parameter]:
     yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
         'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
         range=_NOT_NEGATIVE)
+    yield robot('robot.max_wheel_acceleration', _DOUBLE, 0.0, 'rad/s^2',
+        'Limit of either wheel: from one command to the next it changes by no more in a '
+        '`control_period`, and a stop is a ramp, along which the way must be clear. 0 means no '
+        'limit, and a stop at once; above 0 it needs code of its own.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
         "Radius of the robot's footprint, added to every obstacle and taken from the road.",
         range=_NOT_NEGATIVE)

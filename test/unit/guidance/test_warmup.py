@@ -20,6 +20,7 @@ PERIOD = 200_000_000
 PROGRAM = """
 import gc
 import math
+import sys
 from itertools import product
 
 import numpy as np
@@ -40,7 +41,8 @@ def code():
     return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
 
 
-values = TABLE.resolve(load_parameter_file('case3') | {'solver.candidates': 1})
+given = {'solver.candidates': 1, 'robot.max_wheel_acceleration': float(sys.argv[1])}
+values = TABLE.resolve(load_parameter_file('case3') | given)
 prepare(guidance_settings(values))
 before = code()
 assert before
@@ -100,9 +102,10 @@ print(*sorted(code() - before), sep='\\n')
 
 
 @pytest.mark.slow
-def test_no_code_is_missing_after_it():
+@pytest.mark.parametrize('acceleration', ['0', '100'])
+def test_no_code_is_missing_after_it(acceleration):
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True
+        [sys.executable, '-c', PROGRAM, acceleration], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
 

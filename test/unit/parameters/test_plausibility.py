@@ -22,6 +22,7 @@ def test_presets_and_robots_are_in_metres_and_radians(name):
         ('robot.wheel_radius', 35.0, 'millimetres'),
         ('robot.half_track', 55.0, 'millimetres'),
         ('robot.radius', 220.0, 'millimetres'),
+        ('robot.max_wheel_acceleration', 1.0, r'm/s^2'),
         ('safety.margin', 50.0, 'millimetres'),
         ('goal.heading', [90.0], 'degrees'),
         ('start.pose', [0.0, -9.25, 180.0], 'degrees'),

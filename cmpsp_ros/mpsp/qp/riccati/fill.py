@@ -120,17 +120,13 @@ def put_derivatives(
     path['value'], path['X'][:, :, :n], path['U'][:, :, :r] = qp.g, qp.g_X, qp.g_U
 
 
-def subproblem_in(of: Space) -> Subproblem:
-    """The program in records, on their present horizon, in arrays of its own."""
-    n, r, N = of.size.state, of.size.control, int(of.program.head['horizon'][0])
-    stages, path, terminal = (
-        of.program.stages[: N + 1],
-        of.program.path[: N + 1],
-        of.program.terminal,
-    )
-    linearisation = Linearisation(
-        A=stages['A'][:N, :n, :n].copy(),
-        B=stages['B'][:N, :n, :r].copy(),
+def derivatives_in(
+    stages: Records, path: Records, terminal: Records, n: int, r: int
+) -> Linearisation:
+    """The derivatives in records, of ``n`` states and ``r`` controls, in arrays of their own."""
+    return Linearisation(
+        A=stages['A'][:-1, :n, :n].copy(),
+        B=stages['B'][:-1, :n, :r].copy(),
         L_X=stages['L_X'][:, :n].copy(),
         L_U=stages['L_U'][:, :r].copy(),
         L_XX=stages['L_XX'][:, :n, :n].copy(),
@@ -143,8 +139,15 @@ def subproblem_in(of: Space) -> Subproblem:
         g_X=path['X'][:, :, :n].copy(),
         g_U=path['U'][:, :, :r].copy(),
     )
+
+
+def subproblem_in(of: Space) -> Subproblem:
+    """The program in records, on their present horizon, in arrays of its own."""
+    n, r, count = of.size.state, of.size.control, int(of.program.head['horizon'][0]) + 1
+    stages, path = of.program.stages[:count], of.program.path[:count]
     lower, upper = stages['lower'][:, :r].copy(), stages['upper'][:, :r].copy()
     trust_radius = of.program.head['trust_radius'][0, :n].copy()
+    linearisation = derivatives_in(stages, path, of.program.terminal, n, r)
     return Subproblem(linearisation, lower, upper, trust_radius)
 
 

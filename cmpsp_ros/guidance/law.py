@@ -19,7 +19,8 @@ from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
+from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
@@ -53,6 +54,7 @@ class GuidanceLaw:
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
+        self._approach = Approach(settings)
         self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -217,6 +219,9 @@ class GuidanceLaw:
             # Before a moving obstacle it is not safe to wait.
             if not len(start.moving):
                 why, state.idle_steps = reason_to_wait(state.idle_steps, road, context, selected)
+            ahead = self._contact(plan, start, verdict)
+            if not why and ahead is not None and ahead.speed < STANDSTILL:
+                why = f'The robot stops: {ahead}'
             if why:
                 state.plan, state.waiting = None, plan
                 return self._stop(stamp, pose, f'{why} {reason}', result)
@@ -231,7 +236,18 @@ class GuidanceLaw:
             level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
+            ahead = self._contact(plan, start, verdict)
+        # It is improved as it is: who slows it down may be wrong about what it leads into.
         state.plan = plan
+        slowed = None if ahead is None else self._approach.slowed(plan, start, ahead.speed)
+        if slowed is not None:
+            checked = self._audit.check(
+                start, slowed.controls, slowed.horizon.durations, context.pending
+            )
+            if checked.passed:
+                plan, verdict = slowed, checked
+                speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
+                reason += f' Slows down to {speed:.3g} m/s: {ahead}'
         state.follow(plan, verdict)
         self._drop_plan_after_failures()
         return decision_builder.follow(
@@ -246,6 +262,12 @@ class GuidanceLaw:
             result,
             self._selector.phases,
         )
+
+    def _contact(self, plan: Plan, start: PlanStart, verdict: Verdict) -> Contact | None:
+        """What a plan leads into, where it does."""
+        if verdict.worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
+            return None
+        return self._approach.contact(plan, start)
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon

@@ -106,10 +106,12 @@ class Safety:
     Attributes:
         margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
+        stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
     """
 
     margin: float = 0.0
     between_samples: bool = True
+    stopping_time: float = 0.5
 
 
 @dataclass(frozen=True)

@@ -254,6 +254,10 @@ def _parameters() -> Iterator[Parameter]:
         range=_NOT_NEGATIVE)
     yield safety('safety.between_samples', _BOOL, True, '',
         'Whether the path between two control steps must be clear as well.')
+    yield safety('safety.stopping_time', _DOUBLE, 0.5, 's',
+        'How much longer than modelled the robot may take to come to rest: where no plan passes '
+        'what is in its way, it approaches so slowly that it stops before it even then.',
+        range=_NOT_NEGATIVE)
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

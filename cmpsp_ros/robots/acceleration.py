@@ -63,6 +63,21 @@ def braking(
     return ramp[:count]
 
 
+def least_scale(command: Array, previous: Array, max_change: float) -> float:
+    """The least factor of a command that the wheels can follow, which could follow it itself.
+
+    Args:
+        command: Wheel speeds, shape ``(2,)`` [rad/s].
+        previous: The command before it, shape ``(2,)`` [rad/s].
+        max_change: As in `within_ramp`.
+    """
+    wheels = zip(command.tolist(), previous.tolist(), strict=True)
+    least = [
+        (math.copysign(before, before * to) - max_change) / abs(to) for to, before in wheels if to
+    ]
+    return min(max(0.0, *least), 1.0) if least else 0.0
+
+
 @allocation_free
 def _pace(
     commands: Array,

@@ -24,6 +24,7 @@ from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
+from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
@@ -96,7 +97,8 @@ def test_before_a_closed_road_it_stops_clear(acceleration):
 
 def test_a_stop_is_the_ramp_that_was_audited():
     """The law is told of an obstacle where its plan leads: no plan is left, and it brakes."""
-    given = limited(CASES['case 1'])
+    # It is not slowed down before.
+    given = limited(CASES['case 1'], safety=Safety(stopping_time=0.0))
 
     def block(run, _stamp):
         if len(run.decisions) == 20:

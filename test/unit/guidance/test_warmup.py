@@ -95,7 +95,9 @@ riccati_backend.solve_program = lambda *_: asked.append(1) or ITERATION_LIMIT
 for radius, (rungs, speeds) in zip((1.0, 2.0), own, strict=True):
     found = general(radius)
     assert found[0] == rungs, (found, rungs)
-    np.testing.assert_allclose(found[1], speeds, atol=1e-5)
+    # With a limit the multipliers are not unique, nor are the step lengths that they lead to.
+    if not given['robot.max_wheel_acceleration']:
+        np.testing.assert_allclose(found[1], speeds, atol=1e-5)
 assert asked
 print(*sorted(code() - before), sep='\\n')
 """

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.verify.border import ROUNDING, nearly_feasible, nearly_infeasible
 from benchmarks.verify.case import Case, Origin, Program
-from benchmarks.verify.conflict import contradict
 from benchmarks.verify.contestant import Contestant
+from benchmarks.verify.feasibility import ROUNDING, contradict, nearly_feasible, nearly_infeasible
 from benchmarks.verify.measure import Accuracy, accuracy, cost, last_bit
 from benchmarks.verify.references import (
     Reference,
@@ -89,12 +88,12 @@ def compare(case: Case, contestant: Contestant) -> Comparison:
     try:
         return _compare(case, contestant)
     except Exception as error:
-        error.add_note(f'{contestant.name} at {case.origin}: {case.draft.about}')
+        error.add_note(f'{contestant.name} at {case.origin}: {case.about}')
         raise
 
 
 def _compare(case: Case, contestant: Contestant) -> Comparison:
-    program = case.draft.program
+    program = case.program
     answers = references(program)
     cold = contestant.cold(program)
     measured, difference = accuracy(program, cold), 0.0
@@ -108,12 +107,12 @@ def _compare(case: Case, contestant: Contestant) -> Comparison:
         findings.append(Finding('conflict', f'{len(cold.conflict)} rows that go together', ''))
     warm_iterations = 0
     if contestant.warm is not None:
-        warm = contestant.warm(program, case.draft.before)
+        warm = contestant.warm(program, case.before)
         warm_iterations = warm.iterations
         findings += _warm_findings(program, (cold, measured), warm)
     return Comparison(
         case.origin,
-        case.draft.about,
+        case.about,
         verdict(answers),
         cold.status,
         measured,

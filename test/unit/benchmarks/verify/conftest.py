@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.verify import clarabel_reference
-from benchmarks.verify.case import Case, Draft, Origin, Program
+from benchmarks.verify.case import Case, Origin, Program
 from benchmarks.verify.contestant import Contestant
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
@@ -48,7 +48,7 @@ def case_of():
 
     def make(subproblem, penalties=None, before=None):
         program = Program(subproblem, penalties)
-        return Case(Origin('test', 0, 0), Draft('a test', program, before or program))
+        return Case(Origin('test', 0, 0), 'a test', program, before or program)
 
     return make
 

@@ -24,7 +24,7 @@ def relaxed(subproblem, terminal=10.0, path=1.0):
 
 
 def hard_cases(family, seed):
-    return [each for each in cases(family, seed) if each.draft.program.penalties is None]
+    return [each for each in cases(family, seed) if each.program.penalties is None]
 
 
 @pytest.mark.parametrize('family', FAMILIES)
@@ -146,7 +146,7 @@ def test_the_hint_comes_from_the_program_before(scalar, case_of, erring):
     case = case_of(scalar(), before=before)
     assert compare(case, replace(erring(), warm=warm)).findings == ()
     ((program, hint),) = asked
-    assert program is case.draft.program
+    assert program is case.program
     assert hint is before
 
 

@@ -24,6 +24,7 @@ from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
     lookahead_point,
@@ -31,7 +32,6 @@ from cmpsp_ros.world.roads.arc_length import (
     remaining_arc_length,
 )
 from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 

@@ -90,7 +90,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
     arc_length_to(_A_ROAD, pose, on_road.goal)
     lookahead_point(_A_ROAD, pose, 1.0)
-    find_near(_A_ROAD.space(0.0), *pose, math.nan, 0.0)
+    find_near(_A_ROAD.space(0.0), pose[0], pose[1], pose[2], math.nan, 0.0)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:

@@ -24,13 +24,13 @@ from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
     find_near,
     lookahead_point,
     remaining_arc_length,
 )
-from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 

@@ -92,7 +92,7 @@ def describe(comparison: Comparison) -> str:
         residual, gap = comparison.accuracy
         words += f', residual {residual:.1e}, gap {gap:.1e}'
     cold, warm = comparison.iterations
-    words += f', iterations {cold} and with a hint {warm}' if warm else f', iterations {cold}'
+    words += f', iterations {cold} and with a warm start {warm}' if warm else f', iterations {cold}'
     parts = [words, comparison.verdict.value]
     for finding in comparison.findings:
         because = f' (explained: {finding.explanation})' if finding.explanation else ''

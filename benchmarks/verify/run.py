@@ -36,7 +36,7 @@ def verify(
         progress: Told how many programs were compared since it was last told.
 
     Returns:
-        A comparison of each, whatever came of it.
+        A comparison of each.
 
     Raises:
         ProblemError: No back end of that name is installed; says which are.

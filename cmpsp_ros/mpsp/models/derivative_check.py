@@ -162,7 +162,7 @@ def _of_evaluate(
     L_Z = found[0].reshape(N + 1, n + r)
     h_Z = found[1 : 1 + m].reshape(m, N + 1, n + r)[:, N]
     g_Z = found[1 + m :].reshape(N + 1, path, N + 1, n + r)[range(N + 1), :, range(N + 1)]
-    # Rows that do not apply are not used, whatever they hold.
+    # Rows that do not apply are not used.
     g_Z = np.where(applies[:, :, None], g_Z, np.concatenate([lin.g_X, lin.g_U], axis=2))
     for name, Z_part in (('L', L_Z), ('h', h_Z), ('g', g_Z)):
         yield f'{name}_X', Z_part[..., :n], noise

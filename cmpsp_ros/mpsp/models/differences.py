@@ -43,7 +43,7 @@ class StageFunction:
         self._states = states
 
     def __call__(self, k: int, Z: NDArray[Any]) -> NDArray[Any]:
-        """The value, not a number where Python's arithmetic gives up, complex where ``Z`` is.
+        """The value: NaN where Python's arithmetic raises, complex where ``Z`` is.
 
         Raises:
             ProblemError: The value has the wrong shape or is no number.
@@ -98,7 +98,7 @@ class StageFunction:
                 with warnings.catch_warnings():
                     warnings.simplefilter('error', np.exceptions.ComplexWarning)
                     found = _complex_step(self, k, Z)
-            # Whatever it is that a function raises on complex numbers: it does not take them.
+            # Any error on complex numbers means that the function does not take them.
             except Exception:
                 return
             if not np.allclose(found, expected, rtol=_AGREEMENT, atol=_AGREEMENT):

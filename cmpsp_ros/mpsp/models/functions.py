@@ -45,7 +45,7 @@ def from_functions(
     has no such structure, contributes the positive semi-definite part of its second derivative.
 
     A path constraint does not apply where ``g`` returns ``-inf``. Nor do those at stage 0 that
-    have the same value whatever the control: the state there is known, nothing can change them.
+    no control changes: the state there is known.
 
     Args:
         horizon: ``N``, at least 1.

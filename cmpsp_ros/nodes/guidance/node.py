@@ -8,8 +8,6 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from cmpsp_ros.nodes.common.compiling import LateCompilations, prepare_aloud
-from cmpsp_ros.nodes.common.garbage import GarbageCollection
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.lifecycle import (
     ACTIVE,
@@ -19,13 +17,14 @@ from cmpsp_ros.nodes.common.lifecycle import (
     guard_change_state,
 )
 from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
-from cmpsp_ros.nodes.common.process_watch import ProcessWatch
-from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
-from cmpsp_ros.nodes.common.runtime import run
+from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
+from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
+from cmpsp_ros.nodes.timing.garbage import GarbageCollection
+from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.course import course_problems
 from cmpsp_ros.parameters.courses.roads import lacks_road

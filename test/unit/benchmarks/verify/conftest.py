@@ -44,7 +44,7 @@ def scalar():
 
 @pytest.fixture
 def case_of():
-    """Makes a case of one program, with the hint from that program itself."""
+    """Makes a case of one program, with the warm start from that program itself."""
 
     def make(subproblem, penalties=None, before=None):
         program = Program(subproblem, penalties)
@@ -55,16 +55,16 @@ def case_of():
 
 @pytest.fixture
 def erring():
-    """Makes a back end: Clarabel's answer, changed; with a hint, changed otherwise."""
+    """Makes a back end: Clarabel's answer, changed; with a warm start, changed otherwise."""
 
-    def make(change=lambda answer: answer, hinted=None):
+    def make(change=lambda answer: answer, warmed=None):
         def cold(program):
             return change(clarabel_reference.solve(program))
 
         def warm(program, before):
-            return hinted(clarabel_reference.solve(program))
+            return warmed(clarabel_reference.solve(program))
 
-        return Contestant('erring', cold, None if hinted is None else warm)
+        return Contestant('erring', cold, None if warmed is None else warm)
 
     return make
 

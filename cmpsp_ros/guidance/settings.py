@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.road import Annulus, Road
+from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,7 @@ from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 Array = NDArray[np.float64]
 

@@ -17,7 +17,6 @@ from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 Array = NDArray[np.float64]
 
@@ -141,7 +140,7 @@ def outcome(driven: Driven) -> Outcome:
         trouble=worst.reason if worst is not None and worst.rung else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,
-        shortest_way=shortest_way(settings.annulus, start[:2], settings.goal),
+        shortest_way=settings.annulus.shortest_length(start[:2], settings.goal),
         farthest=farthest(task),
         obstacles=len(settings.obstacles),
         x=x,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:

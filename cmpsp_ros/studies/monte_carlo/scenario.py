@@ -11,8 +11,7 @@ import numpy as np
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.passage import is_open
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import angle_between
+from cmpsp_ros.world.roads.annulus import Annulus
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -62,7 +61,7 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     road, goal = settings.annulus, settings.goal
     away = settings.robot_radius + FROM_EDGE
     start = _point(random, road, (0.0, math.tau), away)
-    ahead = angle_between(road, start, goal)
+    ahead = road.angle_between(start, goal)
     bearing = _bearing(road, start)
     along = bearing + math.copysign(math.pi / 2.0, ahead)
     heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)

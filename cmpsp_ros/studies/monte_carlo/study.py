@@ -16,7 +16,7 @@ from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4

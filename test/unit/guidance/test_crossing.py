@@ -10,8 +10,8 @@ from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import project_on_path
-from cmpsp_ros.world.roads.road import Annulus
 
 PERIOD = 200_000_000
 STEPS = 300

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 Array = NDArray[np.float64]
 

@@ -35,7 +35,7 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 ON_TIME = [k * PERIOD for k in range(51)]
 BOTH = (FIRST, SECOND)

@@ -255,11 +255,10 @@ def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
 def next_arrived():
     """The first run of which the goal is in reach."""
     from cmpsp_ros.studies.monte_carlo.driving import farthest
-    from cmpsp_ros.world.roads.shortest_path import shortest_way
 
     for number in range(100):
         task = STUDY.run(number)
-        way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+        way = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
         if way < 0.8 * farthest(task):
             return number
     raise AssertionError

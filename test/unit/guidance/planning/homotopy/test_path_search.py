@@ -20,7 +20,6 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 # What is kept from the bounds of a gap, and cut where a bend is too sharp for the limit [m].
 ROOM = 0.08
@@ -208,7 +207,7 @@ def length(way, given, start):
 @pytest.mark.parametrize('start', [(-2.9, 9.3, 1.1), (-2.9, -9.1, 0.0), (0.0, 10.9, 0.0)])
 def test_a_way_for_which_there_is_hardly_time_is_the_shortest(start):
     given = settings((), 51.0, ROAD)
-    shortest = shortest_way(given.road, start[:2], given.goal)
+    shortest = given.road.shortest_length(start[:2], given.goal)
     ample = settings((), 102.0, ROAD)
     scarce = settings((), 1.02 * shortest / 10.0 / given.robot.wheel_radius, ROAD)
     _, [relaxed], _ = search(ample, start)

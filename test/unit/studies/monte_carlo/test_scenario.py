@@ -133,7 +133,10 @@ def test_the_shortest_way_is_straight_or_around_the_inner_edge():
 @pytest.mark.parametrize(
     ('changes', 'text'),
     [
-        ({'name': 'nominall'}, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (
+            {'name': 'nominall'},
+            "study: found 'nominall', wanted one of nominal, disturbed, realtime",
+        ),
         ({'assignments': ('robot.radius=0.9',)}, 'road: found 2 m of width'),
     ],
 )

@@ -198,7 +198,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'code', 'text'),
     [
-        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed, realtime"),
         (('nominal', '--set', 'robot.radios=1'), 1, 'robot.radios'),
         (('nominal', '--set', 'obstacles.names=[a]'), 1, 'obstacles.a.center'),
         (('nominal', '--run', 3, '--set', 'final_time=x'), 1, 'final_time'),

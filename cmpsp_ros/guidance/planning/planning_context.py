@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon, shift
+from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
@@ -95,6 +96,11 @@ class PlanningContext:
     def center_line_guess(self) -> Array:
         """Controls along the centre line, shape ``(N + 1, 2)`` [rad/s]."""
         return along_road(self.settings, self.start, self.target, self.horizon.durations)
+
+    @cached_property
+    def road_frame(self) -> RoadFrame:
+        """Road coordinates of the way to the goal."""
+        return road_frame(self.settings, self.start, self.target)
 
     @cached_property
     def encounters(self) -> Encounters:

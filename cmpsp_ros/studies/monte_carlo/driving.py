@@ -140,7 +140,7 @@ def outcome(driven: Driven) -> Outcome:
         trouble=worst.reason if worst is not None and worst.rung else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,
-        shortest_way=settings.annulus.shortest_length(start[:2], settings.goal),
+        shortest_way=settings.road.shortest_length(start[:2], settings.goal),
         farthest=farthest(task),
         obstacles=len(settings.obstacles),
         x=x,

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.passage import is_open
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 
 FROM_EDGE: Final = 0.05
@@ -39,12 +40,14 @@ class Scenario:
         pose: Where the robot stands at first (x, y, heading) [m, m, rad].
         obstacles: What lies on the road.
         seed: Of all that is random in the plant.
+        changes: Settings of the guidance law that differ from those of the study.
     """
 
     number: int
     pose: tuple[float, float, float]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[Shape, ...]
     seed: int
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:

@@ -14,7 +14,7 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import PlantSettings
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
 from cmpsp_ros.world.roads.annulus import Annulus
 

@@ -23,7 +23,7 @@ from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Capsule
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
@@ -142,12 +142,10 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:
-    """Decide on a road where plans are compared, which a live change may bring."""
-    road = settings.road if isinstance(settings.road, Annulus) else Annulus()
-    x, y = road.center
-    opposite = 2.0 * x - float(road.middle()[0]), y
-    post = Obstacle('post', (x, y - road.center_radius), _POST)
-    solver = replace(settings.solver, candidates=_PLANS)
+    """Decide on a road where plans are compared, which a live change may bring, beside a wall."""
+    road, solver = Annulus(), replace(settings.solver, candidates=_PLANS)
+    opposite = -road.center_radius, 0.0
+    wall = Capsule('wall', opposite, (opposite[0], _POST), _POST)
     warm_up(
-        replace(settings, road=road, goal=opposite, follow=None, obstacles=(post,), solver=solver)
+        replace(settings, road=road, goal=opposite, follow=None, obstacles=(wall,), solver=solver)
     )

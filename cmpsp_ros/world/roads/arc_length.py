@@ -54,6 +54,26 @@ def lookahead_point(
     return (x, y), direction
 
 
+def lookahead_points(
+    road: Road, pose: Array, lengths: Array, goal: Point, progress: float = math.nan
+) -> Array:
+    """Points of the centre line some arc lengths ahead of a pose, towards a goal on open floor.
+
+    Args:
+        road: The road.
+        pose: Shape ``(3,)`` [m, m, rad].
+        lengths: Arc lengths, negative against the road's direction, shape ``(K,)`` [m].
+        goal: Where they lead in the end (x, y) [m].
+        progress: Arc length of a place near the pose, NaN if unknown [m].
+
+    Returns:
+        Shape ``(K, 2)`` [m].
+    """
+    points = np.empty((len(lengths), 2))
+    _fill_points(points, road.space(0.0), pose, lengths, goal, float(progress))
+    return points
+
+
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
@@ -138,6 +158,21 @@ def _ahead(road: RoadSpace, x: float, y: float, heading: float, way: float, prog
     if along_x * (at_x - before_x) + along_y * (at_y - before_y) < 0.0:
         along_x, along_y = -along_x, -along_y
     return at_x, at_y, math.atan2(along_y, along_x)
+
+
+@allocation_free
+def _fill_points(
+    points: Array,
+    road: RoadSpace,
+    pose: Array,
+    lengths: Array,
+    goal: Point,
+    progress: float,
+) -> None:
+    x, y = pose[0], pose[1]
+    here = road_functions.project(road, x, y, pose[2], progress)
+    for k in range(lengths.shape[0]):
+        points[k, 0], points[k, 1] = road_functions.point_ahead(road, x, y, here, lengths[k], goal)
 
 
 @allocation_free

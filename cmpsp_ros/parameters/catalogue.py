@@ -55,6 +55,11 @@ def _parameters() -> Iterator[Parameter]:
     yield task('command_delay', _DOUBLE, 0.0, 's',
         'Time from the stamp of an odometry message to the effect of the command that answers it; '
         'plans start at the pose predicted for then.', range=_NOT_NEGATIVE, **guidance_only)
+    yield task('max_command_delay', _DOUBLE, 0.0, 's',
+        'Longest time until a command takes effect, as on a computer that is sometimes late. Until '
+        'then the previous command must lead clear of everything, slowed down where it would not. '
+        '0: no longer than `command_delay`, until commands are late.',
+        range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
         'estimated.', range=Range(0.0, 0.5), **guidance_only)

@@ -87,6 +87,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         follow=follow_of(values),
         control_period=values['control_period'],
         command_delay=values['command_delay'],
+        max_command_delay=values['max_command_delay'],
         max_slip=values['max_wheel_slip'],
         obstacles=obstacles_of(values),
         moving_obstacles=MovingObstacles(

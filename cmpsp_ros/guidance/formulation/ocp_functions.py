@@ -120,9 +120,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
-        progress, off_center, first, second = road_functions.measure(
+        progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
         g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
@@ -160,7 +160,7 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         stage = stages[k]
         if k < N:
@@ -171,13 +171,13 @@ def linearise(
             for i in range(3):
                 A[i, i] = 1.0
             B[2, 0], B[2, 1] = turn, -turn
-        progress, off_center, first, second = road_functions.measure(
+        progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
         edge, other = path[k, 0], path[k, 1]
         # Where the robot is now it cannot be changed: no constraint applies there.
         edge.value, other.value = (first, second) if k > 0 else (-math.inf, -math.inf)
-        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.slopes(
+        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.gradients(
             data.road, X[k, 0], X[k, 1], progress
         )
         if p.hessian == GAUSS_NEWTON:

@@ -9,12 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import Point, angle_between, shortest_way
+from cmpsp_ros.world.roads.road import Point
 
 
 def shortest_time(settings: GuidanceSettings, start: Point) -> float:
@@ -40,12 +37,8 @@ def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str
 
 
 def _way(settings: GuidanceSettings, start: Point) -> float:
-    road = settings.road
-    if isinstance(road, Annulus):
-        inner = road.inner_radius + settings.robot_radius + settings.safety.margin
-        way = shortest_way(replace(road, inner_radius=inner), start, settings.goal)
-    else:
-        way = math.dist(start, settings.goal)
+    kept = settings.robot_radius + settings.safety.margin
+    way = settings.road.shortest_length(start, settings.goal, kept)
     return max(way - settings.goal_tolerance, 0.0)
 
 
@@ -61,20 +54,12 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
 
 
 def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
-    road = settings.road
-    if not isinstance(road, Annulus):
-        return
     wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
-    whole = angle_between(road, start, settings.goal)
     for obstacle in settings.obstacles:
-        if not isinstance(obstacle, Obstacle):
+        if len(obstacle.corners) > 1:
             continue
-        turned = angle_between(road, start, obstacle.center)
-        away = math.dist(obstacle.center, road.center)
-        outside = road.outer_radius - away - obstacle.radius
-        inside = away - obstacle.radius - road.inner_radius
-        gap = max(outside, inside)
-        if 0.0 < turned / (whole or math.inf) < 1.0 and (gap < wanted or gap <= 0.0):
+        gap = settings.road.gap_beside(obstacle.center, obstacle.radius, start, settings.goal)
+        if gap < wanted or gap <= 0.0:
             yield (
                 f'There is no way past obstacle {obstacle.name}: the wider gap beside it is'
                 f' {max(gap, 0.0):.3f} m, and this robot needs {wanted:.3f} m'

@@ -74,8 +74,8 @@ def sweep_plan(
             fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
-    progress = road_functions.find(road, x, y, heading, progress)
-    progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
+    progress = road_functions.project(road, x, y, heading, progress)
+    progress, _, over, over_other = road_functions.lateral_error(road, 0, x, y, progress)
     worst[0], worst[1] = -over, -over_other
     moved = N_EDGE_CONSTRAINTS + radii.shape[0]
     for j in range(radii.shape[0]):

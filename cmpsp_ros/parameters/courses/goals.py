@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from typing import Final
 
@@ -12,8 +11,6 @@ from cmpsp_ros.parameters.courses.course import place_problems
 from cmpsp_ros.parameters.courses.roads import lacks_road, road_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import Annulus
 
 _FEWEST_STEPS: Final = 2
 _MOST_STEPS: Final = 1000
@@ -81,16 +78,12 @@ def follow_problems(values: Values) -> Iterator[Problem]:
     except ParameterError:
         # A problem of its own.
         return
-    if isinstance(road, Annulus):
-        length = math.tau * road.center_radius
-    elif isinstance(road, Corridor) and road.closed:
-        length = road.length
-    else:
+    if not road.lap:
         yield Problem('follow.speed', f'{values["follow.speed"]} m/s', '0 on a road with an end')
         return
-    if abs(values['follow.speed']) * horizon >= length / 2.0:
+    if abs(values['follow.speed']) * horizon >= road.lap / 2.0:
         found = f'{abs(values["follow.speed"]) * horizon:.9g} m of way within it'
-        yield Problem('follow.horizon', found, f'less than half the road, {length / 2.0:.9g} m')
+        yield Problem('follow.horizon', found, f'less than half the road, {road.lap / 2.0:.9g} m')
 
 
 def _goal_problems(values: Values, key: str) -> Iterator[Problem]:

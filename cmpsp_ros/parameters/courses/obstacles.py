@@ -13,7 +13,7 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Point, Shape, ShapeError, convex
-from cmpsp_ros.world.roads.road import OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon': ('vertices',)}
 """What says where an obstacle of each type is."""
@@ -47,7 +47,7 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
         return
     radius = values['robot.radius']
     for obstacle in obstacles:
-        if isinstance(obstacle, Obstacle):
+        if len(obstacle.corners) == 1:
             distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
             found = f'{distance:.9g} m from the centre of obstacle {obstacle.name}'
             wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor, RoadError
-from cmpsp_ros.world.roads.road import Annulus, OpenFloor, Road
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads.road import Road
 
 _ROUNDING = 1e-9
+_WANTED = 'more than robot.radius + safety.margin = {:.9g} m'
 
 
 def lacks_road(values: Values) -> bool:
@@ -32,21 +36,12 @@ def road_of(values: Values) -> Road:
         ParameterError: A corridor's lists do not fit together, or its points make no road; names
             the point.
     """
-    if values['road.type'] == 'none':
-        return OpenFloor()
-    if values['road.type'] == 'corridor':
-        return _stand_in(values) if lacks_road(values) else _corridor(values)
-    center = tuple(values['road.center'])
-    return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
+    return _KINDS[values['road.type']].make(values)
 
 
 def road_keys(values: Values) -> tuple[str, ...]:
     """Parameters without which nothing can be said about the road of that type."""
-    if values['road.type'] == 'none':
-        return ('road.type',)
-    if values['road.type'] == 'corridor':
-        return ('road.type', 'road.points')
-    return ('road.center', 'road.inner_radius', 'road.outer_radius')
+    return _KINDS[values['road.type']].keys
 
 
 def road_problems(values: Values) -> Iterator[Problem]:
@@ -62,20 +57,7 @@ def road_problems(values: Values) -> Iterator[Problem]:
         yield from error.problems
         return
     needed = values['robot.radius'] + values['safety.margin']
-    wanted = f'more than robot.radius + safety.margin = {needed:.9g} m'
-    if isinstance(road, Corridor):
-        for key, widths in (('left', road.left), ('right', road.right)):
-            narrowest = int(np.argmin(widths))
-            if widths[narrowest] <= needed:
-                found = f'{widths[narrowest]:.9g} m to the {key} of point {narrowest}'
-                yield Problem('road.half_width', found, wanted)
-    elif isinstance(road, Annulus):
-        if road.width <= 0.0:
-            less = f'less than road.outer_radius = {road.outer_radius} m'
-            yield Problem('road.inner_radius', f'{road.inner_radius} m', less)
-        elif road.width / 2.0 <= needed:
-            where = 'road.inner_radius, road.outer_radius'
-            yield Problem(where, f'a road of half width {road.width / 2.0:.9g} m', wanted)
+    yield from _KINDS[kind].problems(road, needed)
 
 
 def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
@@ -87,24 +69,55 @@ def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> I
     except ParameterError:
         # A problem of its own.
         return
-    radius = values['robot.radius']
-    if isinstance(road, Annulus):
-        low, high = road.inner_radius + radius, road.outer_radius - radius
-        distance = math.dist(point, road.center)
-        # A road that leaves no room is a problem of its own.
-        if low < high and not low <= distance <= high:
-            wanted = f'{low:.9g} to {high:.9g} m (road.inner_radius + robot.radius to '
-            wanted += 'road.outer_radius - robot.radius)'
-            yield Problem(key, f'{distance:.9g} m from road.center', wanted)
-    elif isinstance(road, Corridor):
-        clearance = FreeSpace.of(road, (), radius).at(np.array([[*point, math.nan]]))[0]
-        nearest = int(np.argmin(clearance))
-        if clearance[nearest] < -_ROUNDING:
-            found = f'{-clearance[nearest]:.9g} m beyond {road.edge_names[nearest]}'
-            yield Problem(key, found, 'a point on the road, robot.radius away from its edges')
-        elif road.beyond(point) > _ROUNDING:
-            found = f'{road.beyond(point):.9g} m beyond the end of the road'
-            yield Problem(key, found, 'a point between its first and its last point')
+    yield from _KINDS[values['road.type']].off_road(road, values['robot.radius'], key, point)
+
+
+def _annulus(values: Values) -> Annulus:
+    center = tuple(values['road.center'])
+    return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
+
+
+def _annulus_problems(road: Annulus, needed: float) -> Iterator[Problem]:
+    if road.width <= 0.0:
+        less = f'less than road.outer_radius = {road.outer_radius} m'
+        yield Problem('road.inner_radius', f'{road.inner_radius} m', less)
+    elif road.width / 2.0 <= needed:
+        where = 'road.inner_radius, road.outer_radius'
+        found = f'a road of half width {road.width / 2.0:.9g} m'
+        yield Problem(where, found, _WANTED.format(needed))
+
+
+def _off_annulus(
+    road: Annulus, radius: float, key: str, point: tuple[float, float]
+) -> Iterator[Problem]:
+    low, high = road.inner_radius + radius, road.outer_radius - radius
+    distance = math.dist(point, road.center)
+    # A road that leaves no room is a problem of its own.
+    if low < high and not low <= distance <= high:
+        wanted = f'{low:.9g} to {high:.9g} m (road.inner_radius + robot.radius to '
+        wanted += 'road.outer_radius - robot.radius)'
+        yield Problem(key, f'{distance:.9g} m from road.center', wanted)
+
+
+def _corridor_problems(road: Corridor, needed: float) -> Iterator[Problem]:
+    for key, widths in (('left', road.left), ('right', road.right)):
+        narrowest = int(np.argmin(widths))
+        if widths[narrowest] <= needed:
+            found = f'{widths[narrowest]:.9g} m to the {key} of point {narrowest}'
+            yield Problem('road.half_width', found, _WANTED.format(needed))
+
+
+def _off_corridor(
+    road: Corridor, radius: float, key: str, point: tuple[float, float]
+) -> Iterator[Problem]:
+    clearance = FreeSpace.of(road, (), radius).at(np.array([[*point, math.nan]]))[0]
+    nearest = int(np.argmin(clearance))
+    if clearance[nearest] < -_ROUNDING:
+        found = f'{-clearance[nearest]:.9g} m beyond {road.edge_names[nearest]}'
+        yield Problem(key, found, 'a point on the road, robot.radius away from its edges')
+    elif road.beyond(point) > _ROUNDING:
+        found = f'{road.beyond(point):.9g} m beyond the end of the road'
+        yield Problem(key, found, 'a point between its first and its last point')
 
 
 def _stand_in(values: Values) -> Corridor:
@@ -117,6 +130,8 @@ def _stand_in(values: Values) -> Corridor:
 
 
 def _corridor(values: Values) -> Corridor:
+    if lacks_road(values):
+        return _stand_in(values)
     numbers = values['road.points']
     if len(numbers) % 2 or not numbers:
         wanted = 'x and y of each point of the centre line'
@@ -139,3 +154,36 @@ def _widths(values: Values, side: str, count: int) -> tuple[float, ...]:
         found = f'{len(widths)} widths'
         raise ParameterError(Problem(key, found, f'one, or one for each of {count} points'))
     return tuple(widths) if len(widths) == count else (widths[0],) * count
+
+
+def _no_problems(*_: Any) -> Iterator[Problem]:
+    return iter(())
+
+
+class _Kind(NamedTuple):
+    """How the parameters say a road, and what is wrong with it.
+
+    Attributes:
+        make: The road of a set of values.
+        keys: Parameters without which nothing can be said about it.
+        problems: Of a road and the clearance needed on either side of its centre line [m].
+        off_road: Of a road, the robot's radius [m], a parameter and the point it says [m].
+    """
+
+    make: Callable[[Values], Road]
+    keys: tuple[str, ...]
+    problems: Callable[[Any, float], Iterator[Problem]]
+    off_road: Callable[[Any, float, str, tuple[float, float]], Iterator[Problem]]
+
+
+_KINDS: Final = {
+    'annulus': _Kind(
+        _annulus,
+        ('road.center', 'road.inner_radius', 'road.outer_radius'),
+        _annulus_problems,
+        _off_annulus,
+    ),
+    'corridor': _Kind(_corridor, ('road.type', 'road.points'), _corridor_problems, _off_corridor),
+    'none': _Kind(lambda _: OpenFloor(), ('road.type',), _no_problems, _no_problems),
+}
+"""What `road.type` may be."""

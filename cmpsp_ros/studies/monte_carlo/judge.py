@@ -28,7 +28,6 @@ from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge
-from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 Array = NDArray[np.float64]
 
@@ -59,7 +58,7 @@ def judged(task: Task) -> dict[str, Any]:
         StudyError: CasADi is not installed.
     """
     pose = np.array(task.scenario.pose)
-    way = shortest_way(task.settings.annulus, task.scenario.pose[:2], task.settings.goal)
+    way = task.settings.annulus.shortest_length(task.scenario.pose[:2], task.settings.goal)
     if way > farthest(task):
         return {'answer': OUT_OF_REACH}
     # First what the guidance law keeps to, then samples alone with a little to spare.

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import angle_between
+from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
+from cmpsp_ros.world.roads.annulus import Annulus
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -40,12 +39,14 @@ class Scenario:
         pose: Where the robot stands at first (x, y, heading) [m, m, rad].
         obstacles: What lies on the road.
         seed: Of all that is random in the plant.
+        changes: Settings of the guidance law that differ from those of the study.
     """
 
     number: int
     pose: tuple[float, float, float]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[Shape, ...]
     seed: int
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:
@@ -62,7 +63,7 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     road, goal = settings.annulus, settings.goal
     away = settings.robot_radius + FROM_EDGE
     start = _point(random, road, (0.0, math.tau), away)
-    ahead = angle_between(road, start, goal)
+    ahead = road.angle_between(start, goal)
     bearing = _bearing(road, start)
     along = bearing + math.copysign(math.pi / 2.0, ahead)
     heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)

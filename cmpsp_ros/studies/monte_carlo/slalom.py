@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.world.roads.shortest_path import angle_between
 
 Array = NDArray[np.float64]
 
@@ -30,10 +29,10 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
     """
     road, robot = settings.annulus, settings.robot
     start = (float(pose[0]), float(pose[1]))
-    ahead = angle_between(road, start, settings.goal)
+    ahead = road.angle_between(start, settings.goal)
     knots = [(0.0, math.dist(start, road.center))]
     for each in settings.obstacles:
-        along = math.copysign(1.0, ahead) * angle_between(road, start, each.center)
+        along = math.copysign(1.0, ahead) * road.angle_between(start, each.center)
         if 0.0 < along < abs(ahead):
             knots.append((along, _widest(settings, each.center)))
     knots = [*sorted(knots), (abs(ahead), math.dist(settings.goal, road.center))]
@@ -62,7 +61,7 @@ def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:
     blocked = [(0.0, road.inner_radius), (road.outer_radius, math.inf)]
     for each in settings.obstacles:
         away = math.dist(each.center, road.center)
-        beside = angle_between(road, center, each.center)
+        beside = road.angle_between(center, each.center)
         across, ahead = away * math.sin(beside), away * math.cos(beside)
         if abs(across) < each.radius and ahead > 0.0:
             half = math.sqrt(each.radius**2 - across**2)

@@ -16,7 +16,7 @@ from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4
@@ -36,10 +36,12 @@ class Kind:
     Attributes:
         changes: Parameters that differ from those of the preset.
         tolerance: Miss up to which a run has arrived [m].
+        lateness: Longest time that a control step takes, in control periods.
     """
 
     changes: Mapping[str, Any]
     tolerance: float
+    lateness: float = 0.0
 
 
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
@@ -58,6 +60,12 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
                 'safety.margin': 0.05,
             },
             0.05,
+        ),
+        # Steps take between nothing and the longest time, and the delay is known on the average.
+        'realtime': Kind(
+            {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
+            0.05,
+            lateness=1.5,
         ),
     }
 )
@@ -123,6 +131,7 @@ class Study:
             drawn,
             replace(settings, obstacles=drawn.obstacles),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
+            KINDS[self.name].lateness,
         )
 
     def command(self, number: int) -> str:
@@ -143,11 +152,13 @@ class Task:
         scenario: Start and obstacles.
         settings: What the guidance law is told.
         plant: What the simulated robot is told.
+        lateness: Longest time that a control step takes, in control periods.
     """
 
     scenario: Scenario
     settings: GuidanceSettings
     plant: PlantSettings
+    lateness: float = 0.0
 
 
 @cache

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.world.roads.center_line import CenterLine, Samples, fit, sample
+from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import CORRIDOR, PIECE, RoadSpace, road_space
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class RoadError(ValueError):
 
 
 @dataclass(frozen=True)
-class Corridor:
+class Corridor(Road):
     """A smooth line through points, with a width to either side at each of them.
 
     An open road goes on straight beyond its ends.
@@ -56,7 +57,8 @@ class Corridor:
         closed: Whether the road goes on from the last point to the first.
     """
 
-    edge_names: ClassVar = ('the left road edge', 'the right road edge')
+    edge_names: ClassVar[tuple[str, str]] = ('the left road edge', 'the right road edge')
+    has_progress: ClassVar[bool] = True
 
     points: tuple[tuple[float, float], ...]
     left: tuple[float, ...]
@@ -86,6 +88,11 @@ class Corridor:
     def length(self) -> float:
         """Of the centre line [m]."""
         return self._line.length
+
+    @property
+    def lap(self) -> float:
+        """Length of a closed one [m]."""
+        return self.length if self.closed else 0.0
 
     def space(self, distance: float) -> RoadSpace:
         """Where the robot's centre is at least so far from both edges [m]."""

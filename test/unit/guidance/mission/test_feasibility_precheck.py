@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnin
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 START = (0.0, -9.25)
 ROCK = Obstacle('rock', (8.0, -6.0), 0.7)

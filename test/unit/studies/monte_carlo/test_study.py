@@ -205,7 +205,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'code', 'text'),
     [
-        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed, realtime"),
         (('nominal', '--set', 'robot.radios=1'), 1, 'robot.radios'),
         (('nominal', '--set', 'obstacles.names=[a]'), 1, 'obstacles.a.center'),
         (('nominal', '--run', 3, '--set', 'final_time=x'), 1, 'final_time'),
@@ -262,11 +262,10 @@ def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
 def next_arrived():
     """The first run of which the goal is in reach."""
     from cmpsp_ros.studies.monte_carlo.driving import farthest
-    from cmpsp_ros.world.roads.shortest_path import shortest_way
 
     for number in range(100):
         task = STUDY.run(number)
-        way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+        way = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
         if way < 0.8 * farthest(task):
             return number
     raise AssertionError

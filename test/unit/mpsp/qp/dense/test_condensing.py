@@ -17,7 +17,7 @@ from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 SHAPES = [(1, 3, 2, 2, 2), (2, 2, 1, 1, 3), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 

@@ -21,11 +21,7 @@ _ANGLES: Final = ('goal.heading', 'goal.heading_tolerance', 'start.pose', 'initi
 
 
 def unit_warnings(values: Values) -> Iterator[str]:
-    """What looks like millimetres or degrees, in sentences.
-
-    Args:
-        values: A set resolved by the table.
-    """
+    """What looks like millimetres or degrees, in sentences."""
     for key, largest in _LARGEST_LENGTHS.items():
         if values[key] > largest:
             yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'

@@ -51,10 +51,6 @@ Progress = Callable[[str, int], Callable[[int], None]]
 def run(order: Order, progress: Progress) -> dict[str, Any]:
     """Make whatever runs are missing, and sum all of them up.
 
-    Args:
-        order: What is asked for.
-        progress: Told how far it is.
-
     Returns:
         The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
         where pyarrow is installed, and the pictures.

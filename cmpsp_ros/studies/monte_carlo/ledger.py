@@ -17,7 +17,15 @@ from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
 
-_DECIDING: Final = ('mpsp', 'robot', 'guidance', 'parameters', 'studies/monte_carlo')
+_DECIDING: Final = (
+    'mpsp',
+    'robots',
+    'world',
+    'simulator',
+    'guidance',
+    'parameters',
+    'studies/monte_carlo',
+)
 
 _READ_WRITE: Final = 0o644
 

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Wedge
 
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
@@ -18,6 +17,7 @@ from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
+from cmpsp_ros.world.obstacles.shapes import outline
 
 _DPI: Final = 150
 _PER_ARC: Final = 4
@@ -39,7 +39,7 @@ _RUNGS: Final = {
 
 
 def draw_study(
-    folder: Path, title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome],
+    folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
     """Draw all paths into one picture, and the spread of miss and clearance into another.
@@ -47,7 +47,7 @@ def draw_study(
     Args:
         folder: Where to.
         title: Of both.
-        settings: Road and goal.
+        settings: Road and goal, where all runs have the same.
         outcomes: Of all runs.
         tolerance: Miss up to which a run has arrived [m].
     """
@@ -70,11 +70,13 @@ def draw_run(path: Path, title: str, driven: Driven) -> Path:
 
 
 def _paths(
-    title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome], tolerance: float
+    title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome], tolerance: float
 ) -> Figure:
     figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
     axes = figure.add_subplot()
-    _draw_road(axes, settings)
+    if settings is not None:
+        _draw_road(axes, settings)
+        axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
     named = set[Verdict]()
     # What went wrong is drawn last, on top.
     for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
@@ -83,7 +85,7 @@ def _paths(
         label = None if verdict in named else verdict.value
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
-    axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
+    axes.set_aspect('equal')
     figure.legend(loc='outside lower center', ncols=len(named))
     axes.set_title(title)
     return figure
@@ -108,13 +110,11 @@ def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure
 
 
 def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
-    road = settings.annulus
-    width = road.outer_radius - road.inner_radius
-    axes.add_patch(Wedge(road.center, road.outer_radius, 0, 360, width=width, fc=_ROAD, lw=0))
-    for radius in (road.inner_radius, road.outer_radius):
-        axes.add_patch(Circle(road.center, radius, fill=False, ec=_EDGE, lw=0.7))
+    axes.fill(*settings.road.area().T, fc=_ROAD, lw=0)
+    for edge in settings.road.edges():
+        axes.plot(*edge.T, color=_EDGE, lw=0.7)
     for each in settings.obstacles:
-        axes.add_patch(Circle(each.center, each.radius, fc=_OBSTACLE, ec=_RIM, lw=0.7))
+        axes.fill(*outline(each, each.radius).T, fc=_OBSTACLE, ec=_RIM, lw=0.7)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
 
@@ -137,9 +137,8 @@ def _draw_way(axes: Axes, driven: Driven) -> None:
         axes.plot(*points[chosen].T, color=_RUNGS[decision.rung], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
-    centers = [(*each.center, each.radius) for each in settings.obstacles]
-    corners = np.vstack([points, [settings.goal], *([[x - r, y - r], [x + r, y + r]]
-                         for x, y, r in centers)])  # fmt: skip
+    outlines = [outline(each, each.radius) for each in settings.obstacles]
+    corners = np.vstack([points, [settings.goal], *outlines])
     (left, low), (right, high) = corners.min(axis=0) - 0.5, corners.max(axis=0) + 0.5
     axes.set(xlim=(left, right), ylim=(low, high))
 
@@ -152,7 +151,8 @@ def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
 def _draw_clearance(axes: Axes, driven: Driven) -> None:
     clearance = driven.clearance()
     times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
-    names = ('outer edge', 'inner edge', *(each.name for each in driven.task.settings.obstacles))
+    settings = driven.task.settings
+    names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
     for rung, color in _RUNGS.items():

@@ -165,10 +165,13 @@ $(DEVELOPMENT): $(ENVIRONMENT) requirements/development.txt
 	@$(CHECK)
 	@touch $@
 
-# Editable; needs no network. The build tools are in the lock.
+# Editable; needs no network. The build tools are in the lock. What the nodes import is compiled to
+# bytecode here, as pip would, even where Python is told to write none: else it is at every start.
 $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 	@rm -f $@
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import cmpsp_ros.nodes.guidance.node, \
+	    cmpsp_ros.nodes.sim.node, cmpsp_ros.nodes.recording.recorder, cmpsp_ros.demo.results'
 	@touch $@
 
 # What is compiled here the nodes load from the user's cache: they start at once, and without the

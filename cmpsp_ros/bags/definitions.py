@@ -43,7 +43,6 @@ def types_of(connection: Connection) -> Typestore:
     Raises:
         ReaderError: There is no definition, or none that is read.
         Exception: Whatever rosbags' parser meets in a definition that is damaged.
-
     """
     if _is_known(connection):
         return jazzy()

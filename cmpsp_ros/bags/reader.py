@@ -46,7 +46,6 @@ class BagTopic:
         msgtype: Type, as in `nav_msgs/msg/Odometry`.
         count: Number of messages.
         qos_profiles: What the publishers offered when recording began.
-
     """
 
     msgtype: str
@@ -80,7 +79,6 @@ class Bag:
 
     Raises:
         BagError: No such path, not a bag, cut off, being written, or damaged.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -111,7 +109,6 @@ class Bag:
 
         Raises:
             BagError: No such topic, or the bag is damaged.
-
         """
         for _, stamp, raw in self._records(topic):
             yield stamp, raw
@@ -127,7 +124,6 @@ class Bag:
 
         Raises:
             BagError: No such topic, or the bag is damaged.
-
         """
         for _, stamp, message in self.together([topic]):
             yield stamp, message
@@ -143,7 +139,6 @@ class Bag:
 
         Raises:
             BagError: No such topic, or the bag is damaged.
-
         """
         for connection, stamp, raw in self._records(*topics):
             name, topic = connection.msgtype, connection.topic
@@ -165,7 +160,6 @@ class Bag:
 
         Raises:
             BagError: A topic is missing, or the bag is damaged.
-
         """
         for connection, stamp, raw in self._records(*topics):
             yield connection.topic, stamp, raw
@@ -189,13 +183,11 @@ class Bag:
 
     def _records(self, *topics: str) -> Iterator[tuple[Connection, int, bytes]]:
         if not self._open:
-            msg = f'{self.path}: the bag is closed'
-            raise BagError(msg)
+            raise BagError(f'{self.path}: the bag is closed')
         for topic in topics:
             if topic not in self.topics:
                 there = ', '.join(sorted(self.topics)) or 'no topic at all'
-                msg = f'{self.path}: no topic {topic}; there is {there}'
-                raise BagError(msg)
+                raise BagError(f'{self.path}: no topic {topic}; there is {there}')
         chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
         count, promised = 0, sum(each.msgcount for each in chosen)
@@ -261,14 +253,12 @@ class Bag:
             raise
         except Exception as error:
             text = ' '.join(str(error).split()) or type(error).__name__
-            msg = f'{self.path}: {what}: {text[:_MAX_REASON]}'
-            raise BagError(msg) from error
+            raise BagError(f'{self.path}: {what}: {text[:_MAX_REASON]}') from error
 
 
 def _check_there(path: Path) -> None:
     if not path.exists():
-        msg = f'{path}: no such bag'
-        raise BagError(msg)
+        raise BagError(f'{path}: no such bag')
     if path.is_dir() and not (path / METADATA).exists():
         raise BagError(f'{path}: {_what_is(path)}')
     if path.is_file() and path.suffix not in _SUFFIXES:

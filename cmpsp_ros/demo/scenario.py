@@ -11,10 +11,9 @@ from typing import Any, Final
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.road_files import with_road_file
 from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
-from cmpsp_ros.parameters.road_files import with_road_file
-from cmpsp_ros.parameters.robots import load_robot
+from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
 

@@ -158,6 +158,7 @@ class GuidanceSettings:
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
+        max_command_delay: Longest that this may take, as long as no command has been later [s].
         obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
@@ -182,6 +183,7 @@ class GuidanceSettings:
     follow: Follow | None = None
     control_period: float = 0.2
     command_delay: float = 0.0
+    max_command_delay: float = 0.0
     obstacles: tuple[Shape, ...] = ()
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     robot_radius: float = 0.0

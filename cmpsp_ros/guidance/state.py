@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
@@ -43,6 +44,7 @@ class LawState:
         final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
+        lateness: Of control steps that took too long.
     """
 
     goals: GoalManager
@@ -64,6 +66,7 @@ class LawState:
     final_pose: Array | None = None
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
+    lateness: Lateness = field(default_factory=Lateness)
 
     @classmethod
     def begin(cls, settings: GuidanceSettings, run: int, revision: int) -> LawState:

@@ -27,18 +27,18 @@ from cmpsp_ros.world.obstacles.shapes import Capsule
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
+    find_near,
     lookahead_point,
-    project_on_path,
     remaining_arc_length,
 )
-from cmpsp_ros.world.roads.corridor import Corridor
 
 Array = NDArray[np.float64]
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
 _POST = 0.1
-_A_ROAD = Corridor(((0.0, 0.0), (1.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+# Corridors have the same code, and need scipy, which takes a third of a second to import.
+_A_ROAD = Annulus()
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
 
@@ -78,7 +78,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     Each of them is compiled once, for all kinds of road.
     """
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
-    on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
+    on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
     on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
@@ -90,7 +90,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
     arc_length_to(_A_ROAD, pose, on_road.goal)
     lookahead_point(_A_ROAD, pose, 1.0)
-    project_on_path(_A_ROAD, pose, math.nan)
+    find_near(_A_ROAD.space(0.0), pose[0], pose[1], pose[2], math.nan, 0.0)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:

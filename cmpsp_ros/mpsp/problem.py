@@ -87,6 +87,12 @@ class Linearisation:
     g_X: Array
     g_U: Array
 
+    @property
+    def size(self) -> Dimensions:
+        """The dimensions that the arrays seem to have."""
+        N, n, r = self.B.shape
+        return Dimensions(N, n, r, len(self.output_error), self.g.shape[1])
+
     def check(self, size: Dimensions) -> None:
         """Raise where an array has the wrong shape or a value that is not finite.
 

@@ -55,6 +55,11 @@ def _parameters() -> Iterator[Parameter]:
     yield task('command_delay', _DOUBLE, 0.0, 's',
         'Time from the stamp of odometry to the effect of the command that answers it; the plan '
         'begins where the robot will be then.', range=_NOT_NEGATIVE, **guidance_only)
+    yield task('max_command_delay', _DOUBLE, 0.0, 's',
+        'Longest that a command may take to come into effect, as on a computer that is late now '
+        'and then: until then the command before it must lead clear of everything, more slowly '
+        'where it would not. 0 expects no more than `command_delay`, until commands are late.',
+        range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Largest part of their turning by which the wheels may fail to move the robot. Up to it '
         'slip is estimated from odometry and reckoned with; 0: it is not.',

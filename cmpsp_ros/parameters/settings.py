@@ -20,18 +20,17 @@ from cmpsp_ros.guidance.settings import (
 )
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
-from cmpsp_ros.parameters.course import start_problems
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.goals import (
+from cmpsp_ros.parameters.courses.course import place_problems, start_problems
+from cmpsp_ros.parameters.courses.goals import (
     follow_of,
     follow_problems,
     goal_problems,
     heading_of,
     waypoints_of,
 )
-from cmpsp_ros.parameters.obstacles import obstacle_problems, obstacles_of
-from cmpsp_ros.parameters.places import place_problems
-from cmpsp_ros.parameters.roads import road_of, road_problems
+from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
+from cmpsp_ros.parameters.courses.roads import road_of, road_problems
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
@@ -91,6 +90,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         follow=follow_of(values),
         control_period=values['control_period'],
         command_delay=values['command_delay'],
+        max_command_delay=values['max_command_delay'],
         max_slip=values['max_wheel_slip'],
         obstacles=obstacles_of(values),
         moving_obstacles=MovingObstacles(

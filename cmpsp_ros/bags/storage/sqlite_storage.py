@@ -31,7 +31,6 @@ class SqliteStorage(Sqlite3Writer):
 
     Raises:
         OSError: It cannot be created.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,8 +92,7 @@ class SqliteStorage(Sqlite3Writer):
         """Write the bag's metadata, bring all into one file, and close it."""
         if self._refused:
             # SQLite may have taken back by itself all that came since the last flush.
-            msg = 'messages were refused'
-            raise OSError(msg)
+            raise OSError('messages were refused')
         self.flush()
         with _refusals():
             # A second attempt writes over what the first one did.

@@ -92,7 +92,8 @@ class PlanSelector:
         plan, horizon = context.plan, context.horizon
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
         # The plan that is followed comes first; the others share the work that it leaves.
-        self._work_left = self._settings.solver.work_limit(self._settings.control_period)
+        work_limit = self._settings.solver.work_limit(self._settings.control_period)
+        self._work_left = work_limit >> context.halvings
         if plan is None:
             self._work_left *= _GENEROUS
             self._pool.followed.forget()

@@ -59,6 +59,7 @@ class PlanningContext:
         previous_control: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
         plan: The one followed until now, if any.
         pending: Verdict on the path to where they begin, if there is one.
+        halvings: How often the work of the step is halved.
     """
 
     settings: GuidanceSettings
@@ -68,6 +69,7 @@ class PlanningContext:
     previous_control: Array
     plan: Plan | None = None
     pending: Verdict | None = None
+    halvings: int = 0
 
     @classmethod
     def at_pose(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 if TYPE_CHECKING:

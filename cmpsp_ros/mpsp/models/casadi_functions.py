@@ -25,8 +25,7 @@ from cmpsp_ros.mpsp.problem import (
     OptimalControlProblem,
     numbers,
 )
-from cmpsp_ros.mpsp.qp.curvature import project_stages
-from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite, project_stages
 
 if TYPE_CHECKING:
     from types import ModuleType

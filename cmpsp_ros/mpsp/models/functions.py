@@ -26,8 +26,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.qp.curvature import project_stages
-from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite, project_stages
 
 Derivatives = Literal['auto', Scheme]
 

@@ -8,18 +8,19 @@ from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.goals import GoalError
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
-from cmpsp_ros.nodes.common.drain_queue import catch_up
+from cmpsp_ros.nodes.common.drain_queue import catch_up, take_newest
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.odometry_bytes import read_odometry
+from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
 
@@ -162,7 +163,7 @@ class GuidanceLoop:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
-            message = read_odometry(data)
+            message, skipped = self._newest(data, now)
             pose, stamp = pose_of(message, self._settings.frame_id), stamp_of(message)
             check_age(stamp, now, self._settings.odom_timeout)
         except OdometryError as error:
@@ -183,15 +184,30 @@ class GuidanceLoop:
             return
         if decision is None:
             return
-        self._outputs.command(decision)
+        sent = self._now()
+        decision = decision._replace(skipped=skipped)
+        period, took = self._settings.control_period, (sent - now) / NANOSECONDS
+        if took > period and decision.plan is not None:
+            decision = self._law.withdraw(decision, took)
+            self._node.get_logger().warning(decision.reason)
+        else:
+            self._outputs.command(decision)
         self._begun = True
         self._expect_end(decision, now)
-        period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
-        self.times.add(step_ms, period)
+        step_ms = (time.perf_counter_ns() - began) / 1e6
+        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _newest(self, data: bytes, now: int) -> tuple[Odometry, bool]:
+        """Odometry, and whether it is newer odometry that waits instead of what has grown old."""
+        message = read_odometry(data)
+        if (now - stamp_of(message)) / NANOSECONDS <= self._settings.control_period:
+            return message, False
+        newest = take_newest(self._odometry)
+        return (message, False) if newest is None else (read_odometry(newest), True)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
         """See to it that the robot stops in time where odometry does not come just then."""

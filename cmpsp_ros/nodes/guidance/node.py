@@ -27,10 +27,10 @@ from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.course import course_problems
+from cmpsp_ros.parameters.courses.course import course_problems
+from cmpsp_ros.parameters.courses.roads import lacks_road
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.plausibility import unit_warnings
-from cmpsp_ros.parameters.roads import lacks_road
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
 from cmpsp_ros.quick_exit import quick_exit

@@ -22,13 +22,12 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.slalom import at_constant_speed, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge import judge
 from cmpsp_ros.world.roads.road_space import ANNULUS
 
@@ -73,10 +72,7 @@ def judged(task: Task) -> dict[str, Any]:
     spaces = ((FEASIBLE, guarded, guarded.safety.margin), (UNGUARDED, unguarded, 0.0))
     for answer, settings, wanted in spaces:
         for place, start in enumerate(_starts(settings, pose)):
-            try:
-                found = judge(settings, pose, start)
-            except PaperError as error:
-                raise StudyError(str(error)) from error
+            found = judge(settings, pose, start)
             if not np.isfinite(found.wheel_speeds).all():
                 continue
             path = _driven(guarded, pose, found.wheel_speeds)

@@ -10,32 +10,26 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel
+from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
+from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
+from cmpsp_ros.view.palette import LEVEL_COLORS
 from cmpsp_ros.world.obstacles.shapes import outline
 
 _DPI: Final = 150
-_PER_ARC: Final = 4
 _SMALLEST_MISS: Final = 1e-16
 
-_ROAD, _EDGE, _OBSTACLE, _RIM = '0.93', '0.55', '0.72', '0.3'
+_ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
     Verdict.ARRIVED: ('tab:blue', 0.5),
     Verdict.TOO_FAR: ('0.45', 0.5),
     Verdict.MISSED: ('tab:orange', 1.2),
 }
 _FAILED: Final = ('tab:red', 1.2)
-_RUNGS: Final = {
-    FallbackLevel.NOMINAL: 'tab:blue',
-    FallbackLevel.ELASTIC: 'tab:orange',
-    FallbackLevel.SHIFTED: 'tab:purple',
-    FallbackLevel.STOP: 'tab:red',
-}
 
 
 def draw_study(
@@ -75,7 +69,7 @@ def _paths(
     figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
     axes = figure.add_subplot()
     if settings is not None:
-        _draw_road(axes, settings)
+        _draw_place(axes, settings)
         axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
     named = set[Verdict]()
     # What went wrong is drawn last, on top.
@@ -109,12 +103,9 @@ def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure
     return figure
 
 
-def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
-    axes.fill(*settings.road.area().T, fc=_ROAD, lw=0)
-    for edge in settings.road.edges():
-        axes.plot(*edge.T, color=_EDGE, lw=0.7)
-    for each in settings.obstacles:
-        axes.fill(*outline(each, each.radius).T, fc=_OBSTACLE, ec=_RIM, lw=0.7)
+def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
+    draw_road(axes, settings.road, _ROAD, _EDGE)
+    draw_obstacles(axes, settings.obstacles, fc='0.72', ec=_RIM, lw=0.7)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
 
@@ -122,25 +113,21 @@ def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
 def _draw_way(axes: Axes, driven: Driven) -> None:
     """The exact arcs, each in the colour of the rung that was decided on last."""
     settings = driven.task.settings
-    _draw_road(axes, settings)
+    _draw_place(axes, settings)
     begins = np.array([each.stamp_ns for each in driven.motions])
-    poses = np.array([each.pose for each in driven.motions])[:-1]
+    poses = np.array([each.pose for each in driven.motions])
     twists = np.array([each.twist for each in driven.motions])[:-1]
-    parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
-    durations = np.repeat(np.diff(begins) / NANOSECONDS, _PER_ARC) * np.tile(parts, len(poses))
-    arcs = np.repeat(poses, _PER_ARC, axis=0), np.repeat(twists, _PER_ARC, axis=0)
-    points = arc_ends(*arcs, durations)[:, :2]
-    stamps = np.repeat(begins[:-1], _PER_ARC)
+    points = along(poses, twists, np.diff(begins) / NANOSECONDS)
+    stamps = np.append(np.repeat(begins[:-1], PER_ARC), begins[-1])
     for decision, end in _spans(driven.decisions):
         # One point more, so that what comes next begins where this ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
-        axes.plot(*points[chosen].T, color=_RUNGS[decision.rung], lw=1.2)
+        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.rung.name.lower()], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
-    outlines = [outline(each, each.radius) for each in settings.obstacles]
-    corners = np.vstack([points, [settings.goal], *outlines])
-    (left, low), (right, high) = corners.min(axis=0) - 0.5, corners.max(axis=0) + 0.5
-    axes.set(xlim=(left, right), ylim=(low, high))
+    shapes = driven.task.scenario.obstacles
+    boxes = [outline(each, each.radius) for each in shapes]
+    show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 
 def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
@@ -155,11 +142,11 @@ def _draw_clearance(axes: Axes, driven: Driven) -> None:
     names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
-    for rung, color in _RUNGS.items():
-        stamps = [each.stamp / NANOSECONDS for each in driven.decisions if each.rung == rung]
-        if stamps:
-            ground = [-0.02] * len(stamps)
-            axes.plot(stamps, ground, '|', color=color, label=rung.name.lower())
+    for level, color in LEVEL_COLORS.items():
+        there = [each.stamp for each in driven.decisions if each.rung.name.lower() == level]
+        if there:
+            seconds = np.array(there) / NANOSECONDS
+            axes.plot(seconds, [-0.02] * len(there), '|', color=color, label=level)
     axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
     axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
     keys = axes.get_legend_handles_labels()

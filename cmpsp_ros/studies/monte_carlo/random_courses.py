@@ -117,8 +117,7 @@ def _corridor(random: _Random) -> Corridor:
     left, right = (float(each) for each in random.uniform(*_HALF_WIDTHS, 2))
     narrower = random.uniform(0.8, 1.0, (2, _POINTS))
     widths = narrower * np.array([[left], [right]])
-    left_widths, right_widths = (tuple(each) for each in widths.tolist())
-    return Corridor(tuple(points), left_widths, right_widths)
+    return Corridor(tuple(points), tuple(widths[0].tolist()), tuple(widths[1].tolist()))
 
 
 def _place(road: Corridor, at: float) -> tuple[tuple[float, float, float], tuple[float, float]]:

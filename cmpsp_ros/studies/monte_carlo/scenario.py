@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.passage import is_open
 from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 
@@ -79,6 +78,31 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
         if clear and is_open(road, [*obstacles, drawn], GAP + 2.0 * settings.robot_radius):
             obstacles.append(drawn)
     return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+
+
+def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
+    """Whether a disc as wide as that [m] can go all the way along the road.
+
+    It cannot where a chain of obstacles leads from one edge to the other with every gap of it too
+    narrow, and only there: what separates the two sides of a plane strip is connected.
+    """
+    away = {each: math.dist(each.center, road.center) for each in obstacles}
+    if road.outer_radius - road.inner_radius < width:
+        return False
+    waiting = [each for each in away if away[each] - each.radius - road.inner_radius < width]
+    others = [each for each in away if each not in waiting]
+    while waiting:
+        link = waiting.pop()
+        if road.outer_radius - away[link] - link.radius < width:
+            return False
+        near = [each for each in others if _gap(link, each) < width]
+        waiting += near
+        others = [each for each in others if each not in near]
+    return True
+
+
+def _gap(one: Obstacle, other: Obstacle) -> float:
+    return math.dist(one.center, other.center) - one.radius - other.radius
 
 
 def _obstacle(

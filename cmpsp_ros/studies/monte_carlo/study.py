@@ -14,7 +14,7 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import PlantSettings
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.random_courses import corridor_scenario, floor_scenario
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
 
@@ -40,11 +40,13 @@ class Kind:
         changes: Parameters that differ from those of the preset.
         tolerance: Miss up to which a run has arrived [m].
         draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
+        lateness: Longest time that a control step takes, in control periods.
     """
 
     changes: Mapping[str, Any]
     tolerance: float
     draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
+    lateness: float = 0.0
 
     @property
     def has_own_roads(self) -> bool:
@@ -68,6 +70,12 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
                 'safety.margin': 0.05,
             },
             0.05,
+        ),
+        # Steps take between nothing and the longest time, and the delay is known on the average.
+        'realtime': Kind(
+            {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
+            0.05,
+            lateness=1.5,
         ),
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
@@ -140,6 +148,7 @@ class Study:
             drawn,
             replace(settings, obstacles=drawn.obstacles, **drawn.changes),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
+            self.kind.lateness,
         )
 
     def command(self, number: int) -> str:
@@ -160,11 +169,13 @@ class Task:
         scenario: Start and obstacles.
         settings: What the guidance law is told.
         plant: What the simulated robot is told.
+        lateness: Longest time that a control step takes, in control periods.
     """
 
     scenario: Scenario
     settings: GuidanceSettings
     plant: PlantSettings
+    lateness: float = 0.0
 
 
 @cache

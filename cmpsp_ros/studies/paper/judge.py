@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.studies.paper.errors import PaperError
 from cmpsp_ros.studies.paper.judge_space import JudgeSpace
 
 Array = NDArray[np.float64]
@@ -49,12 +49,12 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
         start: A path to start from; it decides on which side obstacles are passed.
 
     Raises:
-        PaperError: CasADi is not installed.
+        StudyError: CasADi is not installed.
     """
     try:
         import casadi  # noqa: PLC0415 (only the judge needs it)
     except ImportError as error:
-        raise PaperError(
+        raise StudyError(
             'casadi: not installed, wanted for the judge; pip install casadi'
         ) from error
     steps = round(settings.final_time / settings.control_period)

@@ -91,7 +91,8 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
     """
     if not road.has_progress:
         return math.nan
-    return _project(road.space(0.0), pose[0], pose[1], pose[2], float(before), _FAR * road.width)
+    far = _FAR * road.width
+    return find_near(road.space(0.0), pose[0], pose[1], pose[2], float(before), far)
 
 
 def remaining_arc_length(
@@ -116,9 +117,10 @@ def remaining_arc_length(
 
 
 @allocation_free
-def _project(
+def find_near(
     road: RoadSpace, x: float, y: float, heading: float, before: float, far: float
 ) -> float:
+    """Arc length of a pose near the last place, or anywhere if it is too far beside that [m]."""
     place: float = road_functions.project(road, x, y, heading, before)
     _, _, over, over_other = road_functions.lateral_error(road, 0, x, y, place)
     if max(over, over_other) > far:

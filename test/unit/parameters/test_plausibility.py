@@ -4,8 +4,7 @@ import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.plausibility import unit_warnings
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
-from cmpsp_ros.parameters.robots import load_robot, robot_names
+from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, preset_names, robot_names
 
 
 @pytest.mark.parametrize('name', preset_names())

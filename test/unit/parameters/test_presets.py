@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from cmpsp_ros.parameters import presets
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.roads import road_keys
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import (
     config_directory,
@@ -19,7 +20,6 @@ from cmpsp_ros.parameters.presets import (
     write_fleet_file,
     write_parameter_file,
 )
-from cmpsp_ros.parameters.roads import road_keys
 from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
 
 MERGED = """

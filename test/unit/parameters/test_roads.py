@@ -5,8 +5,8 @@ import math
 import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.roads import off_road_problems, road_keys, road_of
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.roads import off_road_problems, road_keys, road_of
 from cmpsp_ros.parameters.settings import check_start, guidance_settings
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor

@@ -40,6 +40,23 @@ def test_a_run_with_every_fault_is_identical(faulty):
     assert outcome.skipped == 0
 
 
+@pytest.mark.parametrize('seconds', [0.26, 0.8])
+def test_a_computer_that_is_late_is_replayed_as_it_was(drive, bag, seconds):
+    with drive() as run:
+        run.go(1.0)
+        for _ in range(3):
+            run.be_late(seconds)
+            run.go(0.5)
+        run.skip(0.5)
+        run.go(0.5)
+    late = [each for each in run.decisions if each.late]
+    assert len(late) == 3
+    assert sum(each.reason.startswith('The computer was late') for each in run.decisions) == 3
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    assert (outcome.decisions, outcome.commands) == (len(run.decisions), len(run.decisions) - 3)
+
+
 def test_two_replays_are_one(faulty):
     bag, _ = faulty
     assert replay(bag, NAMES) == replay(bag, NAMES)

@@ -36,15 +36,20 @@ def test_programs_are_sound_and_of_both_kinds(family):
     assert 0 < sum(relaxed) < len(relaxed)
 
 
+def arrays(subproblem):
+    return vars(subproblem.linearisation) | {
+        name: getattr(subproblem, name) for name in ('lower', 'upper', 'trust_radius')
+    }
+
+
 @pytest.mark.parametrize('family', FAMILIES)
 def test_a_program_is_made_again_from_its_name(family):
     first = list(cases(family, 3))
     again = case(Origin.parse(str(first[7].origin)))
     assert again.draft.about == first[7].draft.about
     for part in ('program', 'before'):
-        one, other = (getattr(each.draft, part).subproblem.stages for each in (first[7], again))
-        for a, b in zip(one, other, strict=True):
-            np.testing.assert_array_equal(a, b)
+        one, other = (getattr(each.draft, part).subproblem for each in (first[7], again))
+        np.testing.assert_equal(arrays(one), arrays(other))
 
 
 def test_seeds_and_families_differ():
@@ -134,10 +139,8 @@ def test_degenerate_programs_keep_a_feasible_point(change):
         assert (known.dU <= subproblem.upper + 1e-12).all()
         dX = np.abs(subproblem.propagate(known.dU))
         assert (dX <= subproblem.trust_radius * (1 + 1e-12)).all()
-        changed_something |= any(
-            a.shape != b.shape or not np.array_equal(a, b)
-            for a, b in zip(known.subproblem.stages[2:], subproblem.stages[2:], strict=True)
-        )
+        before, after = arrays(known.subproblem), arrays(subproblem)
+        changed_something |= any(not np.array_equal(before[name], after[name]) for name in after)
     assert changed_something
 
 

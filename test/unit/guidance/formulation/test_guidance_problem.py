@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.formulation.guidance_problem import (
     GuidanceProblem,
 )
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robots.differential_drive import DifferentialDrive

@@ -10,8 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
-from cmpsp_ros.studies.monte_carlo.passage import is_open
-from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, scenario
+from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, is_open, scenario
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
 
@@ -133,7 +132,10 @@ def test_the_shortest_way_is_straight_or_around_the_inner_edge():
 @pytest.mark.parametrize(
     ('changes', 'text'),
     [
-        ({'name': 'nominall'}, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (
+            {'name': 'nominall'},
+            "study: found 'nominall', wanted one of nominal, disturbed, realtime",
+        ),
         ({'assignments': ('robot.radius=0.9',)}, 'road: found 2 m of width'),
     ],
 )

@@ -7,9 +7,9 @@ from typing import Final
 
 from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.guidance.settings import GOAL
+from cmpsp_ros.parameters.courses.course import place_problems
+from cmpsp_ros.parameters.courses.roads import lacks_road, road_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.places import place_problems
-from cmpsp_ros.parameters.roads import lacks_road, road_of
 from cmpsp_ros.parameters.table import Values
 
 _FEWEST_STEPS: Final = 2

@@ -22,9 +22,8 @@ from cmpsp_ros.studies.paper.compare import (
 )
 from cmpsp_ros.studies.paper.drives import Drive, Laboratory
 from cmpsp_ros.studies.paper.experiments import Experiment, cases, road_guess, table1, table2
+from cmpsp_ros.studies.paper.pictures import draw_trajectories, draw_wheel_speeds
 from cmpsp_ros.studies.paper.recipes import Recipe, follow
-from cmpsp_ros.studies.paper.time_pictures import draw_wheel_speeds
-from cmpsp_ros.studies.paper.trajectory_picture import draw_trajectories
 
 _SECTION = 'Sec. 5, Different Initial Guess Control Histories'
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from cmpsp_ros.studies.paper import conditions
+from cmpsp_ros.studies.paper.artefacts import conditions
+from cmpsp_ros.studies.paper.artefacts.conditions import Conditions
+from cmpsp_ros.studies.paper.artefacts.fixed_point import Convergence, converge
 from cmpsp_ros.studies.paper.claims import Artefact, Claim, Table, Verdict
-from cmpsp_ros.studies.paper.conditions import Conditions
 from cmpsp_ros.studies.paper.drives import Laboratory, guessed_path
 from cmpsp_ros.studies.paper.experiments import FIG5_GUESSES, cases, table1
-from cmpsp_ros.studies.paper.fixed_point import Convergence, converge
-from cmpsp_ros.studies.paper.style import key_above
+from cmpsp_ros.studies.paper.pictures import key_above
 from cmpsp_ros.studies.plot_style import WIDTH
 
 _SECTION = 'Sec. 5, Algorithm Convergence'

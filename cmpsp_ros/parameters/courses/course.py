@@ -1,4 +1,4 @@
-"""Whether a course was given at all, and where it is to begin.
+"""Whether a course was given at all, and where a robot may stand on it.
 
 The defaults are a course, and nobody's robot shall drive that by mistake.
 """
@@ -7,8 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from cmpsp_ros.parameters.courses.obstacles import in_obstacle_problems
+from cmpsp_ros.parameters.courses.roads import off_road_problems
 from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.obstacles.shapes import Point
 
 
 def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]:
@@ -30,3 +33,9 @@ def start_problems(values: Values) -> Iterator[Problem]:
     pose = values['start.pose']
     if len(pose) not in (0, 3):
         yield Problem('start.pose', describe(pose), 'x, y and heading, or none of them')
+
+
+def place_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:
+    """What forbids the robot, without its margin, to stand at a point [m]."""
+    yield from off_road_problems(values, key, point)
+    yield from in_obstacle_problems(values, key, point)

@@ -16,8 +16,7 @@ from cmpsp_ros.studies.paper.compare import (
 )
 from cmpsp_ros.studies.paper.drives import Laboratory
 from cmpsp_ros.studies.paper.experiments import table2
-from cmpsp_ros.studies.paper.time_pictures import draw_wheel_speeds
-from cmpsp_ros.studies.paper.trajectory_picture import draw_trajectories
+from cmpsp_ros.studies.paper.pictures import draw_trajectories, draw_wheel_speeds
 
 _SECTION = 'Sec. 5, Different Initial States'
 

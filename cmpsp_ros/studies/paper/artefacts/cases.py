@@ -18,9 +18,8 @@ from cmpsp_ros.studies.paper.compare import (
 )
 from cmpsp_ros.studies.paper.drives import Drive, Laboratory, Path
 from cmpsp_ros.studies.paper.experiments import case3_at_45, cases
+from cmpsp_ros.studies.paper.pictures import draw_poses, draw_trajectories, draw_wheel_speeds
 from cmpsp_ros.studies.paper.recipes import Recipe, follow
-from cmpsp_ros.studies.paper.time_pictures import draw_poses, draw_wheel_speeds
-from cmpsp_ros.studies.paper.trajectory_picture import draw_trajectories
 
 _SECTION = 'Sec. 5, Simulation Results'
 _PAPER_PEAKS = 52.7, 50.4

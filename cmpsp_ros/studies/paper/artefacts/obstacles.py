@@ -21,8 +21,7 @@ from cmpsp_ros.studies.paper.compare import (
 from cmpsp_ros.studies.paper.drives import Drive, Laboratory, guessed_path
 from cmpsp_ros.studies.paper.experiments import few_obstacles, many_obstacles
 from cmpsp_ros.studies.paper.judge import judge
-from cmpsp_ros.studies.paper.time_pictures import draw_wheel_speeds
-from cmpsp_ros.studies.paper.trajectory_picture import draw_trajectories
+from cmpsp_ros.studies.paper.pictures import draw_trajectories, draw_wheel_speeds
 
 _SECTION = 'Sec. 5, More Number of Obstacles'
 _NEAR_EDGE = 0.5

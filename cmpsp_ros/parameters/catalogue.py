@@ -223,8 +223,8 @@ def _parameters() -> Iterator[Parameter]:
         'than at any other step.', range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
         'Plans that are compared at a control step, at most, for different ways through the '
-        'obstacles of an `annulus`, and as many again that turn first where a robot that stands '
-        'finds none without a flaw; 1 follows one plan, as in the paper and on other roads.',
+        'obstacles, and as many again that turn first where a robot that stands '
+        'finds none without a flaw; 1 follows one plan, as in the paper.',
         range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
         'Name of the quadratic-programming back end.', **_FIXED)

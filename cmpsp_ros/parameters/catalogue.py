@@ -214,8 +214,8 @@ def _parameters() -> Iterator[Parameter]:
         range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
         'Maximum number of candidate plans compared at a control step, one for each way past the '
-        'obstacles of an `annulus`. A robot at rest without a feasible one tries as many again '
-        'that turn first. 1 follows a single plan, as in the paper and on other roads.',
+        'obstacles. A robot at rest without a feasible one tries as many again that turn first. '
+        '1 follows a single plan, as in the paper.',
         range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
         'Quadratic-programming back end.', **_FIXED)

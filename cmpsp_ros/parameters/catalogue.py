@@ -281,7 +281,7 @@ def _parameters() -> Iterator[Parameter]:
         range=Range(0.0, 10000.0, low_open=True), **_FIXED)
     yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
         'Age of the last command at which the robot stops by itself; 0: never.',
-        range=_NOT_NEGATIVE)
+        range=_NOT_NEGATIVE, nodes=('guidance', 'sim'))
     yield sim('real_time_factor', _DOUBLE, 1.0, '',
         'Simulated seconds per second of wall time.', range=_POSITIVE, **_FIXED)
     yield sim('publish_clock', _BOOL, False, '',

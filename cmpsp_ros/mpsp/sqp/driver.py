@@ -8,14 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.mpsp.jit.addresses import address_of
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
-from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.riccati.correction import correct
 from cmpsp_ros.mpsp.qp.riccati.fill import Space, compiled_size
 from cmpsp_ros.mpsp.qp.riccati.solver import solve
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
+from cmpsp_ros.mpsp.sqp.run import run
 from cmpsp_ros.mpsp.sqp.workspace import (
     ADD_CURVATURE,
     CORRECT,
@@ -48,14 +50,46 @@ class Functions(NamedTuple):
     evaluate: Callable[[Any, Array, Array, Array, Array], float]
     linearise: Callable[..., None]
 
-    def entries(self, data: Any, ws: Workspace) -> Functions:
+    def entries(self, data: Any, ws: Workspace) -> Entries:
         """The machine code of compiled functions, for data of this type."""
         at, p = ws.trial, ws.program
-        return Functions(
-            entry_for(self.predict, data, at.U, at.X),
-            entry_for(self.evaluate, data, at.X, at.U, at.output_error, at.g),
-            entry_for(self.linearise, data, at.X, at.U, p.stages, p.path, p.terminal),
+        predict = data, at.U, at.X
+        evaluate = data, at.X, at.U, at.output_error, at.g
+        linearise = data, at.X, at.U, p.stages, p.path, p.terminal
+        addresses = np.array(
+            [
+                address_of(None, self.predict, *predict),
+                address_of(float, self.evaluate, *evaluate),
+                address_of(None, self.linearise, *linearise),
+            ]
         )
+        n, r = p.stages['B'].shape[1:]
+        active, warm = empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
+        return Entries(
+            entry_for(self.predict, *predict),
+            entry_for(self.evaluate, *evaluate),
+            entry_for(self.linearise, *linearise),
+            addresses,
+            entry_for(run, ws, active, warm, warm, addresses, addresses, data),
+        )
+
+
+class Entries(NamedTuple):
+    """A compiled problem.
+
+    Attributes:
+        predict: As of `Functions`, and so are the next two.
+        evaluate: Machine code.
+        linearise: Machine code.
+        addresses: Of these three.
+        run: The whole iteration for the problem's data: `cmpsp_ros.mpsp.sqp.run.run`.
+    """
+
+    predict: Callable[[Any, Array, Array], None]
+    evaluate: Callable[[Any, Array, Array, Array, Array], float]
+    linearise: Callable[..., None]
+    addresses: Indices
+    run: Callable[..., None]
 
 
 class Driver:
@@ -111,7 +145,16 @@ class Driver:
         self._correct = entry_for(correct, ws.program, self._active, at.output_error, at.g)
         self.back_end = None
         if back_end is None:
-            self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
+            of_solve = ws.program, self._active, self._warm_hard
+            self._solve = entry_for(solve, *of_solve)
+            of_correct = ws.program, self._active, at.output_error, at.g
+            self._addresses = np.array(
+                [
+                    address_of(int, advance, ws),
+                    address_of(int, solve, *of_solve),
+                    address_of(None, correct, *of_correct),
+                ]
+            )
         else:
             space = Space(size, ws.program, self._active, self._warm_hard)
             self.back_end = BackEnd(*back_end, space)
@@ -123,7 +166,7 @@ class Driver:
         """Begin the next plan without what is known of the last one."""
         self._warm_hard[0] = self._warm_relaxed[0] = 0
 
-    def improve(self, functions: Functions, data: Any, steps: int, over: int) -> None:
+    def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
         Where the condensed Hessian is not positive definite the compiled solver ends.
@@ -139,10 +182,14 @@ class Driver:
         self._phase[0] = START
         self.go_on(functions, data)
 
-    def go_on(self, functions: Functions, data: Any) -> None:
+    def go_on(self, functions: Functions | Entries, data: Any) -> None:
         """Go on from the phase that the workspace is in; arguments as of `improve`."""
+        if self.back_end is None and isinstance(functions, Entries):
+            memory = self.ws, self._active, self._warm_hard, self._warm_relaxed
+            functions.run(*memory, self._addresses, functions.addresses, data)
+            return
         ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
-        predict, evaluate, linearise = functions
+        predict, evaluate, linearise = functions[:3]
         advance, outcome, cost = self._advance, self._outcome, self._cost
         back_end = self.back_end
         while True:

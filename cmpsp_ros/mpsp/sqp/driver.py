@@ -50,12 +50,18 @@ class Functions(NamedTuple):
     evaluate: Callable[[Any, Array, Array, Array, Array], float]
     linearise: Callable[..., None]
 
+    def machine_code(self, data: Any, ws: Workspace) -> Functions:
+        """The machine code of compiled functions, for data of this type, called one by one."""
+        predict, evaluate, linearise = _arguments(data, ws)
+        return Functions(
+            entry_for(self.predict, *predict),
+            entry_for(self.evaluate, *evaluate),
+            entry_for(self.linearise, *linearise),
+        )
+
     def entries(self, data: Any, ws: Workspace) -> Entries:
-        """The machine code of compiled functions, for data of this type."""
-        at, p = ws.trial, ws.program
-        predict = data, at.U, at.X
-        evaluate = data, at.X, at.U, at.output_error, at.g
-        linearise = data, at.X, at.U, p.stages, p.path, p.terminal
+        """Compiled functions in one piece with the iteration, for data of this type."""
+        predict, evaluate, linearise = _arguments(data, ws)
         addresses = np.array(
             [
                 address_of(None, self.predict, *predict),
@@ -63,31 +69,32 @@ class Functions(NamedTuple):
                 address_of(None, self.linearise, *linearise),
             ]
         )
-        n, r = p.stages['B'].shape[1:]
+        n, r = ws.program.stages['B'].shape[1:]
         active, warm = empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
-        return Entries(
-            entry_for(self.predict, *predict),
-            entry_for(self.evaluate, *evaluate),
-            entry_for(self.linearise, *linearise),
-            addresses,
-            entry_for(run, ws, active, warm, warm, addresses, addresses, data),
-        )
+        whole = entry_for(run, ws, active, warm, warm, addresses, addresses, data)
+        return Entries(self.machine_code(data, ws), addresses, whole)
+
+
+def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
+    """Of each of the functions."""
+    at, p = ws.trial, ws.program
+    return (
+        (data, at.U, at.X),
+        (data, at.X, at.U, at.output_error, at.g),
+        (data, at.X, at.U, p.stages, p.path, p.terminal),
+    )
 
 
 class Entries(NamedTuple):
     """A compiled problem.
 
     Attributes:
-        predict: As of `Functions`, and so are the next two.
-        evaluate: Machine code.
-        linearise: Machine code.
-        addresses: Of these three.
-        run: The whole iteration for the problem's data: `cmpsp_ros.mpsp.sqp.run.run`.
+        functions: To be called one by one, where a QP back end solves the subproblems.
+        addresses: Of all three.
+        run: The whole iteration: `cmpsp_ros.mpsp.sqp.run.run`.
     """
 
-    predict: Callable[[Any, Array, Array], None]
-    evaluate: Callable[[Any, Array, Array, Array, Array], float]
-    linearise: Callable[..., None]
+    functions: Functions
     addresses: Indices
     run: Callable[..., None]
 
@@ -184,12 +191,14 @@ class Driver:
 
     def go_on(self, functions: Functions | Entries, data: Any) -> None:
         """Go on from the phase that the workspace is in; arguments as of `improve`."""
-        if self.back_end is None and isinstance(functions, Entries):
-            memory = self.ws, self._active, self._warm_hard, self._warm_relaxed
-            functions.run(*memory, self._addresses, functions.addresses, data)
-            return
+        if isinstance(functions, Entries):
+            if self.back_end is None:
+                memory = self.ws, self._active, self._warm_hard, self._warm_relaxed
+                functions.run(*memory, self._addresses, functions.addresses, data)
+                return
+            functions = functions.functions
         ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
-        predict, evaluate, linearise = functions[:3]
+        predict, evaluate, linearise = functions
         advance, outcome, cost = self._advance, self._outcome, self._cost
         back_end = self.back_end
         while True:

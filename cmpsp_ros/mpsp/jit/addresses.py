@@ -16,7 +16,11 @@ from numba.extending import intrinsic
 
 from cmpsp_ros.mpsp.jit import internals
 
-_RETURNED: Final[dict[type | None, Any]] = {None: types.none, int: types.int64, float: types.float64}
+_RETURNED: Final[dict[type | None, Any]] = {
+    None: types.none,
+    int: types.int64,
+    float: types.float64,
+}
 
 
 def address_of(returned: type | None, function: Callable[..., Any], *arguments: Any) -> int:

@@ -223,7 +223,7 @@ def _parameters() -> Iterator[Parameter]:
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
         'its positive semidefinite part.',
         choices=('gauss_newton', 'projected', 'exact'))
-    yield solver('solver.work_rate', _DOUBLE, 6e7, '1/s',
+    yield solver('solver.work_rate', _DOUBLE, 4e7, '1/s',
         'Stages that the solver visits per second on this computer; `cmpsp warmup` measures it.',
         range=_POSITIVE)
     yield solver('solver.work_share', _DOUBLE, 0.04, '',

@@ -111,10 +111,11 @@ setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from
 bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/reference/performance.md has a run
 	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
-docs: setup  ## write doc/reference/topics.md and parameters.md, and config/cmpsp.policy.xml
+docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults.yaml and cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
+	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
 
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)
@@ -165,10 +166,13 @@ $(DEVELOPMENT): $(ENVIRONMENT) requirements/development.txt
 	@$(CHECK)
 	@touch $@
 
-# Editable; needs no network. The build tools are in the lock.
+# Editable; needs no network. The build tools are in the lock. What the nodes import is compiled to
+# bytecode here, as pip would, even where Python is told to write none: else it is at every start.
 $(PACKAGE): $(ENVIRONMENT) setup.py setup.cfg
 	@rm -f $@
 	@$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -c 'import cmpsp_ros.nodes.guidance.node, \
+	    cmpsp_ros.nodes.sim.node, cmpsp_ros.nodes.recording.recorder, cmpsp_ros.demo.results'
 	@touch $@
 
 # What is compiled here the nodes load from the user's cache: they start at once, and without the

@@ -17,7 +17,7 @@ from benchmarks.families.presets import PresetTiming
 from benchmarks.families.robot_drives import RobotDrive
 from benchmarks.families.tail import Tail
 from benchmarks.families.timing import Comparison
-from cmpsp_ros.parameters.robots import robot_names
+from cmpsp_ros.parameters.presets import robot_names
 
 COMPARED_STEPS = 50
 """Steps of Case 3."""

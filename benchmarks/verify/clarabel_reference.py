@@ -5,12 +5,14 @@ The matrices are those of the back end `clarabel`: to verify that one, daqp is t
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from benchmarks.verify.case import Program
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense.clarabel_backend import cone_program, row_multipliers, row_weights, run
-from cmpsp_ros.mpsp.qp.dense.sparse_rows import cost_of, multipliers_of, rows_of
+from cmpsp_ros.mpsp.qp.dense.clarabel_backend import cone_program, run
+from cmpsp_ros.mpsp.qp.dense.sparse_qp import solution_of, sparse_qp
 
 _ENDED_AT_A_POINT = ('Solved', 'AlmostSolved', 'InsufficientProgress')
 
@@ -21,38 +23,28 @@ def solve(program: Program) -> QPSolution:
     The point is what Clarabel came to, also where it fell short of its tolerances: how good it is
     must be measured.
     """
-    qp = program.subproblem.stages
-    rows = rows_of(qp)
-    cones = cone_program(qp, rows, row_weights(rows, program.penalties))
-    answer = run(cones, *cost_of(qp))
+    qp = program.subproblem
+    matrices = sparse_qp(qp, program.penalties)
+    cones = cone_program(matrices, matrices.weight)
+    answer = run(cones, matrices.P, matrices.q)
     status = str(answer.status)
-    multipliers, dU = np.zeros(len(rows.lower)), np.zeros_like(qp.lower)
-    if status in _ENDED_AT_A_POINT:
-        dU = np.array(answer.x[: dU.size]).reshape(dU.shape)
-        multipliers = row_multipliers(cones, np.array(answer.z))
-    return QPSolution(
-        _verdict(status), dU, *multipliers_of(qp, rows, multipliers), answer.iterations
-    )
+    if status not in _ENDED_AT_A_POINT:
+        infeasible = status in {'PrimalInfeasible', 'AlmostPrimalInfeasible'}
+        failure = QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
+        return replace(QPSolution.unsolved(qp.size, failure), iterations=answer.iterations)
+    dU = np.array(answer.x[: qp.lower.size]).reshape(qp.lower.shape)
+    multipliers = cones.row_multipliers(np.array(answer.z), len(matrices.upper))
+    return solution_of(qp, matrices, dU, multipliers, answer.iterations)
 
 
 def least_violation(program: Program) -> float:
-    """Least sum of violations of the rows that are hard, whatever that costs.
+    """Least sum of violations of the rows that are hard, at any cost.
 
     Zero to rounding where the program has a solution; ``inf`` where Clarabel cannot tell.
     """
-    qp = program.subproblem.stages
-    rows = rows_of(qp)
-    hard = row_weights(rows, program.penalties) == np.inf
-    cones = cone_program(qp, rows, hard.astype(float))
-    size = cones.A.shape[1] - len(cones.price)
-    answer = run(cones, [], np.zeros(size))
+    matrices = sparse_qp(program.subproblem, program.penalties)
+    cones = cone_program(matrices, np.isinf(matrices.weight).astype(float))
+    answer = run(cones)
     if str(answer.status) not in _ENDED_AT_A_POINT:
         return np.inf
-    return float(cones.price @ answer.x[size:])
-
-
-def _verdict(status: str) -> QPStatus:
-    if status in _ENDED_AT_A_POINT:
-        return QPStatus.SOLVED
-    infeasible = status in {'PrimalInfeasible', 'AlmostPrimalInfeasible'}
-    return QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
+    return float(cones.price @ answer.x[len(answer.x) - len(cones.price) :])

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from benchmarks.verify.case import Program
-from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense.sparse_rows import (
-    Entries,
-    assembled,
-    cost_of,
-    dynamics_of,
-    rows_of,
-    values_of,
-)
-from cmpsp_ros.mpsp.qp.solution import kkt_residual
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.dense.sparse_qp import SparseQP, multipliers_of, sparse_qp
 
 Array = NDArray[np.float64]
 
@@ -81,7 +73,7 @@ def last_bit(program: Program, solution: QPSolution) -> float:
 
 def cost(program: Program, dU: Array) -> Cost:
     """Objective of a program at control deviations ``dU (N + 1, r)``."""
-    qp, dX = program.subproblem.stages, program.subproblem.propagate(dU)
+    qp, dX = program.subproblem.linearisation, program.subproblem.propagate(dU)
     terms = [
         float(np.vdot(qp.L_X, dX)),
         float(np.vdot(qp.L_U, dU)),
@@ -99,47 +91,31 @@ def cost(program: Program, dU: Array) -> Cost:
 def duality_gap(program: Program, solution: QPSolution) -> float:
     """Cost above the bound that an answer's own multipliers prove, relative to its terms.
 
-    No feasible point costs less than the bound, whatever the multipliers are. It is the least
+    No feasible point costs less than the bound, with any multipliers. It is the least
     Lagrangian along the dynamics, found by one sparse factorisation. A gap that is negative shows
     a point that is not feasible.
     """
-    qp = program.subproblem.stages
-    rows, price = rows_of(qp), program.penalties
-    cap = np.full(len(rows.lower), np.inf)
-    if price is not None:
-        relaxed = np.concatenate([price.terminal, price.path[rows.path]])
-        cap[: len(relaxed)] = relaxed
-    # Beyond these a multiplier proves nothing: there is no such limit, or it is for sale.
-    least = np.where(np.isfinite(rows.lower), -cap, 0.0)
-    most = np.where(np.isfinite(rows.upper), cap, 0.0)
-    multipliers = np.clip(values_of(rows, solution), least, most)
-    limit = np.where(multipliers > 0.0, rows.upper, rows.lower)
+    qp = sparse_qp(program.subproblem, program.penalties)
+    # Beyond the weight a multiplier proves nothing, and without a limit none does.
+    smallest = np.where(np.isfinite(qp.lower), -qp.weight, 0.0)
+    largest = np.where(np.isfinite(qp.upper), qp.weight, 0.0)
+    multipliers = np.clip(multipliers_of(qp, solution), smallest, largest)
+    limit = np.where(multipliers > 0.0, qp.upper, qp.lower)
     active = multipliers != 0.0
-    bound = -float(multipliers[active] @ limit[active])
-    _, gradient = cost_of(qp)
-    np.add.at(gradient, rows.G.column, rows.G.value * multipliers[rows.G.row])
-    bound += 0.5 * float(gradient @ _least(qp, gradient))
+    gradient = qp.q + qp.G.T @ multipliers
+    bound = 0.5 * float(gradient @ _least(qp, gradient))
+    bound -= float(multipliers[active] @ limit[active])
     at = cost(program, solution.dU)
     return (at.value - bound) / at.size
 
 
-def _least(qp: StageQP, gradient: Array) -> Array:
+def _least(qp: SparseQP, gradient: Array) -> Array:
     """Where a program's cost, with this gradient at 0, is least along the dynamics."""
-    size, rows = len(gradient), qp.L_X[1:].size
-    hessian, _ = cost_of(qp)
-    below = [each._replace(row=each.row + size) for each in dynamics_of(qp)]
-    beside = [Entries(each.column, each.row, each.value) for each in below]
-    mirrored = [Entries(each.column, each.row, each.value) for each in map(_strict, hessian)]
-    entries = [*hessian, *mirrored, *below, *beside]
-    matrix: Any = assembled(entries, (size + rows, size + rows))
-    right = np.concatenate([-gradient, np.zeros(rows)])
+    hessian = qp.P + sparse.triu(qp.P, 1).T
+    matrix = sparse.block_array([[hessian, qp.D.T], [qp.D, None]], format='csc')
+    right = np.concatenate([-gradient, np.zeros(qp.D.shape[0])])
     factor = splu(matrix)
     z = factor.solve(right)
     z += factor.solve(right - matrix @ z)
-    result: Array = z[:size]
+    result: Array = z[: len(gradient)]
     return result
-
-
-def _strict(upper: Entries) -> Entries:
-    """An upper triangle without its diagonal."""
-    return upper._replace(value=np.where(upper.row == upper.column, 0.0, upper.value))

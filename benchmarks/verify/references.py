@@ -5,13 +5,16 @@ from __future__ import annotations
 from enum import Enum
 from typing import NamedTuple
 
-from benchmarks.verify import clarabel_reference, daqp_reference
+from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Program
 from benchmarks.verify.measure import Accuracy, accuracy
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp.dense import daqp_backend
 
 # A dense solver takes a fifth of a second for 200 steps.
-_MOST_DENSE_CONTROLS = 122
+_MAX_DENSE_CONTROLS = 122
+# Closer than the back end's own.
+_DAQP_TOLERANCE = 1e-9
 # A reference that is further from the optimum than this has not solved the program.
 _SOLVED = 1e-6
 
@@ -45,8 +48,8 @@ def references(program: Program) -> list[Reference]:
     Clarabel is always asked, and daqp where rows are hard and the program is small enough.
     """
     answers = {'clarabel': clarabel_reference.solve(program)}
-    if program.penalties is None and program.subproblem.lower.size <= _MOST_DENSE_CONTROLS:
-        answers['daqp'] = daqp_reference.solve(program.subproblem)
+    if program.penalties is None and program.subproblem.lower.size <= _MAX_DENSE_CONTROLS:
+        answers['daqp'] = daqp_backend.solve(program.subproblem, None, _DAQP_TOLERANCE)
     judged = [
         Reference(name, answer, accuracy(program, answer)) for name, answer in answers.items()
     ]

@@ -45,14 +45,12 @@ def plain(value: object) -> object:
 
     Raises:
         TypeError: It is of another kind.
-
     """
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if isinstance(value, (Sequence, array)):
         return [plain(each) for each in value]
-    msg = f'is a {type(value).__name__}, which a bag cannot keep'
-    raise TypeError(msg)
+    raise TypeError(f'is a {type(value).__name__}, which a bag cannot keep')
 
 
 def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
@@ -62,7 +60,6 @@ def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
         TypeError: It is another kind of thing.
         ValueError: It is not JSON.
         RecursionError: It is nested too deeply.
-
     """
     found = json.loads(expected(custom.get(key, '{}'), str, key))
     mapping: dict[str, Any] = expected(found, dict, key)
@@ -83,11 +80,9 @@ def expected(value: Any, kind: type, what: str) -> Any:
 
     Raises:
         TypeError: It is not of the kind it should be.
-
     """
     if not isinstance(value, kind):
-        msg = f'{what} is a {type(value).__name__}, wanted a {kind.__name__}'
-        raise TypeError(msg)
+        raise TypeError(f'{what} is a {type(value).__name__}, wanted a {kind.__name__}')
     return value
 
 

@@ -133,6 +133,8 @@ class DecisionRecord:
     finished = Entry(truth)
     missed = Entry(truth, default=False)
     _halted = Entry(truth, key='halted', default=None)
+    late = Entry(float, 's', default=0.0)
+    skipped = Entry(truth, default=False)
     run = Entry[int | None](int, default=None)
     revision = Entry[int | None](int, default=None)
     tracks_known = Entry(str, key=MOVING, default='')
@@ -225,5 +227,6 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 
 _CHECKED: Final = (
     *('step', 'run', 'revision', 'level', 'finished', 'halted'),
+    *('late', 'skipped'),
     *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
 )

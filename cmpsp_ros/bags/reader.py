@@ -25,7 +25,6 @@ from cmpsp_ros.bags.storage.folder import METADATA, is_locked
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
@@ -46,7 +45,6 @@ class BagTopic:
         msgtype: Type, as in `nav_msgs/msg/Odometry`.
         count: Number of messages.
         qos_profiles: What the publishers offered when recording began.
-
     """
 
     msgtype: str
@@ -80,7 +78,6 @@ class Bag:
 
     Raises:
         BagError: No such path, not a bag, cut off, being written, or damaged.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -101,50 +98,28 @@ class Bag:
             raise
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's messages in order of time, as recorded.
+        """Iterate over a topic's messages as recorded: stamp [ns] and serialised message (CDR).
 
-        Args:
-            topic: Full name, as in `/odom`.
-
-        Yields:
-            Stamp [ns] and serialised message (CDR).
+        Messages come in order of time, those of one stamp in the order of writing.
 
         Raises:
             BagError: No such topic, or the bag is damaged.
-
         """
-        for _, stamp, raw in self._records(topic):
+        for _, stamp, raw in self.raw_together([topic]):
             yield stamp, raw
 
+    def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As `raw`, of several topics in one order of time, with the topic's name first."""
+        for connection, stamp, raw in self._records(*topics):
+            yield connection.topic, stamp, raw
+
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Iterate over a topic's messages in order of time.
-
-        Args:
-            topic: Full name, as in `/odom`.
-
-        Yields:
-            Stamp [ns] and message, an object with the fields of its type.
-
-        Raises:
-            BagError: No such topic, or the bag is damaged.
-
-        """
+        """As `raw`, with objects that have the fields of the message's type."""
         for _, stamp, message in self.together([topic]):
             yield stamp, message
 
     def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
-        """Iterate over the messages of several topics, all in one order of time.
-
-        Args:
-            topics: Full names.
-
-        Yields:
-            Topic, stamp [ns] and message; those of one stamp in the order of writing.
-
-        Raises:
-            BagError: No such topic, or the bag is damaged.
-
-        """
+        """As `messages`, of several topics in one order of time, with the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             name, topic = connection.msgtype, connection.topic
             if name not in self._types:
@@ -153,22 +128,6 @@ class Bag:
             with self._readable(f'message of {topic} at {stamp} ns cannot be read'):
                 message = self._types[name].deserialize_cdr(raw, name)
             yield topic, stamp, message
-
-    def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Iterate over the messages of several topics, as recorded, in one order of time.
-
-        Args:
-            topics: Full names, as in `/odom`.
-
-        Yields:
-            Topic, stamp [ns] and serialised message (CDR).
-
-        Raises:
-            BagError: A topic is missing, or the bag is damaged.
-
-        """
-        for connection, stamp, raw in self._records(*topics):
-            yield connection.topic, stamp, raw
 
     def close(self) -> None:
         """Close the bag; closing twice is closing once."""
@@ -179,23 +138,16 @@ class Bag:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _records(self, *topics: str) -> Iterator[tuple[Connection, int, bytes]]:
         if not self._open:
-            msg = f'{self.path}: the bag is closed'
-            raise BagError(msg)
+            raise BagError(f'{self.path}: the bag is closed')
         for topic in topics:
             if topic not in self.topics:
                 there = ', '.join(sorted(self.topics)) or 'no topic at all'
-                msg = f'{self.path}: no topic {topic}; there is {there}'
-                raise BagError(msg)
+                raise BagError(f'{self.path}: no topic {topic}; there is {there}')
         chosen = [each for each in self._reader.connections if each.topic in topics]
         records = self._reader.messages(connections=chosen)
         count, promised = 0, sum(each.msgcount for each in chosen)
@@ -261,14 +213,12 @@ class Bag:
             raise
         except Exception as error:
             text = ' '.join(str(error).split()) or type(error).__name__
-            msg = f'{self.path}: {what}: {text[:_MAX_REASON]}'
-            raise BagError(msg) from error
+            raise BagError(f'{self.path}: {what}: {text[:_MAX_REASON]}') from error
 
 
 def _check_there(path: Path) -> None:
     if not path.exists():
-        msg = f'{path}: no such bag'
-        raise BagError(msg)
+        raise BagError(f'{path}: no such bag')
     if path.is_dir() and not (path / METADATA).exists():
         raise BagError(f'{path}: {_what_is(path)}')
     if path.is_file() and path.suffix not in _SUFFIXES:

@@ -47,7 +47,6 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
 
     Raises:
         BagError: Not a bag, being written, nothing in it can be read, or the disk refuses.
-
     """
     files = _storage_files(path)
     beside = path.resolve()
@@ -63,8 +62,7 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
             for file in files:
                 _copy(file, bag, topics, remarks)
     except OSError as error:
-        msg = f'{path}: cannot be read: {error}'
-        raise BagError(msg) from error
+        raise BagError(f'{path}: cannot be read: {error}') from error
     if not topics:
         shutil.rmtree(target)
         msg = f'{path}: no topic can be recovered: {"; ".join(remarks) or "there is none"}'
@@ -75,17 +73,14 @@ def recover(path: Path, output: Path | None = None) -> Recovery:
 def _storage_files(path: Path) -> list[Path]:
     """The storage files of a bag, in order of time."""
     if not path.exists():
-        msg = f'{path}: no such bag'
-        raise BagError(msg)
+        raise BagError(f'{path}: no such bag')
     if path.is_dir() and is_locked(path):
-        msg = f'{path}: being written right now; stop the recorder first'
-        raise BagError(msg)
+        raise BagError(f'{path}: being written right now; stop the recorder first')
     files = [path] if path.is_file() else [*path.iterdir()]
     for suffix in _SUFFIXES:
         if found := [each for each in files if each.suffix == suffix]:
             return sorted(found, key=_place)
-    msg = f'{path}: not a bag: expected files that end in {" or ".join(_SUFFIXES)}'
-    raise BagError(msg)
+    raise BagError(f'{path}: not a bag: expected files that end in {" or ".join(_SUFFIXES)}')
 
 
 def _place(path: Path) -> tuple[int, str]:

@@ -31,7 +31,6 @@ from cmpsp_ros.bags.storage.rolling import RollingFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from rosbags.interfaces import Qos
@@ -49,7 +48,6 @@ class BagWriter:
 
     Raises:
         BagError: The path exists or cannot be created.
-
     """
 
     def __init__(self, path: Path, form: Form | None = None) -> None:
@@ -66,16 +64,14 @@ class BagWriter:
         self._kept: dict[str, str] = {}
         self._closed = False
         if form.compressed and form.storage != 'mcap':
-            msg = f'{path}: only mcap can be compressed, not {form.storage}'
-            raise BagError(msg)
+            raise BagError(f'{path}: only mcap can be compressed, not {form.storage}')
         try:
             path.mkdir(parents=True)
         except FileExistsError as error:
             msg = f'{path}: exists already, a new bag needs a path that does not exist'
             raise BagError(msg) from error
         except OSError as error:
-            msg = f'{path}: cannot create the bag: {error}'
-            raise BagError(msg) from error
+            raise BagError(f'{path}: cannot create the bag: {error}') from error
         with self._refusals('cannot create the bag'):
             self._lock = FolderLock(path)
             self._files = RollingFiles(path, form, self._custom)
@@ -104,12 +100,10 @@ class BagWriter:
         Raises:
             UnknownTypeError: No definition of the type is known; the bag goes on without it.
             BagError: The topic has been added already, the bag is closed, or the disk refuses.
-
         """
         self._check_open()
         if name in self._topics:
-            msg = f'{self.path}: topic {name} has been added already'
-            raise BagError(msg)
+            raise BagError(f'{self.path}: topic {name} has been added already')
         known = known_definition(msgtype)
         chosen = definition or known
         if chosen is None:
@@ -140,13 +134,11 @@ class BagWriter:
 
         Raises:
             BagError: Unknown topic, bag closed, or the disk refuses.
-
         """
         self._check_open()
         connection = self._topics.get(topic)
         if connection is None:
-            msg = f'{self.path}: write to topic {topic}, which has not been added'
-            raise BagError(msg)
+            raise BagError(f'{self.path}: write to topic {topic}, which has not been added')
         with self._refusals('cannot write to the bag'):
             self._files.write(connection, stamp_ns, raw)
 
@@ -157,7 +149,6 @@ class BagWriter:
 
         Raises:
             BagError: The bag is closed, or the disk refuses.
-
         """
         self._check_open()
         with self._refusals('cannot write to the bag'):
@@ -176,7 +167,6 @@ class BagWriter:
 
         Raises:
             BagError: The bag is closed, or a value is of another kind.
-
         """
         self._check_open()
         kept = {}
@@ -184,8 +174,7 @@ class BagWriter:
             try:
                 kept[name] = plain(value)
             except TypeError as error:
-                msg = f'{self.path}: parameter {name} of {node_name} {error}'
-                raise BagError(msg) from error
+                raise BagError(f'{self.path}: parameter {name} of {node_name} {error}') from error
         if since == 0:
             self._parameters[node_name] = kept
             self._custom[PARAMETERS_KEY] = json.dumps(self._parameters)
@@ -207,7 +196,6 @@ class BagWriter:
 
         Raises:
             BagError: The disk refuses: the bag is cut off, or its last messages are missing.
-
         """
         if self._closed:
             return
@@ -222,17 +210,12 @@ class BagWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             self.close()
         except BagError:
             # What went wrong inside the block is the cause and must not be hidden.
-            if error is None:
+            if kind is None:
                 raise
 
     def _close(self) -> None:
@@ -256,13 +239,11 @@ class BagWriter:
 
     def _check_open(self) -> None:
         if self._closed:
-            msg = f'{self.path}: the bag is closed'
-            raise BagError(msg)
+            raise BagError(f'{self.path}: the bag is closed')
 
     @contextmanager
     def _refusals(self, what: str) -> Iterator[None]:
         try:
             yield
         except OSError as error:
-            msg = f'{self.path}: {what}: {error}'
-            raise BagError(msg) from error
+            raise BagError(f'{self.path}: {what}: {error}') from error

@@ -54,7 +54,6 @@ def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
 
     Raises:
         Exit: There was such an error.
-
     """
     try:
         yield

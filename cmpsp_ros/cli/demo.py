@@ -13,6 +13,7 @@ import typer
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
+from cmpsp_ros.cli.options import Assignments
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.folder import make_folder
 from cmpsp_ros.parameters.errors import ParameterError
@@ -39,10 +40,7 @@ def demo(
     output: Annotated[
         Path | None, typer.Option(help='Folder of the run; runs/<time> when absent.')
     ] = None,
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
-    ] = None,
+    assignments: Assignments = None,
     view: Annotated[
         bool, typer.Option('--view', help='Show the run on a page for a browser, while it lasts.')
     ] = False,

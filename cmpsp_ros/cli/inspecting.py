@@ -9,6 +9,7 @@ import typer
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.cli.console import console, exit_on, say
+from cmpsp_ros.cli.options import CmdVel, Namespace, Odom, ParamsFile
 from cmpsp_ros.parameters.errors import ParameterError
 
 
@@ -17,17 +18,10 @@ def audit(
     junit: Annotated[
         Path | None, typer.Option(metavar='FILE', help='Write JUnit XML, for CI, as well.')
     ] = None,
-    odom: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
-    ] = None,
-    cmd_vel: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
-    ] = None,
-    namespace: Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')] = None,
-    params_file: Annotated[
-        str | None,
-        typer.Option(metavar='FILE', help='Judge by these parameters, not by those in the bag.'),
-    ] = None,
+    odom: Odom = None,
+    cmd_vel: CmdVel = None,
+    namespace: Namespace = None,
+    params_file: ParamsFile = None,
 ) -> None:
     """Check a drive: road, limits, goal, timing and ladder.
 
@@ -79,17 +73,10 @@ def report(
     output: Annotated[
         Path, typer.Option(metavar='FILE.html', help='New page; a PNG is put beside it.')
     ] = Path('report.html'),
-    odom: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Odometry; <namespace>/odom when absent.')
-    ] = None,
-    cmd_vel: Annotated[
-        str | None, typer.Option(metavar='TOPIC', help='Commands; <namespace>/cmd_vel when absent.')
-    ] = None,
-    namespace: Annotated[str | None, typer.Option(help='Namespace of the node, as in /r1.')] = None,
-    params_file: Annotated[
-        str | None,
-        typer.Option(metavar='FILE', help='Show these parameters, not those in the bags.'),
-    ] = None,
+    odom: Odom = None,
+    cmd_vel: CmdVel = None,
+    namespace: Namespace = None,
+    params_file: ParamsFile = None,
     force: Annotated[bool, typer.Option('--force', help='Replace an earlier report.')] = False,
 ) -> None:
     """Make a page of one bag, or of several to compare them.

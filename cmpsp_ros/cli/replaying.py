@@ -9,6 +9,7 @@ import typer
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.cli.console import console, errors, exit_on, say
+from cmpsp_ros.cli.options import Assignments, CmdVel, Namespace, Odom, ParamsFile
 from cmpsp_ros.parameters.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -23,23 +24,14 @@ def replay(
             min=0.0, metavar='REL', help='For bags of another machine: how far floats may differ.'
         ),
     ] = None,
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option('--set', metavar='KEY=VALUE', help='What if: change a parameter; repeatable.'),
-    ] = None,
-    params_file: Annotated[
-        str | None, typer.Option(metavar='FILE', help='What if: other parameters, or a preset.')
-    ] = None,
+    assignments: Assignments = None,
+    params_file: ParamsFile = None,
     output: Annotated[
         Path | None, typer.Option(help='What if: new folder; <BAG>_what_if when absent.')
     ] = None,
-    namespace: Annotated[str, typer.Option(help='Namespace of the node, as in /r1.')] = '',
-    odom: Annotated[
-        str, typer.Option(help='Topic of odometry; <namespace>/odom when absent.')
-    ] = '',
-    cmd_vel: Annotated[
-        str, typer.Option(help='Topic of commands; <namespace>/cmd_vel when absent.')
-    ] = '',
+    namespace: Namespace = None,
+    odom: Odom = None,
+    cmd_vel: CmdVel = None,
 ) -> None:
     """Decide again on recorded odometry, and compare the decisions.
 
@@ -48,7 +40,7 @@ def replay(
     """
     from cmpsp_ros.bags.replay.recording import Names  # noqa: PLC0415 (starts faster without)
 
-    names = Names.under(namespace, odom, cmd_vel)
+    names = Names.under(namespace or '', odom or '', cmd_vel or '')
     with exit_on(BagError, ParameterError, code=2):
         if assignments or params_file:
             _what_if(bag, names, assignments or [], params_file, output)

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from cmpsp_ros.cli.console import complain, console, errors, exit_on, progress_bar, say
+from cmpsp_ros.cli.options import Assignments
 from cmpsp_ros.parameters.errors import ParameterError
 
 
@@ -53,9 +54,9 @@ def paper(
     if starts:
         _starts(judge=judge)
         return
-    from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies.paper import ARTEFACTS, StudyError, run  # noqa: PLC0415 (plots, kernels)
 
-    with exit_on(PaperError, ParameterError, code=1), progress_bar() as bar:
+    with exit_on(StudyError, ParameterError, code=1), progress_bar() as bar:
         task = bar.add_task('paper', total=len(only or ARTEFACTS))
 
         def progress(what: str) -> None:
@@ -66,7 +67,10 @@ def paper(
 
 
 def study(
-    name: Annotated[str, typer.Argument(metavar='NAME', help='nominal or disturbed.')],
+    name: Annotated[
+        str,
+        typer.Argument(metavar='NAME', help='nominal, disturbed, realtime, corridors or floor.'),
+    ],
     runs: Annotated[int, typer.Option(min=1, help='How many: those numbered from 0 on.')] = 200,
     seed: Annotated[int, typer.Option(min=0, help='Of all starts, obstacles and noise.')] = 1,
     workers: Annotated[int, typer.Option(min=1, help='Processes that share the runs.')] = 1,
@@ -86,10 +90,7 @@ def study(
         typer.Option('--run', min=0, metavar='NUMBER', help='Instead, one run again, drawn.'),
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Most in one run.')] = 4,
-    assignments: Annotated[
-        list[str] | None,
-        typer.Option('--set', metavar='KEY=VALUE', help='Change a parameter; may be repeated.'),
-    ] = None,
+    assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count what happens.
 
@@ -160,10 +161,10 @@ def warmup(
 
 def _starts(*, judge: bool) -> None:
     """Drive from every guess and heading of the paper's tables, with the defaults."""
-    from cmpsp_ros.studies.paper import PaperError  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies.paper import StudyError  # noqa: PLC0415 (plots, kernels)
     from cmpsp_ros.studies.paper import starts as room  # noqa: PLC0415 (plots, kernels)
 
-    with exit_on(PaperError, code=1), progress_bar() as bar:
+    with exit_on(StudyError, code=1), progress_bar() as bar:
         task = bar.add_task('starts')
 
         def progress(label: str, count: int) -> None:

@@ -10,15 +10,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Polygon
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.runs.road_picture import draw_road
 from cmpsp_ros.bags.runs.run import Driven, Run
-from cmpsp_ros.demo.pictures import EDGE, OBSTACLE, ROAD, dense
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.view.drawing import along, draw_obstacles, draw_road
 
 Array = NDArray[np.float64]
 
@@ -27,26 +25,19 @@ _SMALLEST = 0.06
 
 
 def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> None:
-    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant.
-
-    Args:
-        fleet: The robots.
-        runs: What each drove, in the same order.
-        path: The picture.
-    """
+    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant."""
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     settings = fleet[0].settings
-    draw_road(axes, settings.road, ROAD, EDGE)
-    for obstacle in settings.obstacles:
-        edge = outline(obstacle, obstacle.radius)
-        axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))
+    draw_road(axes, settings.road)
+    draw_obstacles(axes, settings.obstacles)
     windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
     paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
     colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
     nearest = _nearest(paths)
     for each, driven, color in zip(fleet, paths, colors, strict=True):
-        axes.plot(*dense(driven).T, color=color, lw=1.8, zorder=4, label=each.namespace)
+        points = along(driven.poses, driven.twists[:-1], driven.durations)
+        axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
         axes.plot(*driven.poses[0, :2], 'o', color=color, ms=6, zorder=5)
         axes.plot(*each.settings.goal, '*', color=color, ms=14, zorder=5)
         if nearest is not None:

@@ -9,38 +9,29 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.runs.encounters import encounters
-from cmpsp_ros.bags.runs.road_picture import draw_road
-from cmpsp_ros.bags.runs.run import Driven, Run
+from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.view.drawing import along, draw_around, draw_obstacles, draw_road, show
+from cmpsp_ros.view.palette import BAGS, GOAL, LIMIT, MARGIN, MOVING, OBSTACLE, ROAD
 
 Array = NDArray[np.float64]
 
 _PLANS = 4
-_PER_ARC = 8
 _ROOM = 0.8
 
 # Width of the picture, and what is below the road [in].
 _WIDTH, _BELOW = 8.0, 1.2
 
-ROAD, EDGE, OBSTACLE = '#e6e6e6', '#8c8c8c', '#c8402f'
-"""Colours of what every picture of a run has."""
-
-_DRIVEN = '#1a1a1a'
-_MOVING = '#b03a8c'
-_MARGIN = '#e69f00'
-_GOAL = '#0b7a3b'
-_WHEELS = ('#0072b2', '#d55e00')
+_DRIVEN = 'black'
 
 
 def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
@@ -49,45 +40,36 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     What moves is drawn where the robot came nearest to it.
     """
     first, last = window(run, settings)
-    driven = dense(run.driven.between(first, last))
+    part = run.driven.between(first, last)
+    driven = along(part.poses, part.twists[:-1], part.durations)
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
-    draw_road(axes, settings.road, ROAD, EDGE)
+    draw_road(axes, settings.road)
+    draw_obstacles(axes, settings.obstacles)
     kept = sample_space(settings)
     for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
-        edge, around = outline(obstacle, obstacle.radius), outline(obstacle, radius)
-        axes.add_patch(Polygon(edge, color=OBSTACLE, alpha=0.85, lw=0, zorder=3))
-        axes.add_patch(Polygon(around, fill=False, color=_MARGIN, ls='--', zorder=3))
+        draw_around(axes, obstacle, radius, MARGIN)
         axes.annotate(
             obstacle.name, center, color='white', ha='center', va='center', zorder=6,
             path_effects=[withStroke(linewidth=3.0, foreground=OBSTACLE)],
         )  # fmt: skip
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
-    for part, color in enumerate(colors):
-        if not plans:
-            break
-        plan = plans[part * len(plans) // _PLANS]
-        axes.plot(
-            *plan.points.T,
-            '.-',
-            ms=3,
-            lw=0.8,
-            color=color,
-            zorder=4,
-            label=f'plan at {(plan.stamp - first) / 1e9:.1f} s',
-        )
+    for number, color in enumerate(colors) if plans else ():
+        plan = plans[number * len(plans) // _PLANS]
+        name = f'plan at {(plan.stamp - first) / 1e9:.1f} s'
+        axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
     axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
     if len(goals):
         name = 'goal' if len(goals) == 1 else 'goals'
-        axes.plot(*goals.T, '*', color=_GOAL, ms=15, ls='', zorder=6, label=name)
+        axes.plot(*goals.T, '*', color=GOAL, ms=15, ls='', zorder=6, label=name)
     for goal in settings.goals:
         axes.annotate(goal.name, goal.position, (7, 7), textcoords='offset points', zorder=6)
-    points = np.vstack([driven, goals, *(plan.points for plan in plans)])
-    width, height = _frame(axes, points, settings)
+    points = [driven, goals, *(plan.points for plan in plans)]
+    width, height = show(axes, points, _ROOM * settings.road.width)
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW)
     handles = [*axes.get_legend_handles_labels()[0], *_keys(settings)]
     figure.legend(handles=handles, loc='outside lower center', ncols=4)
@@ -104,12 +86,12 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
         nearest[each.name] = min(found, nearest.get(each.name, found))
     for index, (name, (_, stamp)) in enumerate(nearest.items()):
         way = np.array([(each.x, each.y) for each in run.tracks if each.name == name])
-        axes.plot(*way.T, color=_MOVING, ls='-.', lw=0.8, zorder=2)
+        axes.plot(*way.T, color=MOVING, ls='-.', lw=0.8, zorder=2)
         (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.name == name)
         center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
         label = 'what moves, where it was nearest' if index == 0 else None
-        axes.add_patch(Circle(center, there.radius, color=_MOVING, lw=0, zorder=4, label=label))
-        axes.plot(*zip(center, robot, strict=True), color=_MOVING, lw=1.0, zorder=4)
+        axes.add_patch(Circle(center, there.radius, color=MOVING, lw=0, zorder=4, label=label))
+        axes.plot(*zip(center, robot, strict=True), color=MOVING, lw=1.0, zorder=4)
         axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)
         when = f'{(stamp - first) / NANOSECONDS:.1f} s'
         axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
@@ -125,42 +107,22 @@ def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
     wheel_speeds = np.vstack([run.wheel_speeds[inside], run.wheel_speeds[inside][-1:]])
     figure = Figure(figsize=(9.0, 4.5), layout='constrained')
     axes = figure.add_subplot()
-    for speeds, name, color in zip(
-        wheel_speeds.T, ('right wheel', 'left wheel'), _WHEELS, strict=True
-    ):
-        axes.step(seconds, speeds, where='post', color=color, label=name)
+    for speeds, side, color in zip(wheel_speeds.T, ('right', 'left'), BAGS, strict=False):
+        axes.step(seconds, speeds, where='post', color=color, label=f'{side} wheel')
     limit = settings.robot.max_wheel_speed
     if math.isfinite(limit):
-        axes.axhline(limit, color=OBSTACLE, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
+        axes.axhline(limit, color=LIMIT, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
         if wheel_speeds.min() < 0.0:
-            axes.axhline(-limit, color=OBSTACLE, ls='--', lw=1.0)
+            axes.axhline(-limit, color=LIMIT, ls='--', lw=1.0)
     axes.set(xlabel='time [s]', ylabel='wheel speed [rad/s]', xlim=(0.0, settings.final_time))
     axes.grid(alpha=0.3)
     axes.legend()
     figure.savefig(path, dpi=120)
 
 
-def dense(driven: Driven) -> Array:
-    """Positions along a path, several on each arc so that it looks as bent as it is, ``(K, 2)``."""
-    parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
-    poses = np.repeat(driven.poses[:-1], _PER_ARC, axis=0)
-    twists = np.repeat(driven.twists[:-1], _PER_ARC, axis=0)
-    since = (driven.durations[:, None] * parts).ravel()
-    return np.vstack([arc_ends(poses, twists, since)[:, :2], driven.poses[-1:, :2]])
-
-
-def _frame(axes: Axes, points: Array, settings: GuidanceSettings) -> tuple[float, float]:
-    """Show what happened and the road's width around it, at one scale; how far that is [m]."""
-    room = _ROOM * settings.road.width
-    (left, bottom), (right, top) = points.min(axis=0) - room, points.max(axis=0) + room
-    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
-    axes.set_aspect('equal')
-    return right - left, top - bottom
-
-
 def _keys(settings: GuidanceSettings) -> list[Patch]:
     keys = [Patch(color=ROAD, label='road')]
     if settings.obstacles:
         keys.append(Patch(color=OBSTACLE, label='obstacle'))
-        keys.append(Patch(fill=False, edgecolor=_MARGIN, ls='--', label='kept clear at samples'))
+        keys.append(Patch(fill=False, edgecolor=MARGIN, ls='--', label='kept clear at samples'))
     return keys

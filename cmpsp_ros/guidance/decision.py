@@ -92,6 +92,8 @@ class Decision(NamedTuple):
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
+        late: How long it took, if it came too late to be sent; else 0 [s].
+        skipped: Whether odometry that came before was passed over, for it had grown old.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
         tracks: Moving obstacles and plans of other robots, as they were known.
@@ -122,6 +124,8 @@ class Decision(NamedTuple):
     finished: bool = False
     missed: bool = False
     halted: bool = False
+    late: float = 0.0
+    skipped: bool = False
     run: int = 0
     revision: int = 0
     tracks: tuple[Seen, ...] = ()

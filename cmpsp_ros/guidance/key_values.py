@@ -37,6 +37,8 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,
+        **({'late': decision.late} if decision.late > 0.0 else {}),
+        **({'skipped': True} if decision.skipped else {}),
         'run': decision.run,
         'revision': decision.revision,
         **({MOVING: track_keys(decision.tracks)} if decision.tracks else {}),
@@ -68,7 +70,7 @@ def severity(decision: Decision) -> int:
     if decision.finished:
         return int(decision.missed)
     if decision.rung == FallbackLevel.NOMINAL:
-        return 0
+        return int(decision.late > 0.0)
     return 2 if decision.rung == FallbackLevel.STOP else 1
 
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance import decision_builder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
@@ -22,9 +23,10 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
+from cmpsp_ros.guidance.safety.lateness import clear_fraction
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.robots.acceleration import NO_RAMP
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking, least_scale
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 
@@ -95,12 +97,14 @@ class GuidanceLaw:
         if not self.is_due(stamp):
             return None
         state, settings = self._state, self._settings
+        late = state.lateness.begin_step()
         state.start = stamp if state.start is None else state.start
         now = state.now = stamp - state.start
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
         if state.end_period(settings, stamp, pose):
             self._selector.restart()
         start, pending = self._predict(stamp, pose, moving)
+        here = PlanStart(pose, state.robot, moving, state.progress)
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         if now >= goals.end:
@@ -116,16 +120,31 @@ class GuidanceLaw:
             horizon = Horizon.between([now, last if now < last else state.due])
         elif self._delay:
             horizon = remaining(now, self._period, last)
-        context = PlanningContext(settings, start, goals.target, horizon, state.plan, pending)
+        halvings = state.lateness.halvings
+        context = PlanningContext(
+            settings, start, goals.target, horizon, state.plan, pending, halvings
+        )
         if too_late:
             decision = self._continue_past_end(stamp, pose, context, last)
         else:
             context.plan = self._turn(context) if has_new_goal else state.plan or state.waiting
-            decision = self._decide(stamp, pose, context)
+            if late and not has_new_goal and state.plan is not None:
+                decision = self._follow_late_plan(stamp, pose, context, late)
+            else:
+                decision = self._decide(stamp, pose, context)
+        decision = self._slow_down(decision, here, start)
+        if state.step == 0:
+            state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
+            decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
         self._decide_in_time(start, decision.plan, last)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
+
+    @property
+    def foretold(self) -> tuple[str, ...]:
+        """What no plan of the run can do, in sentences."""
+        return self._state.foretold
 
     @property
     def task(self) -> GuidanceSettings:
@@ -173,6 +192,31 @@ class GuidanceLaw:
             # its motors can.
             state.ramp = NO_RAMP
         return self._sent(self._stop(stamp, nowhere, reason, finished=finished, halted=True))
+
+    def withdraw(self, decision: Decision, took: float) -> Decision:
+        """Take back the last command, which came too late to be sent; its plan goes on.
+
+        The next newer odometry is decided on at once.
+
+        Args:
+            decision: The last decision, one with a plan.
+            took: How long it took [s].
+
+        Returns:
+            What to record of it.
+        """
+        state = self._state
+        held = state.previous_control = state.pending.take_back()
+        period, limit = self._settings.control_period, self._settings.max_wheel_change
+        if limit < math.inf:
+            # That of the command before is forgotten.
+            plan = np.stack([held, held])
+            state.ramp = braking(plan, np.array([period]), period, limit, along=False)
+        state.slip.lose()
+        state.lateness.add(took)
+        state.due = state.now + 1
+        why = f'It took {took:.3g} s and was not sent, for it came too late.'
+        return decision._replace(reason=f'{why} {decision.reason}', late=took)
 
     def _predict(
         self, stamp: int, pose: Array, moving: MovingDiscs
@@ -268,6 +312,54 @@ class GuidanceLaw:
         if verdict.worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
             return None
         return self._approach.contact(plan, start)
+
+    def _follow_late_plan(
+        self, stamp: int, pose: Array, context: PlanningContext, late: float
+    ) -> Decision:
+        """Follow the plan that came too late, shifted by the time it took, if it is still clear.
+
+        Nothing is solved: that might be late again.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            context: What plans are for.
+            late: How long it took [s].
+        """
+        state, shifted = self._state, self._shifted(context)
+        if shifted is None:
+            state.plan, state.waiting = None, context.plan
+            reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
+            return self._stop(stamp, pose, reason, moving=context.start.moving)
+        state.plan, verdict = shifted
+        state.follow(*shifted)
+        reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
+        errors = context.goal.errors(state.plan.poses[-1])
+        level, robot = FallbackLevel.SHIFTED, self._settings.robot
+        return decision_builder.follow(
+            state, stamp, level, reason, state.plan, verdict, robot, errors
+        )
+
+    def _slow_down(self, decision: Decision, here: PlanStart, start: PlanStart) -> Decision:
+        """The same more slowly, where a command that is late would not find the path clear."""
+        state, settings = self._state, self._settings
+        latest = max(state.lateness.expected, settings.max_command_delay)
+        plan, limit = decision.plan, settings.max_wheel_change
+        if plan is None or latest <= settings.command_delay:
+            return decision
+        next_step = (state.due - state.now) / NANOSECONDS
+        fraction = clear_fraction(
+            self._audit, here, state.pending.latest, decision.wheel_speeds, next_step, latest
+        )
+        fraction = max(fraction, least_scale(decision.wheel_speeds, state.pending.latest, limit))
+        if fraction == 1.0:
+            return decision
+        controls = state.previous_control = fraction * decision.wheel_speeds
+        checked = self._audit.check(start, fraction * plan.controls, plan.horizon.durations)
+        state.ramp = checked.ramp if checked.passed else fraction * state.ramp
+        reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
+        twist = self._settings.robot.twist(controls)
+        return decision._replace(wheel_speeds=controls, twist=twist, reason=reason)
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.road import Annulus, Road
+from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
 
@@ -71,7 +72,7 @@ class SolverSettings:
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
-    work_rate: float = 6e7
+    work_rate: float = 4e7
     work_share: float = 0.04
 
     def work_limit(self, period: float) -> int:
@@ -159,6 +160,7 @@ class GuidanceSettings:
         control_period: Time between two control steps [s].
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
+        max_command_delay: Longest that this may take, as long as no command has been later [s].
         obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
@@ -183,6 +185,7 @@ class GuidanceSettings:
     follow: Follow | None = None
     control_period: float = 0.2
     command_delay: float = 0.0
+    max_command_delay: float = 0.0
     obstacles: tuple[Shape, ...] = ()
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     robot_radius: float = 0.0

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
+from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
@@ -47,6 +48,8 @@ class LawState:
         final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
+        lateness: Of control steps that took too long.
+        foretold: What no plan of the run can do, in sentences.
     """
 
     goals: GoalManager
@@ -70,6 +73,8 @@ class LawState:
     final_pose: Array | None = None
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
+    lateness: Lateness = field(default_factory=Lateness)
+    foretold: tuple[str, ...] = ()
 
     @classmethod
     def begin(cls, settings: GuidanceSettings, run: int, revision: int) -> LawState:

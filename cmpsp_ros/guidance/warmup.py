@@ -23,22 +23,22 @@ from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Capsule
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import (
     arc_length_to,
+    find_near,
     lookahead_point,
-    project_on_path,
     remaining_arc_length,
 )
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
 _POST = 0.1
-_A_ROAD = Corridor(((0.0, 0.0), (1.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+# Corridors have the same code, and need scipy, which takes a third of a second to import.
+_A_ROAD = Annulus()
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
 
@@ -78,7 +78,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     Each of them is compiled once, for all kinds of road.
     """
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
-    on_road = replace(settings, road=_A_ROAD, goal=(1.0, 0.0), obstacles=())
+    on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
     on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
@@ -90,7 +90,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
     arc_length_to(_A_ROAD, pose, on_road.goal)
     lookahead_point(_A_ROAD, pose, 1.0)
-    project_on_path(_A_ROAD, pose, math.nan)
+    find_near(_A_ROAD.space(0.0), pose[0], pose[1], pose[2], math.nan, 0.0)
 
 
 def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
@@ -142,12 +142,10 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:
-    """Decide on a road where plans are compared, which a live change may bring."""
-    road = settings.road if isinstance(settings.road, Annulus) else Annulus()
-    x, y = road.center
-    opposite = 2.0 * x - float(road.middle()[0]), y
-    post = Obstacle('post', (x, y - road.center_radius), _POST)
-    solver = replace(settings.solver, candidates=_PLANS)
+    """Decide on a road where plans are compared, which a live change may bring, beside a wall."""
+    road, solver = Annulus(), replace(settings.solver, candidates=_PLANS)
+    opposite = -road.center_radius, 0.0
+    wall = Capsule('wall', opposite, (opposite[0], _POST), _POST)
     warm_up(
-        replace(settings, road=road, goal=opposite, follow=None, obstacles=(post,), solver=solver)
+        replace(settings, road=road, goal=opposite, follow=None, obstacles=(wall,), solver=solver)
     )

@@ -1,4 +1,4 @@
-"""Parameter files: the presets that come with the package, and the user's own."""
+"""Parameter files: presets and robots that come with the package, and the user's own."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from cmpsp_ros.parameters import ros_yaml
+from cmpsp_ros.parameters.courses.road_files import with_road_file
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.road_files import with_road_file
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
-_ROBOT: Final = re.compile(rf'/?((?:/\w+)+)/(?:\*\*?|{"|".join(_OURS)})')
+_DEFAULTS: Final = 'defaults'
+_SECTION_OF_ROBOT: Final = re.compile(rf'/?((?:/\w+)+)/(?:\*\*?|{"|".join(_OURS)})')
+_KEYS_OF_ROBOT: Final = ('robot.', 'initial_guess.')
+_ALSO_OF_ROBOT: Final = ('command_delay', 'enable_stamped_cmd_vel')
 
 
 def config_directory() -> Path:
@@ -43,7 +46,16 @@ def preset_names() -> list[str]:
     Raises:
         ParameterError: If the package was installed without them.
     """
-    return sorted(path.stem for path in config_directory().glob('*.yaml'))
+    return _names(config_directory())
+
+
+def robot_names() -> list[str]:
+    """Names of the robots, sorted.
+
+    Raises:
+        ParameterError: If the package was installed without them.
+    """
+    return _names(config_directory() / 'robots')
 
 
 def robots_in(path_or_preset_name: str | os.PathLike[str]) -> tuple[str, ...]:
@@ -55,7 +67,7 @@ def robots_in(path_or_preset_name: str | os.PathLike[str]) -> tuple[str, ...]:
     Raises:
         ParameterError: If there is no such file or preset, or it is not YAML of ROS parameters.
     """
-    found = map(_ROBOT.fullmatch, _sections(_path(path_or_preset_name)))
+    found = map(_SECTION_OF_ROBOT.fullmatch, _sections(_path(path_or_preset_name)))
     return tuple(dict.fromkeys(each[1] for each in found if each is not None))
 
 
@@ -95,27 +107,29 @@ def load_parameter_file(
     return with_road_file(values)
 
 
-def file_of(path_or_name: str, kind: str, folder: Path) -> Path:
-    """The file that is meant by a path or by a name without folder and suffix.
+def load_robot(path_or_name: str) -> dict[str, Any]:
+    """What the file of a robot says, before any check of its values.
 
     Args:
-        path_or_name: What the user wrote.
-        kind: What the name is one of, for the message.
-        folder: Where the files with names are.
+        path_or_name: A file; or, without folder and suffix, one of `robot_names`.
+
+    Returns:
+        Values by key.
 
     Raises:
-        ParameterError: If there is nothing of that name; the message has the nearest.
+        ParameterError: If there is no such robot or file, it is not YAML of ROS parameters, or
+            says what belongs to a course.
     """
-    path = Path(path_or_name)
-    if path.suffix or path.name != path_or_name:
-        return path
-    names = sorted(each.stem for each in folder.glob('*.yaml'))
-    if path.name in names:
-        return folder / f'{path.name}.yaml'
-    nearest = difflib.get_close_matches(path.name, names, n=1)
-    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
-    wanted = f'a {kind} ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
-    raise ParameterError(Problem(describe(path_or_name), f'no such {kind}', wanted))
+    path = _file_of(path_or_name, 'robot', config_directory() / 'robots')
+    given = load_parameter_file(path)
+    strange = [
+        key for key in given if not key.startswith(_KEYS_OF_ROBOT) and key not in _ALSO_OF_ROBOT
+    ]
+    if strange:
+        wanted = f'only {", ".join([*(f"{each}*" for each in _KEYS_OF_ROBOT), *_ALSO_OF_ROBOT])}'
+        found = f'{", ".join(strange)} in the file of a robot'
+        raise ParameterError(Problem(str(path), found, wanted))
+    return given
 
 
 def parse_assignment(text: str) -> tuple[str, Any]:
@@ -165,7 +179,25 @@ def write_fleet_file(path: str | os.PathLike[str], robots: Mapping[str, Mapping[
 def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
     if not isinstance(path_or_preset_name, str):
         return Path(path_or_preset_name)
-    return file_of(path_or_preset_name, 'preset', config_directory())
+    return _file_of(path_or_preset_name, 'preset', config_directory())
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(each.stem for each in folder.glob('*.yaml') if each.stem != _DEFAULTS)
+
+
+def _file_of(path_or_name: str, kind: str, folder: Path) -> Path:
+    """The file that is meant by a path, or by a name without folder and suffix."""
+    path = Path(path_or_name)
+    if path.suffix or path.name != path_or_name:
+        return path
+    names = _names(folder)
+    if path.name in names:
+        return folder / f'{path.name}.yaml'
+    nearest = difflib.get_close_matches(path.name, names, n=1)
+    hint = f' (did you mean {nearest[0]}?)' if nearest else ''
+    wanted = f'a {kind} ({", ".join(names)}) or a file, as in ./{path.name}.yaml{hint}'
+    raise ParameterError(Problem(describe(path_or_name), f'no such {kind}', wanted))
 
 
 def _sections(path: Path) -> ros_yaml.Sections:

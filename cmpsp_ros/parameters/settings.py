@@ -20,18 +20,17 @@ from cmpsp_ros.guidance.settings import (
 )
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
-from cmpsp_ros.parameters.course import start_problems
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.goals import (
+from cmpsp_ros.parameters.courses.course import place_problems, start_problems
+from cmpsp_ros.parameters.courses.goals import (
     follow_of,
     follow_problems,
     goal_problems,
     heading_of,
     waypoints_of,
 )
-from cmpsp_ros.parameters.obstacles import obstacle_problems, obstacles_of
-from cmpsp_ros.parameters.places import place_problems
-from cmpsp_ros.parameters.roads import road_of, road_problems
+from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
+from cmpsp_ros.parameters.courses.roads import road_of, road_problems
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
@@ -51,9 +50,6 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
 def guidance_settings(values: Values) -> GuidanceSettings:
     """What the guidance law is told.
-
-    Args:
-        values: A set resolved by the table.
 
     Returns:
         The settings, checked against each other.
@@ -91,6 +87,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         follow=follow_of(values),
         control_period=values['control_period'],
         command_delay=values['command_delay'],
+        max_command_delay=values['max_command_delay'],
         max_slip=values['max_wheel_slip'],
         obstacles=obstacles_of(values),
         moving_obstacles=MovingObstacles(
@@ -117,9 +114,6 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
 def plant_settings(values: Values) -> PlantSettings:
     """What the simulated robot is told.
-
-    Args:
-        values: A set resolved by the table.
 
     Raises:
         ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
@@ -151,9 +145,6 @@ def plant_settings(values: Values) -> PlantSettings:
 def check_start(values: Values) -> None:
     """Refuses a start from which there is no lawful first step.
 
-    Args:
-        values: A set resolved by the table.
-
     Raises:
         ParameterError: If an obstacle cannot be made, or the initial pose is off the road or in an
             obstacle.
@@ -165,9 +156,6 @@ def check_start(values: Values) -> None:
 
 def check_pace(values: Values) -> None:
     """Refuses a simulation whose times do not fit together.
-
-    Args:
-        values: A set resolved by the table.
 
     Raises:
         ParameterError: If odometry or simulated time are too slow or too fast to be kept, or

@@ -1,1 +1,1 @@
-"""The live view: what a browser is shown of a running system, and how; no ROS in it."""
+"""What people are shown: the live page, and colours and drawing for all pictures; no ROS in it."""

@@ -6,7 +6,6 @@ from typing import Final
 
 # Okabe and Ito: Color Universal Design (2008), in an order that also differs in lightness.
 BAGS: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#000000')
-DASHES: Final = ('solid', 'dash', 'dot', 'dashdot')
 
 LEVEL_COLORS: Final = {
     'nominal': '#009e73',
@@ -21,6 +20,8 @@ ROAD: Final = '#e9ebef'
 EDGE: Final = '#7b8494'
 OBSTACLE: Final = '#a63d40'
 GOAL: Final = '#1b1f27'
+MOVING: Final = '#b03a8c'
+MARGIN: Final = '#e69f00'
 LIMIT: Final = '#a63d40'
 TEXT: Final = '#1b1f27'
 GRID: Final = '#e3e6eb'

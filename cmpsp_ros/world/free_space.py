@@ -206,8 +206,8 @@ class FreeSpace:
 def _edges_at(clearance: Array, road: RoadSpace, poses: Array, near: float) -> None:
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
-        place = road_functions.find(road, x, y, poses[k, 2], near)
-        _, _, over, over_other = road_functions.measure(road, k, x, y, place)
+        place = road_functions.project(road, x, y, poses[k, 2], near)
+        _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
         clearance[k, 0] = min(-over, road_functions.FAR)
         clearance[k, 1] = min(-over_other, road_functions.FAR)
 
@@ -220,7 +220,7 @@ def _edges_along(
     for k in range(poses.shape[0]):
         x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
-            place = road_functions.find(road, x, y, heading, near if k == 0 else math.nan)
+            place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
         arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
         place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
             road, arc, place, math.inf, math.inf

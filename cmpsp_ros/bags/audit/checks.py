@@ -11,7 +11,7 @@ from cmpsp_ros.bags.audit import command_checks, fallback_checks, path_checks
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
-from cmpsp_ros.parameters.roads import road_keys
+from cmpsp_ros.parameters.courses.roads import road_keys
 
 _ROAD: Final = ('road',)
 """Stands for what describes a road of the type at hand."""
@@ -46,7 +46,7 @@ CHECKS: Final = (
         'acceleration',
         'Commands: acceleration',
         command_checks.acceleration,
-        (*_WHEELS[:2], 'robot.max_wheel_acceleration', 'control_period'),
+        (*_WHEELS[:2], 'control_period'),
     ),
     _Check(
         'commanded',

@@ -53,7 +53,8 @@ def shifted(record: AuditRecord) -> Verdict:
     limit = record.history.epochs[0].settings.failure_tolerance
     row, worst, at = 0, 0, record.start
     for each in record.decisions:
-        row = row + 1 if each.level == 'shifted' else 0
+        # A plan that came too late was made anew: no step has failed.
+        row = row + 1 if each.level == 'shifted' and each.failures else 0
         if row > worst:
             worst, at = row, each.stamp
     sentence = (

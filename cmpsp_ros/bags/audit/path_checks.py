@@ -21,7 +21,6 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.world.roads.arc_length import project_on_path
-from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
 
@@ -41,7 +40,7 @@ _SIGMAS = 3.0 * math.sqrt(2.0)
 
 def road(record: AuditRecord) -> Verdict:
     """Clearance from both road edges."""
-    if all(isinstance(each.settings.road, OpenFloor) for each in record.sweeps):
+    if not any(each.settings.road.has_center_line for each in record.sweeps):
         return skipped('There is no road (road.type is none).')
     return _clear(record, slice(0, EDGES), 0.0)
 

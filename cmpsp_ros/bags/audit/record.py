@@ -153,7 +153,8 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     frame_id = settings.frame_id if 'frame_id' in history.given else None
     odometry = read_odometry(bag, places.odom, frame_id)
     commands = read_commands(bag, places.cmd_vel)
-    decisions = read_decisions(bag, places.decision)
+    # Of those that came too late no command was sent.
+    decisions = tuple(each for each in read_decisions(bag, places.decision) if not each.late)
     decided = settings.robot.twist(wheel_speeds(decisions))
     pairs = pair(commands, decided)
     commands = timed(commands, odometry, pairs, decisions)

@@ -38,7 +38,6 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
     Raises:
         BagError: Not a bag, nothing in it makes a table, the folder exists, pyarrow is not
             installed, or the disk refuses.
-
     """
     write = _write_csv if form == 'csv' else _parquet_writer()
     with Bag(bag_path) as bag:
@@ -54,8 +53,7 @@ def export(bag_path: Path, folder: Path, form: Format = 'csv') -> dict[Path, int
             msg = f'{folder}: exists already, tables need a folder that does not exist'
             raise BagError(msg) from error
         except OSError as error:
-            msg = f'{folder}: cannot write the tables: {error}'
-            raise BagError(msg) from error
+            raise BagError(f'{folder}: cannot write the tables: {error}') from error
 
 
 def _write_csv(table: Table, path: Path) -> int:
@@ -74,8 +72,7 @@ def _parquet_writer() -> Callable[[Table, Path], int]:
         import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (not all need it)
         from pyarrow import parquet  # noqa: PLC0415
     except ImportError as error:
-        msg = 'Parquet needs pyarrow: pip install pyarrow'
-        raise BagError(msg) from error
+        raise BagError('Parquet needs pyarrow: pip install pyarrow') from error
 
     types = {'int': pa.int64(), 'float': pa.float64(), 'bool': pa.bool_(), 'text': pa.string()}
 

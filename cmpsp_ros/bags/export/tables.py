@@ -96,7 +96,6 @@ def tables(bag: Bag) -> list[Table]:
 
     Raises:
         BagError: There is none, or the bag is damaged.
-
     """
     found = []
     for name, types, ending, columns, rows in (
@@ -125,8 +124,7 @@ def tables(bag: Bag) -> list[Table]:
             found.append(Table(name, wide, _reading(bag, topics, wide, rows)))
     if not found:
         there = ', '.join(sorted(bag.topics)) or 'no topic at all'
-        msg = f'{bag.path}: no topic that makes a table; there is {there}'
-        raise BagError(msg)
+        raise BagError(f'{bag.path}: no topic that makes a table; there is {there}')
     return found
 
 
@@ -167,8 +165,7 @@ def _commands(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 
 def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     if len(message.velocity) != 2:
-        msg = f'found {len(message.velocity)} wheel speeds, wanted right and left'
-        raise ValueError(msg)
+        raise ValueError(f'found {len(message.velocity)} wheel speeds, wanted right and left')
     right, left = map(float, message.velocity)
     yield stamp_of(message), right, left
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.simulator.physics import Physics, mjcf
-from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
+from cmpsp_ros.world.obstacles.shapes import outline
 
 Array = NDArray[np.float64]
 
@@ -84,7 +84,7 @@ def _edges(settings: GuidanceSettings) -> Iterator[str]:
 def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
     for each in settings.obstacles:
         height, color = HEIGHT / 2.0, '0.8 0.25 0.18 1'
-        if isinstance(each, Obstacle):
+        if len(each.corners) == 1:
             yield _geom('cylinder', f'{each.radius} {height}', (*each.center, height), color)
         else:
             yield from _line(outline(each, each.radius), _LINE, color)

@@ -54,6 +54,9 @@ class Follower:
             case Halted(decision):
                 finished = decision.finished
                 return self.law.halt(decision.stamp, decision.reason, finished=finished)
-            case OdometryReceived(odometry, tracks=tracks):
-                return self.law.update(odometry.stamp, odometry.pose, tracks)
+            case OdometryReceived(odometry, recorded, tracks=tracks):
+                decided = self.law.update(odometry.stamp, odometry.pose, tracks)
+                if recorded is None or not recorded.late or decided is None or not decided.plan:
+                    return decided
+                return self.law.withdraw(decided, recorded.late)
         return None

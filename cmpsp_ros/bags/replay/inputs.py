@@ -2,8 +2,8 @@
 
 Odometry is in the bag, and so are goals, moving obstacles and plans of other robots. What they do
 not show - stops by the node's clock, resets, live changes of parameters, how many goals, which
-obstacles and which plans had come by then - every decision says of itself: `halted`, `run`,
-`revision`, `told`, `moving_obstacles`.
+obstacles and which plans had come by then - every decision says of itself: `halted`,
+`late`, `skipped`, `run`, `revision`, `told`, `moving_obstacles`.
 """
 
 from __future__ import annotations
@@ -130,7 +130,8 @@ class Inputs:
             begins = before is None or _began_anew(before, decision)
             odometry = None if decision.halted else self._find(decision)
             if odometry is not None:
-                yield from self._between(odometry, received_all=received_all and not begins)
+                received_all = received_all and not begins and not decision.skipped
+                yield from self._between(odometry, received_all=received_all)
             if before is None or begins:
                 yield from self._began(decision, again=before is not None)
             else:
@@ -143,7 +144,7 @@ class Inputs:
                 yield self._missing(decision)
             else:
                 yield from self._received(odometry, decision, goals)
-            before, received_all = decision, not decision.halted
+            before, received_all = decision, not decision.halted and not decision.late
         if before is None:
             raise BagError(
                 f'{self._bag.path}: found {self.skipped} decisions of {self._node}, wanted one'

@@ -229,6 +229,6 @@ class Recording:
 
     def _command_of(self, decision: DecisionRecord) -> tuple[float, float] | None:
         """The command sent just before a decision was published."""
-        if not self._commands or self._commands[0][0] > decision.received + _LATE:
+        if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None
         return self._commands.popleft()[1]

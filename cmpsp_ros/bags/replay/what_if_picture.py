@@ -8,31 +8,22 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.replay.what_if import WhatIf
-from cmpsp_ros.bags.runs.road_picture import draw_road
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.view.drawing import draw_obstacles, draw_road, show
+from cmpsp_ros.view.palette import BAGS, GOAL
 
 Array = NDArray[np.float64]
 
 _PLANS = 4
 _ROOM = 0.5
 
-_ROAD, _EDGE, _OBSTACLE, _DRIVEN = '#e6e6e6', '#8c8c8c', '#c8402f', '#1a1a1a'
-_RECORDED, _CHANGED = '#0072b2', '#d55e00'
+_RECORDED, _CHANGED = BAGS[:2]
 
 
 def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
-    """Draw it.
-
-    Args:
-        result: What came out.
-        title: What was changed, in one line.
-        path: PNG file.
-    """
+    """Draw it."""
     figure = Figure(figsize=(13.0, 6.5), layout='constrained')
     figure.suptitle(f'{title}\nOpen loop: the robot followed the recorded commands only.')
     grid = figure.add_gridspec(2, 2)
@@ -62,7 +53,8 @@ def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
 
 
 def _draw_plans(axes: Axes, result: WhatIf) -> None:
-    _draw_scenery(axes, result.settings)
+    draw_road(axes, result.settings.road)
+    draw_obstacles(axes, result.settings.obstacles)
     driven = np.array([each.pose[:2] for each in result.odometry]).reshape(-1, 2)
     recorded = [np.array(each.path)[:, :2] for each in result.recorded if each.path]
     changed = [each.plan.poses[:, :2] for _, each in result.decisions if each.plan is not None]
@@ -73,20 +65,10 @@ def _draw_plans(axes: Axes, result: WhatIf) -> None:
         for index, plan in enumerate(_some(plans)):
             label = name if index == 0 else None
             axes.plot(*plan.T, style, color=color, lw=1.2, label=label, zorder=4)
-    axes.plot(*driven.T, color=_DRIVEN, lw=2.0, label='driven, as recorded', zorder=3)
-    axes.plot(*result.settings.goal, '*', color='#0b7a3b', ms=14, label='goal', zorder=5)
-    points = np.vstack([driven, [result.settings.goal], *recorded, *changed])
-    (west, south), (east, north) = points.min(axis=0) - _ROOM, points.max(axis=0) + _ROOM
-    axes.set(xlim=(west, east), ylim=(south, north), xlabel='x [m]', ylabel='y [m]')
-    axes.set_aspect('equal')
+    axes.plot(*driven.T, color='black', lw=2.0, label='driven, as recorded', zorder=3)
+    axes.plot(*result.settings.goal, '*', color=GOAL, ms=14, label='goal', zorder=5)
+    show(axes, [driven, np.array([result.settings.goal]), *recorded, *changed], _ROOM)
     axes.legend(loc='best')
-
-
-def _draw_scenery(axes: Axes, settings: GuidanceSettings) -> None:
-    draw_road(axes, settings.road, _ROAD, _EDGE)
-    for obstacle in settings.obstacles:
-        edge = outline(obstacle, obstacle.radius)
-        axes.add_patch(Polygon(edge, color=_OBSTACLE, zorder=2))
 
 
 def _some(plans: Sequence[Array]) -> list[Array]:

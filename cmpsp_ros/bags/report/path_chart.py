@@ -13,7 +13,7 @@ from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
-from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape, outline
+from cmpsp_ros.world.obstacles.shapes import Shape, outline
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
@@ -190,7 +190,7 @@ def _line(points: Array) -> str:
 
 
 def _edge(obstacle: Shape, distance: float) -> Figure:
-    if isinstance(obstacle, Obstacle):
+    if len(obstacle.corners) == 1:
         return _circle(obstacle.center, distance)
     return {'type': 'path', 'path': f'{_line(outline(obstacle, distance))} Z'}
 

@@ -9,24 +9,14 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Polygon
+from matplotlib.patches import Patch
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
 from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.bags.runs.road_picture import draw_road
-from cmpsp_ros.view.palette import (
-    EDGE,
-    GOAL,
-    GRID,
-    LEVEL_COLORS,
-    LIMIT,
-    OBSTACLE,
-    ROAD,
-    bag_color,
-)
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.view.drawing import draw_around, draw_obstacles, draw_road
+from cmpsp_ros.view.palette import GOAL, GRID, LEVEL_COLORS, LIMIT, OBSTACLE, bag_color
 
 
 def draw(views: Sequence[View], output: Path) -> None:
@@ -56,11 +46,10 @@ def draw(views: Sequence[View], output: Path) -> None:
 
 def _draw_path(axes: Axes, views: Sequence[View]) -> None:
     for road in dict.fromkeys(road for view in views for road in view.roads):
-        draw_road(axes, road, ROAD, EDGE)
+        draw_road(axes, road)
     for obstacle, kept in obstacles(views).items():
-        edge, around = outline(obstacle, obstacle.radius), outline(obstacle, kept)
-        axes.add_patch(Polygon(edge, fc=OBSTACLE, lw=0, zorder=2))
-        axes.add_patch(Polygon(around, fill=False, ec=OBSTACLE, ls='--', zorder=2))
+        draw_obstacles(axes, [obstacle])
+        draw_around(axes, obstacle, kept)
         axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
     for tracks in (each for view in views for each in tracks_of_each(view)):
         x, y = [each.x for each in tracks], [each.y for each in tracks]

@@ -41,7 +41,6 @@ def read_metadata(folder: Path) -> dict[str, Any]:
 
     Raises:
         ReaderError: Too large, not YAML, or not a bag's.
-
     """
     path = folder / METADATA
     check_file(path, MAX_METADATA)
@@ -50,12 +49,10 @@ def read_metadata(folder: Path) -> dict[str, Any]:
     try:
         document = yaml.load(text, Loader=yaml.CSafeLoader)
     except (yaml.YAMLError, ValueError, LookupError, TypeError, AttributeError) as error:
-        msg = f'{METADATA} is damaged: {" ".join(str(error).split())}'
-        raise ReaderError(msg) from error
+        raise ReaderError(f'{METADATA} is damaged: {" ".join(str(error).split())}') from error
     information = document.get(INFORMATION) if isinstance(document, dict) else None
     if not isinstance(information, dict):
-        msg = f'{METADATA} has no {INFORMATION}'
-        raise ReaderError(msg)
+        raise ReaderError(f'{METADATA} has no {INFORMATION}')
     return information
 
 
@@ -70,7 +67,6 @@ def check_bag(path: Path) -> dict[str, Any]:
 
     Raises:
         ReaderError: Damaged, or beyond what is read.
-
     """
     if not path.is_dir():
         _check_storage(path, _STORAGES.get(path.suffix, ''))
@@ -90,30 +86,25 @@ def check_bag(path: Path) -> dict[str, Any]:
                     inflate(raw, 'zstd', MAX_CHUNK)
     topics = information.get('topics_with_message_count')
     if isinstance(topics, list) and len(topics) > MAX_TOPICS:
-        msg = f'{len(topics)} topics, at most {MAX_TOPICS} are read'
-        raise ReaderError(msg)
+        raise ReaderError(f'{len(topics)} topics, at most {MAX_TOPICS} are read')
     return information
 
 
 def _files(folder: Path, information: dict[str, Any]) -> list[Path]:
     paths = information.get('relative_file_paths')
     if not isinstance(paths, list) or not 0 < len(paths) <= MAX_FILES:
-        msg = f'{METADATA} names no files, or more than {MAX_FILES}'
-        raise ReaderError(msg)
+        raise ReaderError(f'{METADATA} names no files, or more than {MAX_FILES}')
     names = [str(each).rpartition('/')[2] for each in paths]
     if len(set(names)) < len(names):
-        msg = f'{METADATA} names a file twice'
-        raise ReaderError(msg)
+        raise ReaderError(f'{METADATA} names a file twice')
     for name in names:
         if not (folder / name).exists():
-            msg = f'{METADATA} names {name}, which is not there'
-            raise ReaderError(msg)
+            raise ReaderError(f'{METADATA} names {name}, which is not there')
     return [folder / name for name in names]
 
 
 def _check_storage(path: Path, storage: str) -> None:
     check_file(path)
     if storage not in _CHECKS:
-        msg = f'storage {storage!r}, wanted one of {", ".join(_CHECKS)}'
-        raise ReaderError(msg)
+        raise ReaderError(f'storage {storage!r}, wanted one of {", ".join(_CHECKS)}')
     _CHECKS[storage](path)

@@ -32,7 +32,6 @@ class FolderLock:
 
         Raises:
             OSError: The disk refuses.
-
         """
         os.fsync(self._file)
 
@@ -58,7 +57,6 @@ def write_whole(path: Path, text: str) -> None:
 
     Raises:
         OSError: The disk refuses.
-
     """
     draft = path.with_name(f'{path.name}.tmp')
     with draft.open('w', encoding='utf-8') as file:

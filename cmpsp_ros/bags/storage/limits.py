@@ -67,15 +67,12 @@ def check_file(path: Path, limit: int | None = None) -> None:
 
     Raises:
         ReaderError: It is something else, or larger.
-
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
-        msg = f'{path.name} is not a regular file'
-        raise ReaderError(msg)
+        raise ReaderError(f'{path.name} is not a regular file')
     if limit is not None and status.st_size > limit:
-        msg = f'{path.name} has {status.st_size} bytes, at most {limit} are read'
-        raise ReaderError(msg)
+        raise ReaderError(f'{path.name} has {status.st_size} bytes, at most {limit} are read')
 
 
 def check_yaml(text: str) -> None:
@@ -83,22 +80,18 @@ def check_yaml(text: str) -> None:
 
     Raises:
         ReaderError: Not YAML, nested too deeply, or with aliases, which multiply what they name.
-
     """
     depth = 0
     try:
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
             if isinstance(event, yaml.AliasEvent):
-                msg = f'YAML with an alias {event.anchor!r}, which no bag needs'
-                raise ReaderError(msg)
+                raise ReaderError(f'YAML with an alias {event.anchor!r}, which no bag needs')
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > MAX_DEPTH:
-                msg = f'YAML nested more than {MAX_DEPTH} deep'
-                raise ReaderError(msg)
+                raise ReaderError(f'YAML nested more than {MAX_DEPTH} deep')
     except yaml.YAMLError as error:
-        msg = f'not YAML: {" ".join(str(error).split())}'
-        raise ReaderError(msg) from error
+        raise ReaderError(f'not YAML: {" ".join(str(error).split())}') from error
 
 
 def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) -> bytes:
@@ -112,7 +105,6 @@ def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) 
 
     Raises:
         ReaderError: Another compression, damaged, cut off, or the result is larger.
-
     """
     if compression == 'zstd':
         options = {int(zstd.DecompressionParameter.window_log_max): _WINDOW_LOG}
@@ -122,23 +114,19 @@ def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) 
     elif compression == '':
         inflater = None
     else:
-        msg = f'unknown compression {compression!r}'
-        raise ReaderError(msg)
+        raise ReaderError(f'unknown compression {compression!r}')
     if inflater is None:
         inflated, whole = data, True
     else:
         try:
             inflated = inflater.decompress(data, max_length=limit + 1)
         except (zstd.ZstdError, RuntimeError) as error:
-            msg = f'damaged {compression} data: {error}'
-            raise ReaderError(msg) from error
+            raise ReaderError(f'damaged {compression} data: {error}') from error
         whole = inflater.eof and not inflater.unused_data
     if len(inflated) > limit:
-        msg = f'more than {limit} bytes uncompressed'
-        raise ReaderError(msg)
+        raise ReaderError(f'more than {limit} bytes uncompressed')
     if not (whole or partly):
-        msg = f'{compression} data cut off'
-        raise ReaderError(msg)
+        raise ReaderError(f'{compression} data cut off')
     return inflated
 
 
@@ -155,7 +143,6 @@ def inflate_file(source: Path, target: Path) -> Path:
 
     Raises:
         ReaderError: It is larger than `MAX_INFLATED_FILE` when uncompressed.
-
     """
     check_file(source)
     size = 0

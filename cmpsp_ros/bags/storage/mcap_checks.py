@@ -55,7 +55,6 @@ def check_mcap(path: Path) -> None:
 
     Raises:
         ReaderError: Not an mcap file, cut off, damaged, or beyond what is read.
-
     """
     with path.open('rb') as file:
         size = path.stat().st_size
@@ -72,20 +71,17 @@ def check_mcap(path: Path) -> None:
 def _data_section(file: BinaryIO, name: str, size: int) -> tuple[int, int]:
     """Where the data begin, and the index after them."""
     if file.read(len(MAGIC)) != MAGIC:
-        msg = f'{name} is not an mcap file'
-        raise ReaderError(msg)
+        raise ReaderError(f'{name} is not an mcap file')
     file.seek(max(0, size - _END_SIZE))
     end = file.read()
     start = int.from_bytes(end[9:17], 'little')
     header = next(records(file, len(MAGIC), size), None)
     is_whole = end.endswith(MAGIC) and end[0] == FOOTER and header is not None
     if not is_whole or header is None or not header.end <= start <= size - _END_SIZE:
-        msg = f'{name} is {WITHOUT_INDEX}'
-        raise ReaderError(msg)
+        raise ReaderError(f'{name} is {WITHOUT_INDEX}')
     content(file, header, _MAX_DEFINITION)
     if size - start > MAX_SUMMARY:
-        msg = f'index of {size - start} bytes, at most {MAX_SUMMARY} are read'
-        raise ReaderError(msg)
+        raise ReaderError(f'index of {size - start} bytes, at most {MAX_SUMMARY} are read')
     return header.end, start
 
 
@@ -105,25 +101,21 @@ def _check_summary(
         elif record.opcode == SCHEMA:
             schemas += 1
             if record.size > _MAX_DEFINITION:
-                msg = f'message definition of {record.size} bytes'
-                raise ReaderError(msg)
+                raise ReaderError(f'message definition of {record.size} bytes')
         elif record.opcode == CHUNK_INDEX:
             offset, head = _indexed(Fields(body))
             if offset in chunks:
-                msg = 'index that names a chunk twice'
-                raise ReaderError(msg)
+                raise ReaderError('index that names a chunk twice')
             chunks[offset] = head
         elif record.opcode == STATISTICS:
             count = Fields(body).uint(8)
         if topics > MAX_TOPICS or profiles > MAX_METADATA or len(chunks) > MAX_CHUNKS:
-            msg = (
+            raise ReaderError(
                 f'more than {MAX_TOPICS} topics, {MAX_METADATA} bytes of QoS profiles'
                 f' or {MAX_CHUNKS} chunks'
             )
-            raise ReaderError(msg)
     if start != end:
-        msg = f'{name} has a damaged index, at byte {start}'
-        raise ReaderError(msg)
+        raise ReaderError(f'{name} has a damaged index, at byte {start}')
     return chunks, count == 0 or (count is not None and schemas > 0)
 
 
@@ -139,19 +131,16 @@ def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) ->
     """Make sure that each chunk is as the index says, and what they come to in all."""
     inflated, allowed = sum(each.size for each in chunks.values()), inflated_allowed(size)
     if inflated > allowed:
-        msg = f'chunks of {inflated} bytes uncompressed, at most {allowed} are read'
-        raise ReaderError(msg)
+        raise ReaderError(f'chunks of {inflated} bytes uncompressed, at most {allowed} are read')
     _check_overlap(chunks.values())
     for offset, head in chunks.items():
         record = next(records(file, offset, size), McapRecord(0, 0, 0))
         if record.opcode != CHUNK:
-            msg = f'no chunk at offset {offset}'
-            raise ReaderError(msg)
+            raise ReaderError(f'no chunk at offset {offset}')
         # What is not compressed is as large as it says, and need not be read twice.
         found = chunk(content(file, record)).head if head.compression else chunk_head(file, record)
         if found._replace(checksum=0) != head:
-            msg = f'chunk at offset {offset} is not the one that was indexed'
-            raise ReaderError(msg)
+            raise ReaderError(f'chunk at offset {offset} is not the one that was indexed')
 
 
 def _check_overlap(heads: Iterable[ChunkHead]) -> None:
@@ -163,8 +152,7 @@ def _check_overlap(heads: Iterable[ChunkHead]) -> None:
         heapq.heappush(ends, (head.end, head.size))
         held += head.size
         if held > MAX_HELD:
-            msg = f'more than {MAX_HELD} bytes of messages overlap in time'
-            raise ReaderError(msg)
+            raise ReaderError(f'more than {MAX_HELD} bytes of messages overlap in time')
 
 
 def _check_records(file: BinaryIO, name: str, begin: int, end: int) -> None:
@@ -178,8 +166,7 @@ def _check_records(file: BinaryIO, name: str, begin: int, end: int) -> None:
             msg = f'record of {record.size} bytes, or over {allowed} bytes uncompressed'
             raise ReaderError(msg)
     if begin != end:
-        msg = f'{name} is damaged at byte {begin}'
-        raise ReaderError(msg)
+        raise ReaderError(f'{name} is damaged at byte {begin}')
 
 
 def _check_channel(body: bytes) -> int:
@@ -190,7 +177,6 @@ def _check_channel(body: bytes) -> int:
     fields.text()
     text = fields.texts().get(_PROFILES, '')
     if len(text) > MAX_METADATA:
-        msg = f'QoS profiles of {len(text)} bytes'
-        raise ReaderError(msg)
+        raise ReaderError(f'QoS profiles of {len(text)} bytes')
     check_yaml(text)
     return len(text)

@@ -81,13 +81,11 @@ class ChunkHead(NamedTuple):
 
         Raises:
             ReaderError: It is cut off, or the chunk is larger than `MAX_CHUNK`.
-
         """
         start, end, size, checksum = _CHUNK.unpack(fields.take(_CHUNK.size))
         head = cls(start, end, size, checksum, fields.text(), fields.uint(8))
         if head.size > MAX_CHUNK:
-            msg = f'chunk of {head.size} bytes, at most {MAX_CHUNK} are read'
-            raise ReaderError(msg)
+            raise ReaderError(f'chunk of {head.size} bytes, at most {MAX_CHUNK} are read')
         if not head.compression and head.compressed != head.size:
             msg = f'chunk of {head.size} bytes that takes {head.compressed} uncompressed'
             raise ReaderError(msg)
@@ -119,8 +117,7 @@ class Fields:
     def take(self, size: int) -> bytes:
         """The next bytes."""
         if size > self.left:
-            msg = f'a field of {size} bytes where {self.left} are left'
-            raise ReaderError(msg)
+            raise ReaderError(f'a field of {size} bytes where {self.left} are left')
         self._at += size
         return self._content[self._at - size : self._at]
 
@@ -154,7 +151,6 @@ def records(file: BinaryIO, start: int, end: int) -> Iterator[McapRecord]:
         file: Opened for reading; may be moved between two records.
         start: Offset of the first.
         end: Offset at which the last ends.
-
     """
     while start + _HEAD.size <= end:
         file.seek(start)
@@ -171,7 +167,6 @@ def content(file: BinaryIO, record: McapRecord, limit: int = MAX_CHUNK + 4096) -
 
     Raises:
         ReaderError: It is longer than the limit, or cut off.
-
     """
     left = os.fstat(file.fileno()).st_size - record.body
     if record.size > min(limit, left):
@@ -186,11 +181,9 @@ def message(body: bytes) -> McapMessage:
 
     Raises:
         ReaderError: It is cut off.
-
     """
     if len(body) < _MESSAGE.size:
-        msg = f'message record of {len(body)} bytes'
-        raise ReaderError(msg)
+        raise ReaderError(f'message record of {len(body)} bytes')
     channel, _, stamp, _ = _MESSAGE.unpack_from(body)
     return McapMessage(channel, stamp, body[_MESSAGE.size :])
 
@@ -200,7 +193,6 @@ def chunk_head(file: BinaryIO, record: McapRecord) -> ChunkHead:
 
     Raises:
         ReaderError: It is cut off, or larger than `MAX_CHUNK`.
-
     """
     return ChunkHead.read(Fields(content(file, record._replace(size=min(record.size, _MOST_HEAD)))))
 
@@ -214,7 +206,6 @@ def chunk(body: bytes, *, partly: bool = False) -> Chunk:
 
     Raises:
         ReaderError: Damaged, cut off, or larger than `MAX_CHUNK`.
-
     """
     fields = Fields(body)
     head = ChunkHead.read(fields)
@@ -222,8 +213,7 @@ def chunk(body: bytes, *, partly: bool = False) -> Chunk:
     inflated = inflate(data, head.compression, head.size, partly=partly)
     is_whole = len(inflated) == head.size and head.checksum in {0, crc32(inflated)}
     if not partly and not is_whole:
-        msg = f'chunk of {len(inflated)} bytes is not what it was when it was written'
-        raise ReaderError(msg)
+        raise ReaderError(f'chunk of {len(inflated)} bytes is not what it was when it was written')
     return Chunk(head, inflated)
 
 
@@ -232,7 +222,6 @@ def inner(inflated: bytes) -> Iterator[tuple[int, bytes]]:
 
     Yields:
         Opcode and content.
-
     """
     at = 0
     while at + _HEAD.size <= len(inflated):

@@ -48,7 +48,6 @@ class McapStorage(McapWriter):
 
     Raises:
         OSError: It cannot be created.
-
     """
 
     def __init__(self, path: Path, *, compressed: bool = False) -> None:
@@ -76,7 +75,6 @@ class McapStorage(McapWriter):
 
         Raises:
             OSError: The disk refuses.
-
         """
         if self.chunk.msgs:
             self.close_chunk()
@@ -87,7 +85,6 @@ class McapStorage(McapWriter):
 
         Raises:
             OSError: The disk refuses; file and pending chunk are as before.
-
         """
         pending, written = self.chunk, len(self.chunks)
         checksum = crc32(pending.bio.getbuffer())
@@ -110,7 +107,6 @@ class McapStorage(McapWriter):
 
         Raises:
             OSError: The disk refuses; the file ends in its last whole chunk.
-
         """
         try:
             self.flush()
@@ -125,7 +121,6 @@ class McapStorage(McapWriter):
 
         Args:
             metadata_size: Room the metadata takes, in this file and once more beside it [bytes].
-
         """
         self.chunk.msgs.clear()
         self.chunk.bio.seek(0)

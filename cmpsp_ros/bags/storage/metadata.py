@@ -63,7 +63,6 @@ def information(
         topics: The topics; their number is the key of the files' counts.
         files: The files in order of time, at least one.
         custom: What is kept with the bag, by key.
-
     """
     start = min(each.start for each in files)
     end = max(each.end for each in files)

@@ -43,7 +43,6 @@ class RollingFiles:
         folder: Folder of the bag.
         form: Format, compression, and when to begin a new file.
         custom: What is kept with the bag, by key; as it is when a file is closed.
-
     """
 
     def __init__(self, folder: Path, form: Form, custom: Mapping[str, str]) -> None:
@@ -88,7 +87,6 @@ class RollingFiles:
 
         Returns:
             Number of messages given up.
-
         """
         if self._storage is None:
             return 0

@@ -81,7 +81,6 @@ def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
 
     Raises:
         OSError: The file cannot be read.
-
     """
     try:
         check_file(path)
@@ -142,12 +141,10 @@ class _Channels:
 
         Raises:
             ReaderError: There are more by now than allowed.
-
         """
         self._inflated += size
         if self._inflated > allowed:
-            msg = f'more than {allowed} bytes uncompressed'
-            raise ReaderError(msg)
+            raise ReaderError(f'more than {allowed} bytes uncompressed')
 
     def take(self, opcode: int, body: bytes) -> Iterator[Found]:
         """Take a record in; yields what is in it."""
@@ -172,8 +169,7 @@ class _Channels:
         if number in self._topics or len(self._topics) >= MAX_TOPICS:
             return
         if fields.text() != 'cdr':
-            msg = f'topic {name} is not in CDR'
-            raise ReaderError(msg)
+            raise ReaderError(f'topic {name} is not in CDR')
         msgtype, definition = self._schemas[schema]
         profiles = _profiles(fields.texts().get('offered_qos_profiles', ''))
         self._topics[number] = FoundTopic(name, msgtype, definition, profiles)

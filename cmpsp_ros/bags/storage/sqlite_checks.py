@@ -33,7 +33,6 @@ def check_sqlite(path: Path) -> None:
 
     Raises:
         ReaderError: Not a database, not closed, damaged, or with what no bag has in it.
-
     """
     log = path.with_name(f'{path.name}-wal')
     if log.exists() and log.stat().st_size:
@@ -46,8 +45,7 @@ def check_sqlite(path: Path) -> None:
             # By the table itself, with its values no longer than `guard` lets them be.
             database.execute('SELECT max(length(data)) FROM messages').fetchone()
     except sqlite3.Error as error:
-        msg = f'{path.name} is not a sound database: {error}'
-        raise ReaderError(msg) from error
+        raise ReaderError(f'{path.name} is not a sound database: {error}') from error
 
 
 def guard(database: sqlite3.Connection, path: Path) -> None:
@@ -69,14 +67,9 @@ def guard(database: sqlite3.Connection, path: Path) -> None:
 def check_tables(database: sqlite3.Connection, path: Path) -> None:
     """Make sure that reading a database's tables runs nothing that came with it.
 
-    Args:
-        database: Opened for reading.
-        path: Its file.
-
     Raises:
         ReaderError: There is a view, trigger, virtual table or computed column, or too much.
         sqlite3.Error: Not a database, damaged, or in circles.
-
     """
     guard(database, path)
     for kind, name, text in database.execute('SELECT type, name, sql FROM sqlite_master LIMIT 100'):
@@ -85,13 +78,11 @@ def check_tables(database: sqlite3.Connection, path: Path) -> None:
             msg = f'{path.name} has a {"virtual " * virtual}{kind} {name!r}, wanted plain tables'
             raise ReaderError(msg)
         if kind == 'index' and '(' in (text or '').partition('(')[2]:
-            msg = f'{path.name} has a computed index {name!r}, wanted plain tables'
-            raise ReaderError(msg)
+            raise ReaderError(f'{path.name} has a computed index {name!r}, wanted plain tables')
     for table in _TABLES:
         # The last column says of each whether it is computed.
         if any(each[-1] for each in database.execute(f'PRAGMA table_xinfo({table})')):
-            msg = f'{path.name} has computed columns in {table}, wanted plain tables'
-            raise ReaderError(msg)
+            raise ReaderError(f'{path.name} has computed columns in {table}, wanted plain tables')
     database.execute('SELECT count(*), min(timestamp), max(timestamp) FROM messages').fetchone()
     columns = [each[1] for each in database.execute('PRAGMA table_xinfo(topics)')]
     if 'offered_qos_profiles' not in columns:

@@ -26,12 +26,8 @@ _ROW_SIZE = 32
 class SqliteStorage(Sqlite3Writer):
     """A database that is written ahead, as rosbag2 does, and made whole when it is closed.
 
-    Args:
-        path: The new file.
-
     Raises:
         OSError: It cannot be created.
-
     """
 
     def __init__(self, path: Path) -> None:
@@ -93,8 +89,7 @@ class SqliteStorage(Sqlite3Writer):
         """Write the bag's metadata, bring all into one file, and close it."""
         if self._refused:
             # SQLite may have taken back by itself all that came since the last flush.
-            msg = 'messages were refused'
-            raise OSError(msg)
+            raise OSError('messages were refused')
         self.flush()
         with _refusals():
             # A second attempt writes over what the first one did.

@@ -131,7 +131,7 @@ class GuidanceProblem(OptimalControlProblem):
         path, terminal = np.zeros((N + 1, self.size.path), row), np.zeros(self.size.output, row)
         data = with_parameters(self.data, hessian=_HESSIANS[hessian])
         ocp_functions.linearise(data, np.ascontiguousarray(X), U, stages, path, terminal)
-        return derivatives_in(stages, path, terminal, *sizes)
+        return derivatives_in(stages, path, terminal, self.size)
 
 
 def guidance_data(

@@ -120,9 +120,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     """
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
-        progress, off_center, first, second = road_functions.measure(
+        progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
         g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
@@ -160,24 +160,17 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
-    progress = road_functions.find(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    _linearise_motion(data, X, U, stages)
+    progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         stage = stages[k]
-        if k < N:
-            A, B = stage.A, stage.B
-            A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
-                X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
-            )
-            for i in range(3):
-                A[i, i] = 1.0
-            B[2, 0], B[2, 1] = turn, -turn
-        progress, off_center, first, second = road_functions.measure(
+        progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
         edge, other = path[k, 0], path[k, 1]
         # Where the robot is now it cannot be changed: no constraint applies there.
         edge.value, other.value = (first, second) if k > 0 else (-math.inf, -math.inf)
-        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.slopes(
+        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.gradients(
             data.road, X[k, 0], X[k, 1], progress
         )
         if p.hessian == GAUSS_NEWTON:
@@ -210,6 +203,20 @@ def linearise(
         terminal[0].X[0] = terminal[1].X[1] = 1.0
     if outputs == TerminalConstraint.POSE:
         terminal[2].X[2] = HEADING_SCALE
+
+
+@allocation_free
+def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -> None:
+    """Fill `A` and `B`, in a loop of its own: together with the rest both take longer."""
+    p = data.parameters[0]
+    for k in range(data.durations.shape[0]):
+        A, B = stages[k].A, stages[k].B
+        A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
+            X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
+        )
+        for i in range(3):
+            A[i, i] = 1.0
+        B[2, 0], B[2, 1] = turn, -turn
 
 
 @allocation_free

@@ -1,20 +1,17 @@
-"""What no plan can do, checked before a run: a goal too far, a gap too narrow.
+"""What no plan can do, checked before a run: a goal too far, a road that is closed.
 
 Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
-and of a gap only its width counts. On other roads than an annulus the shortest path is the straight
-one, and gaps are not checked; nor are they next to polygons, lines and moving obstacles.
+and of a gap only its width counts. On open floor gaps are not checked, nor beside moving obstacles.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
+from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import Point, angle_between, shortest_way
+from cmpsp_ros.world.roads.road import Point
 
 
 def shortest_time(settings: GuidanceSettings, start: Point) -> float:
@@ -33,19 +30,15 @@ def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str
     begin = 0.0
     for goal in settings.goals:
         leg, to = settings.towards(goal, begin), f'On the way to {goal.name}: '
-        found = (*_too_far(leg, start), *_too_narrow(leg, start))
+        found = (*_too_far(leg, start), *_closed(leg, start))
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time
     return said
 
 
 def _way(settings: GuidanceSettings, start: Point) -> float:
-    road = settings.road
-    if isinstance(road, Annulus):
-        inner = road.inner_radius + settings.robot_radius + settings.safety.margin
-        way = shortest_way(replace(road, inner_radius=inner), start, settings.goal)
-    else:
-        way = math.dist(start, settings.goal)
+    kept = settings.robot_radius + settings.safety.margin
+    way = settings.road.shortest_length(start, settings.goal, kept)
     return max(way - settings.goal_tolerance, 0.0)
 
 
@@ -60,23 +53,15 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
         )
 
 
-def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
-    road = settings.road
-    if not isinstance(road, Annulus):
-        return
+def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
-    whole = angle_between(road, start, settings.goal)
-    for obstacle in settings.obstacles:
-        if not isinstance(obstacle, Obstacle):
-            continue
-        turned = angle_between(road, start, obstacle.center)
-        away = math.dist(obstacle.center, road.center)
-        outside = road.outer_radius - away - obstacle.radius
-        inside = away - obstacle.radius - road.inner_radius
-        gap = max(outside, inside)
-        if 0.0 < turned / (whole or math.inf) < 1.0 and (gap < wanted or gap <= 0.0):
-            yield (
-                f'There is no way past obstacle {obstacle.name}: the wider gap beside it is'
-                f' {max(gap, 0.0):.3f} m, and this robot needs {wanted:.3f} m'
-                ' (twice robot.radius and safety.margin).'
-            )
+    for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
+        what = (
+            f'There is no way past obstacle {names[0]}: the wider gap beside it'
+            if len(names) == 1
+            else f'There is no way past obstacles {", ".join(names)}: the widest gap'
+        )
+        yield (
+            f'{what} is {gap:.3f} m, and this robot needs {wanted:.3f} m'
+            ' (twice robot.radius and safety.margin).'
+        )

@@ -15,8 +15,6 @@ from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import OpenFloor
 
 Array = NDArray[np.float64]
 
@@ -133,7 +131,7 @@ class GoalManager:
         settings, (x, y) = self._settings, goal.position
         road = settings.road
         length = arc_length_to(road, pose, goal.position, goal.heading, progress)
-        if isinstance(road, OpenFloor):
+        if not road.has_center_line:
             begin = end = math.atan2(y - pose[1], x - pose[0])
         else:
             _, begin = lookahead_point(road, pose, math.copysign(_NEAR, length), progress)
@@ -165,8 +163,8 @@ class GoalManager:
         goal = self.goal = goals[self._index]
         self.target = Target(goal.position, goal.heading, drives_on=goal is not goals[-1])
         self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
-        no_road = isinstance(settings.road, OpenFloor)
-        self._is_known = self.is_last or goal.heading is not None or no_road
+        has_line = settings.road.has_center_line
+        self._is_known = self.is_last or goal.heading is not None or not has_line
 
     def _pass_along_road(self, pose: Array, progress: float) -> None:
         """Have the goal passed along the road: from there the next one can be driven to."""
@@ -202,6 +200,6 @@ def _check_goal(settings: GuidanceSettings, audit: Audit, goal: Goal) -> None:
     if away[nearest] < -_ROUNDING:
         name = audit.names([nearest])
         raise GoalError(f'The goal is {-away[nearest]:.3g} m inside or beyond {name}.')
-    if isinstance(settings.road, Corridor) and settings.road.beyond(goal.position) > _ROUNDING:
-        beyond = settings.road.beyond(goal.position)
+    beyond = settings.road.beyond(goal.position)
+    if beyond > _ROUNDING:
         raise GoalError(f'The goal is {beyond:.3g} m beyond the end of the road.')

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.corridor import Corridor
 
 Array = NDArray[np.float64]
 
@@ -32,7 +31,5 @@ def reason_not_to_begin(settings: GuidanceSettings, pose: Array) -> str:
 def _distance_from_road(settings: GuidanceSettings, pose: Array) -> float:
     """How far beyond the edges or the ends of the road [m]; 0 on it."""
     road = settings.road
-    distances = [0.0, *(-FreeSpace.of(road, (), 0.0).at(pose[None])[0]).tolist()]
-    if isinstance(road, Corridor):
-        distances.append(road.beyond((float(pose[0]), float(pose[1]))))
-    return float(max(distances))
+    beside = (-FreeSpace.of(road, (), 0.0).at(pose[None])[0]).tolist()
+    return float(max(0.0, road.beyond((float(pose[0]), float(pose[1]))), *beside))

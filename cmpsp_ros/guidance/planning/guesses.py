@@ -53,10 +53,9 @@ class Guesses:
 
     def turning(self, context: PlanningContext) -> list[Array]:
         """Of the most promising homotopy classes, but each begins with a turn on the spot."""
-        settings, start, target = context.settings, context.start, context.target
         durations = context.horizon.durations
         return [
-            turning_first(settings, path, start, target, durations)
+            turning_first(context.settings, path, context.start, durations)
             for path in self._paths(context, self._limit)
         ]
 

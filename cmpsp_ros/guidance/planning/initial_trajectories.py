@@ -92,12 +92,12 @@ def _follow_road(
     left = 0.0
     for k in range(steps):
         left += durations[k]
-    progress = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
-    at_goal = road_functions.find(road, goal[0], goal[1], goal_heading, math.nan)
+    progress = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
+    at_goal = road_functions.project(road, goal[0], goal[1], goal_heading, math.nan)
     top_speed = wheel_radius * max_wheel_speed
     for k in range(steps):
         x, y = poses[k, 0], poses[k, 1]
-        progress = road_functions.measure(road, 0, x, y, progress)[0]
+        progress = road_functions.lateral_error(road, 0, x, y, progress)[0]
         target_x, target_y, speed = _lookahead(road, x, y, progress, goal, at_goal, left, top_speed)
         steer(
             controls,
@@ -128,7 +128,7 @@ def _lookahead(
     top_speed: float,
 ) -> Any:
     """Point to pursue [m, m] and the speed that gets there in the time left [m/s]."""
-    length = road_functions.way_to(road, x, y, progress, goal[0], goal[1], at_goal)
+    length = road_functions.arc_length_to(road, x, y, progress, goal[0], goal[1], at_goal)
     remaining = abs(length)
     speed = min(remaining / left, top_speed)
     ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
@@ -136,7 +136,7 @@ def _lookahead(
         speed = min(math.hypot(goal[0] - x, goal[1] - y) / left, top_speed)
         return goal[0], goal[1], speed
     length = math.copysign(ahead, length)
-    target_x, target_y = road_functions.ahead(road, x, y, progress, length, goal)
+    target_x, target_y = road_functions.point_ahead(road, x, y, progress, length, goal)
     return target_x, target_y, speed
 
 

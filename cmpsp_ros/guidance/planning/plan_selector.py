@@ -25,7 +25,6 @@ from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 
@@ -52,17 +51,15 @@ class PlanSelector:
             timer: Monotonic time [ns].
         """
         self._settings, self._audit, self._timer = settings, audit, timer
-        road = settings.road
-        # Homotopy classes are found on a road between two circles only.
-        several = isinstance(road, Annulus) and settings.follow is None
-        self._limit = settings.solver.candidates if several else 1
+        # A road without end has no goal that ways could lead to.
+        self._limit = settings.solver.candidates if settings.follow is None else 1
         formulation = OcpFormulation(settings)
         self._guesses = Guesses(formulation, self._limit)
-        self._ranking = Ranking(settings, settings.annulus if self._limit > 1 else None)
+        self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
         self._pool = AlternativePool(formulation, max(1, self._limit - 1))
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._centers = FreeSpace.of(road, settings.obstacles, 0.0).centers
+        self._centers = FreeSpace.of(settings.road, settings.obstacles, 0.0).centers
         self.phases: dict[str, float] = {}
         self._work_left = 1
         self.forget()
@@ -95,7 +92,8 @@ class PlanSelector:
         plan, horizon = context.plan, context.horizon
         self.phases, self._remark = dict.fromkeys(('solve', 'audit'), 0.0), ''
         # The plan that is followed comes first; the others share the work that it leaves.
-        self._work_left = self._settings.solver.work_limit(self._settings.control_period)
+        work_limit = self._settings.solver.work_limit(self._settings.control_period)
+        self._work_left = work_limit >> context.halvings
         if plan is None:
             self._work_left *= _GENEROUS
             self._pool.followed.forget()
@@ -247,9 +245,7 @@ class PlanSelector:
     ) -> Alternative:
         began = self._timer()
         centers = np.concatenate([self._centers, context.encounters.centers])
-        sides = class_of(
-            self._settings.annulus, centers, candidate.plan.poses, context.target.position
-        )
+        sides = class_of(context.road_frame, centers, candidate.plan.poses)
         score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon, shift
+from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import AT_REST, PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
@@ -57,6 +58,7 @@ class PlanningContext:
         horizon: Their horizon.
         plan: The one followed until now, if any.
         pending: Verdict on the path to where they begin, if there is one.
+        halvings: How often the work of the step is halved.
     """
 
     settings: GuidanceSettings
@@ -65,6 +67,7 @@ class PlanningContext:
     horizon: Horizon
     plan: Plan | None = None
     pending: Verdict | None = None
+    halvings: int = 0
 
     @classmethod
     def at_pose(
@@ -95,6 +98,11 @@ class PlanningContext:
     def center_line_guess(self) -> Array:
         """Controls along the centre line, shape ``(N + 1, 2)`` [rad/s]."""
         return along_road(self.settings, self.start, self.target, self.horizon.durations)
+
+    @cached_property
+    def road_frame(self) -> RoadFrame:
+        """Road coordinates of the way to the goal."""
+        return road_frame(self.settings, self.start, self.target)
 
     @cached_property
     def encounters(self) -> Encounters:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 
@@ -96,14 +99,15 @@ class Score(NamedTuple):
 class Ranking:
     """Scores plans for one set of settings; by slack alone where only one plan is kept."""
 
-    def __init__(self, settings: GuidanceSettings, road: Annulus | None) -> None:
+    def __init__(self, settings: GuidanceSettings, road: Road | None) -> None:
         """Take limits, road, obstacles and weights from the settings.
 
         Args:
             settings: All settings of the guidance law.
             road: The road, if several plans are compared on it.
         """
-        self._settings, self._road = settings, road
+        self._settings = settings
+        self._road = None if road is None else road.space(0.0)
         # A plan that uses up the margin for the goal's sake is unsafe before it touches anything.
         self._kept = settings.safety.margin
 
@@ -118,6 +122,7 @@ class Ranking:
         if road is None:
             return Score(candidate.admissible, elastic=result.elastic, slack=result.slack)
         error = candidate.terminal_error
+        winding, off_center = _along(candidate.plan.poses, road)
         return Score(
             candidate.admissible,
             _depth(verdict.obstacle_margin - self._kept),
@@ -125,9 +130,9 @@ class Ranking:
             0.0 if error <= self._settings.goal_tolerance else error,
             result.elastic,
             0.0,
-            _turns(candidate.plan.poses, road),
+            _turns(winding),
             min(self._reserve(candidate.plan), _ENOUGH),
-            self._cost(candidate.plan, previous_control, road),
+            self._cost(candidate.plan, previous_control, off_center),
         )
 
     def needs_replanning(self, candidate: Candidate) -> bool:
@@ -137,7 +142,7 @@ class Ranking:
         return (
             candidate.verdict.worst_margin < -_TOUCH
             or candidate.terminal_error > self._settings.goal_tolerance
-            or _turns(candidate.plan.poses, self._road) > 0
+            or _turns(_along(candidate.plan.poses, self._road)[0]) > 0
             or self._reserve(candidate.plan) < _SCARCE
         )
 
@@ -151,9 +156,9 @@ class Ranking:
         left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
         return 1.0 - needed / self._settings.robot.max_wheel_speed / left
 
-    def _cost(self, plan: Plan, previous_control: Array, road: Annulus) -> float:
+    def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         controls, weights = plan.controls, self._settings.weights
-        cost = weights.road_center * _off_center(plan.poses, *road.center, road.center_radius)
+        cost = weights.road_center * off_center
         if weights.control_effort > 0.0:
             cost += weights.control_effort * float((controls**2).sum())
         if weights.control_rate > 0.0:
@@ -162,13 +167,9 @@ class Ranking:
         return cost / 2.0
 
 
-def _turns(poses: Array, road: Annulus) -> int:
-    """Full turns of the heading beside those of the road; turning round at first is none."""
-    x, y = road.center
-    (x_0, y_0, before), (x_N, y_N, after) = poses[0].tolist(), poses[-1].tolist()
-    along = math.atan2(y_N - y, x_N - x) - math.atan2(y_0 - y, x_0 - x)
-    beside = after - before - math.remainder(along, math.tau)
-    return int(abs(beside) / math.tau + 0.25) if math.isfinite(beside) else 0
+def _turns(winding: float) -> int:
+    """Full turns; turning round at first is none."""
+    return int(abs(winding) / math.tau + 0.25) if math.isfinite(winding) else 0
 
 
 @allocation_free
@@ -181,12 +182,21 @@ def _turned(controls: Array, durations: Array) -> float:
 
 
 @allocation_free
-def _off_center(poses: Array, x: float, y: float, radius: float) -> float:
-    """Squared distances from a circle, in all [m^2]."""
-    total = 0.0
+def _along(poses: Array, road: RoadSpace) -> Any:
+    """By how much the heading turns beside the road's [rad], and squared lateral errors [m^2]."""
+    last = poses.shape[0] - 1
+    beside, total, before = poses[last, 2] - poses[0, 2], 0.0, math.nan
+    progress = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], math.nan)
     for k in range(poses.shape[0]):
-        total += (math.hypot(poses[k, 0] - x, poses[k, 1] - y) - radius) ** 2
-    return total
+        x, y = poses[k, 0], poses[k, 1]
+        progress, off, _, _ = road_functions.lateral_error(road, 0, x, y, progress)
+        across_x, across_y, _, _, _, _, _ = road_functions.gradients(road, x, y, progress)
+        bearing = math.atan2(across_y, across_x)
+        if k > 0:
+            beside -= wrapped(bearing - before)
+        before = bearing
+        total += off * off
+    return beside, total
 
 
 def _depth(margin: float) -> float:

@@ -35,6 +35,11 @@ class PendingCommands:
         """What the wheels do at the instant last asked for, shape ``(2,)`` [rad/s]."""
         return self._in_force
 
+    @property
+    def latest(self) -> Array:
+        """The last command, shape ``(2,)`` [rad/s]."""
+        return self._given[-1][1] if self._given else self._in_force
+
     def add(self, stamp: int, wheel_speeds: Array) -> None:
         """Remember a command.
 
@@ -46,6 +51,11 @@ class PendingCommands:
         if self._given:
             stamp = max(stamp, self._given[-1][0])
         self._given.append((stamp, wheel_speeds))
+
+    def take_back(self) -> Array:
+        """Forget the last command, which was never sent; the one before it, shape ``(2,)``."""
+        self._given.pop()
+        return self.latest
 
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
         """What the wheels do from an instant on until a command given then takes effect.

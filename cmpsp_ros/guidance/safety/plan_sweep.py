@@ -76,8 +76,8 @@ def sweep_plan(
             fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
-    progress = road_functions.find(road, x, y, heading, progress)
-    progress, _, over, over_other = road_functions.measure(road, 0, x, y, progress)
+    progress = road_functions.project(road, x, y, heading, progress)
+    progress, _, over, over_other = road_functions.lateral_error(road, 0, x, y, progress)
     # A robot that is too close already must not get closer: what it keeps if it stands.
     worst, at_rest = scratch[0], scratch[1]
     at_rest[0], at_rest[1] = -over, -over_other

@@ -152,7 +152,7 @@ class ControlRateProblem(OptimalControlProblem):
         put_derivatives(stages, path[:, : self._inner.size.path], terminal, inner)
         X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
         _add_derivatives(weight, max_change, steps, X, U, stages, path)
-        return derivatives_in(stages, path, terminal, size.state, size.control)
+        return derivatives_in(stages, path, terminal, size)
 
     def constraint_curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array

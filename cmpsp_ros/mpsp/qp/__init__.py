@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import riccati_backend
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend, hildreth
-from cmpsp_ros.mpsp.qp.solution import (
-    TOLERANCE,
-    Backend,
-    Penalties,
-    QPSolution,
-    QPStatus,
-    kkt_residual,
-)
+from cmpsp_ros.mpsp.qp.riccati.fill import kkt_residual
+from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Backend, Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 __all__ = [
@@ -77,9 +71,9 @@ def backend(name: str) -> Backend:
         return _NATIVE[name]
     if name not in available():
         raise ProblemError(f'qp: found {name!r}, wanted one of {", ".join(available())}')
-    from cmpsp_ros.mpsp.qp.dense.qpsolvers_backend import QpsolversBackend  # noqa: PLC0415
+    from cmpsp_ros.mpsp.qp.dense import qpsolvers_backend  # noqa: PLC0415 (slow to import)
 
-    return QpsolversBackend(name)
+    return partial(qpsolvers_backend.solve, name)
 
 
 def solve_qp(subproblem: Subproblem, name: str, penalties: Penalties | None = None) -> QPSolution:

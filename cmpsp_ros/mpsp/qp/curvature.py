@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.definiteness import (
+from cmpsp_ros.mpsp.qp.dense.closed_form import (
     CURVATURE_MARGIN,
+    has_closed_form,
     is_positive_definite_along,
-    nearest_positive_semidefinite,
 )
-from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
 from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
-from cmpsp_ros.mpsp.qp.spectrum import (
-    extreme_eigenvalues,
-    largest_diagonal,
-)
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 CURVATURE_LEFT = 1e-3
@@ -27,6 +23,10 @@ Any positive number would make the program solvable. But a step is as long as th
 the curvature: this keeps it within a thousand times the natural length, which bounds, trust
 region and line search can deal with.
 """
+
+_RESOLUTION = 1e-15
+# Both ends nearer to 0 than this are 0 themselves.
+_NOTHING = 1e-12
 
 
 def convexify(subproblem: Subproblem) -> Subproblem:
@@ -46,22 +46,70 @@ def convexify(subproblem: Subproblem) -> Subproblem:
     Returns:
         The program to solve with its `Subproblem.shift`; the same object where none was needed.
     """
-    stages = subproblem.stages
-    margin = CURVATURE_MARGIN * largest_diagonal(stages)
-    if is_positive_definite(stages, -margin):
+    if is_positive_definite(subproblem, -CURVATURE_MARGIN * largest_diagonal(subproblem)):
         return subproblem
-    least, largest = extreme_eigenvalues(stages)
+    least, largest = extreme_eigenvalues(subproblem)
     size = max(abs(least), abs(largest)) or 1.0
     shift = CURVATURE_LEFT * size - least
-    if not np.isfinite(shift) or _has_curvature_enough(subproblem):
+    if not np.isfinite(shift):
         return subproblem
-    return replace(subproblem, shift=subproblem.shift + shift)
+    if has_closed_form(subproblem):
+        condensed = subproblem.condensed
+        if is_positive_definite_along(condensed.H, condensed.S_N):
+            return subproblem
+    lin = subproblem.linearisation
+    shifted = replace(lin, L_UU=lin.L_UU + shift * np.eye(subproblem.size.control))
+    return replace(subproblem, linearisation=shifted, shift=subproblem.shift + shift)
 
 
-def _has_curvature_enough(subproblem: Subproblem) -> bool:
-    if not has_closed_form(subproblem):
-        return False
-    return is_positive_definite_along(subproblem.condensed.H, subproblem.condensed.S_N)
+def extreme_eigenvalues(subproblem: Subproblem) -> tuple[float, float]:
+    """Least and largest eigenvalue of the condensed Hessian; both NaN where it is not finite.
+
+    Found by bisection, to rounding relative to the largest entry of the diagonal; 100 to 200
+    Riccati sweeps.
+    """
+    lin = subproblem.linearisation
+    blocks = lin.L_XX, lin.L_UX, lin.L_UU
+    size = (
+        largest_diagonal(subproblem) or max(float(np.abs(block).max()) for block in blocks) or 1.0
+    )
+    if not math.isfinite(size):
+        return math.nan, math.nan
+    least, largest = -_least_shift(subproblem, 1.0, size), _least_shift(subproblem, -1.0, size)
+    if max(abs(least), abs(largest)) <= _NOTHING * size:
+        return 0.0, 0.0
+    return least, largest
+
+
+def _least_shift(subproblem: Subproblem, sign: float, size: float) -> float:
+    """Least shift from ``-size`` on with which ``sign H`` is positive definite."""
+    low, high = -size, size
+    while high < np.inf and not is_positive_definite(subproblem, high, sign):
+        low, high = high, 2.0 * high
+    resolution = _RESOLUTION * high
+    while high - low > resolution:
+        middle = 0.5 * (low + high)
+        if is_positive_definite(subproblem, middle, sign):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def largest_diagonal(subproblem: Subproblem) -> float:
+    """Largest magnitude on the diagonal of the condensed Hessian; time linear in the horizon.
+
+    It is that of ``L_UU + B' P B`` of each stage, with ``P`` the curvature of what follows.
+    """
+    lin = subproblem.linearisation
+    P, diagonals = lin.L_XX[-1], [np.diagonal(lin.L_UU[-1])]
+    with np.errstate(over='ignore', invalid='ignore'):
+        for A, B, L_XX, L_UU in reversed(
+            list(zip(lin.A, lin.B, lin.L_XX[:-1], lin.L_UU[:-1], strict=True))
+        ):
+            diagonals.append(np.diagonal(L_UU + B.T @ P @ B))
+            P = L_XX + A.T @ P @ A
+    return float(np.abs(diagonals).max())
 
 
 def project_stages(L_XX: Array, L_UX: Array, L_UU: Array) -> tuple[Array, Array, Array]:
@@ -82,3 +130,16 @@ def project_stages(L_XX: Array, L_UX: Array, L_UU: Array) -> tuple[Array, Array,
     joint = np.block([[L_XX, np.swapaxes(L_UX, 1, 2)], [L_UX, L_UU]])
     joint = nearest_positive_semidefinite(joint)
     return joint[:, :n, :n].copy(), joint[:, n:, :n].copy(), joint[:, n:, n:].copy()
+
+
+def nearest_positive_semidefinite(blocks: Array) -> Array:
+    """Each symmetric block with its negative eigenvalues set to 0, shape ``(..., d, d)``.
+
+    Blocks are left as they are where any of them is not finite.
+    """
+    if not np.isfinite(blocks).all():
+        return blocks
+    values, vectors = np.linalg.eigh(blocks)
+    raised = (vectors * np.maximum(values, 0.0)[..., None, :]) @ np.swapaxes(vectors, -1, -2)
+    # What is positive semi-definite already keeps its bits.
+    return np.where((values[..., :1] < 0.0)[..., None], raised, blocks)

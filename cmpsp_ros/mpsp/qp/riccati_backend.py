@@ -17,7 +17,7 @@ from cmpsp_ros.mpsp.qp.riccati.fill import (
     borrowed_space,
     compiled_size,
     fill,
-    multipliers_of,
+    solution_in,
 )
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, locate
@@ -40,18 +40,13 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: Indice
         warm: Rows to begin with; left as those of this solution, and empty where Clarabel found
             it: there are too many of them, or the active-set method cannot use them.
     """
-    qp, size = subproblem.stages, subproblem.size
+    size = subproblem.size
     otherwise = QPSolution.unsolved(size, QPStatus.FAILED)
     with borrowed_space(size) as space:
-        if penalties is None:
-            fill(space, qp)
-        else:
-            fill(space, qp, penalties.terminal, penalties.path)
+        fill(space, subproblem, penalties)
         outcome = solve_program(space.program, space.active, warm)
         if outcome == SOLVED:
-            dU = space.program.stages['dU'][:, : size.control].copy()
-            iterations = int(space.program.head['iterations'][0])
-            return QPSolution(QPStatus.SOLVED, dU, *multipliers_of(space), iterations)
+            return solution_in(space)
         if outcome == NO_CURVATURE:
             return otherwise
         if outcome == INFEASIBLE:
@@ -66,7 +61,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: Indice
 
 
 def _named(space: Space, numbers: Iterable[int]) -> tuple[Row, ...]:
-    """Rows by their numbers, in the order of these; a bound with both its sides once."""
+    """Rows by their numbers, in that order; a bound with both its sides once."""
     return tuple(dict.fromkeys(_row(space, number) for number in sorted(numbers)))
 
 

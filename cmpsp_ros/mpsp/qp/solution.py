@@ -9,9 +9,6 @@ from typing import Protocol
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions
-from cmpsp_ros.mpsp.qp.riccati import kkt
-from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 TOLERANCE = 1e-5
@@ -42,21 +39,20 @@ class Penalties:
 
 @dataclass(frozen=True)
 class QPSolution:
-    """Solution of a subproblem.
+    """Solution of a subproblem; where not solved, the arrays hold zeros.
 
     Attributes:
-        status: How it ended; where not solved, the arrays hold zeros.
+        status: How it ended.
         dU: Control deviations, shape ``(N + 1, r)``.
         terminal: Multipliers ``lambda`` of (54), of either sign, shape ``(m,)``.
         path: Multipliers ``rho`` of (57), not negative, 0 where a constraint does not apply,
             shape ``(N + 1, l)``.
         trust: Multipliers of the trust region, positive at ``+trust_radius``, shape
             ``(N + 1, n)``.
-        bounds: Multipliers of the control bounds, positive at the upper one, shape
+        bounds: Multipliers ``beta`` of the control bounds, positive at the upper one, shape
             ``(N + 1, r)``.
         iterations: Iterations of the back end, 0 where it does not tell.
-        conflict: Constraints that contradict each other, where there are any and the back end can
-            tell which.
+        conflict: Constraints that contradict each other, as far as the back end can tell.
     """
 
     status: QPStatus
@@ -90,22 +86,3 @@ class Backend(Protocol):
 
     def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
         """Solve with hard rows, or with (54) and (57) relaxed where penalties are given."""
-
-
-def kkt_residual(
-    subproblem: Subproblem, solution: QPSolution, penalties: Penalties | None
-) -> float:
-    """Largest violation of the optimality conditions, relative to the size of the data.
-
-    Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
-    complementarity, in which a relaxed row may be violated only at its full penalty. Not a number
-    where the data or the solution are not.
-    """
-    multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-    with borrowed_space(subproblem.size) as space:
-        if penalties is None:
-            fill(space, subproblem.stages)
-        else:
-            fill(space, subproblem.stages, penalties.terminal, penalties.path)
-        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
-        return float(kkt.kkt_residual(space.program))

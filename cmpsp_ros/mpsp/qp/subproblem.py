@@ -1,9 +1,9 @@
-"""The quadratic program of one iteration, stage by stage; condensed only for who asks."""
+"""The quadratic program of one iteration, stage by stage."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal, NamedTuple
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
-from cmpsp_ros.mpsp.qp.stage_qp import StageQP
 
 
 class Row(NamedTuple):
@@ -31,9 +30,12 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Subproblem:
-    """Program (45) (54) (57) of one iterate, with bounds and trust region.
+    """Program (45) (54) (57) of one iterate in ``dU``, with the linearised states ``dX`` kept.
 
-    Everything here takes time and memory in proportion to the horizon, but for `condensed`.
+    Minimise the sum over the stages of ``L_X' dX + L_U' dU + 1/2 dX' L_XX dX + dU' L_UX dX +
+    1/2 dU' L_UU dU`` along ``dX_(k+1) = A dX_k + B dU_k``, ``dX_0 = 0``, subject to ``h_X dX_N +
+    h_U dU_N + output_error = 0``, ``g + g_X dX + g_U dU <= 0``, ``|dX_k| <= trust_radius`` for
+    ``k >= 1``, and ``lower <= dU <= upper``.
 
     Attributes:
         linearisation: Derivatives along the predicted trajectory.
@@ -41,7 +43,7 @@ class Subproblem:
         upper: Largest control deviations, ``inf`` where free, shape ``(N + 1, r)``.
         trust_radius: Largest predicted change of each state component at every stage, ``inf``
             where free, shape ``(n,)``.
-        shift: Added to the diagonal of every ``L_UU``, which adds as much to that of (45).
+        shift: What `convexify` has added to the diagonal of every ``L_UU``.
     """
 
     linearisation: Linearisation
@@ -53,39 +55,20 @@ class Subproblem:
     @cached_property
     def size(self) -> Dimensions:
         """Dimensions of all arrays."""
-        N, n, r = self.linearisation.B.shape
-        m, l = len(self.linearisation.output_error), self.linearisation.g.shape[1]  # noqa: E741
-        return Dimensions(N, n, r, m, l)
-
-    @cached_property
-    def stages(self) -> StageQP:
-        """The same program as plain arrays, with the shift in it."""
-        shifted = _shifted(self.linearisation, self.shift)
-        derivatives = {
-            field.name: _plain(getattr(shifted, field.name)) for field in fields(Linearisation)
-        }
-        return StageQP(
-            lower=_plain(self.lower),
-            upper=_plain(self.upper),
-            trust_radius=_plain(self.trust_radius),
-            **derivatives,
-        )
+        return self.linearisation.size
 
     @cached_property
     def condensed(self) -> CondensedQP:
-        """The same program in the controls alone, with the shift in it.
-
-        Time and memory grow with the square of the horizon.
-        """
-        shifted = _shifted(self.linearisation, self.shift)
-        return condense(shifted, self.lower, self.upper, self.trust_radius)
+        """The same program in the controls alone; takes time and memory ``O(N^2)``."""
+        return condense(self.linearisation, self.lower, self.upper, self.trust_radius)
 
     def only(self, rows: Iterable[Row]) -> Subproblem:
-        """The same program with no other rows than these and the terminal ones.
+        """The same program with these rows and the terminal ones alone.
 
         A bound stays on both sides, and a trust region at all stages.
         """
-        path, bound = np.zeros(self.linearisation.g.shape, bool), np.zeros(self.lower.shape, bool)
+        lin = self.linearisation
+        path, bound = np.zeros(lin.g.shape, bool), np.zeros(self.lower.shape, bool)
         trust = np.zeros(self.trust_radius.shape, bool)
         for row in rows:
             if row.kind == 'path':
@@ -96,9 +79,7 @@ class Subproblem:
                 trust[row.index] = True
         return replace(
             self,
-            linearisation=replace(
-                self.linearisation, g=np.where(path, self.linearisation.g, -np.inf)
-            ),
+            linearisation=replace(lin, g=np.where(path, lin.g, -np.inf)),
             lower=np.where(bound, self.lower, -np.inf),
             upper=np.where(bound, self.upper, np.inf),
             trust_radius=np.where(trust, self.trust_radius, np.inf),
@@ -122,45 +103,22 @@ class Subproblem:
 
         Args:
             dU: Control deviations, shape ``(N + 1, r)``.
-            dX: What `propagate` gives for them.
+            dX: Their `propagate`, shape ``(N + 1, n)``.
         """
         lin = self.linearisation
         error: Array = lin.output_error + lin.h_X @ dX[-1] + lin.h_U @ dU[-1]
         return error
 
     def path(self, dU: Array, dX: Array) -> Array:
-        """Linearised path constraints (57), met where not positive; shape ``(N + 1, l)``.
+        """Linearised path constraints (57), ``-inf`` where one does not apply; ``(N + 1, l)``.
 
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-            dX: What `propagate` gives for them.
-
-        Returns:
-            Their values, ``-inf`` where one does not apply.
+        Arguments as of `terminal`.
         """
         lin = self.linearisation
         change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
         return np.where(lin.g == -np.inf, -np.inf, lin.g + change)
 
     def slope(self, dU: Array, dX: Array) -> float:
-        """Directional derivative of the cost (48).
-
-        Args:
-            dU: Control deviations, shape ``(N + 1, r)``.
-            dX: What `propagate` gives for them.
-        """
+        """Directional derivative of the cost (48). Arguments as of `terminal`."""
         lin = self.linearisation
         return float(np.vdot(lin.L_X, dX) + np.vdot(lin.L_U, dU))
-
-
-def _shifted(linearisation: Linearisation, shift: float) -> Linearisation:
-    if not shift:
-        return linearisation
-    L_UU = linearisation.L_UU + shift * np.eye(linearisation.L_UU.shape[1])
-    return replace(linearisation, L_UU=L_UU)
-
-
-def _plain(array: Array) -> Array:
-    """An array of the one kind that kernels are compiled for."""
-    plain = np.ascontiguousarray(array, dtype=np.float64)
-    return plain if plain.flags.writeable else plain.copy()

@@ -10,7 +10,6 @@ from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_fo
 from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.qp.riccati.fill import Space, put_solution, subproblem_in
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
@@ -59,7 +58,8 @@ class BackEnd:
         if self.solution.status is not QPStatus.SOLVED:
             unknown = self.solution.status is QPStatus.FAILED and not self._is_convex
             return NO_CURVATURE if unknown else INFEASIBLE
-        self._put_solution()
+        found = self.solution
+        put_solution(self._space, found, self.subproblem.propagate(found.dU))
         return SOLVED
 
     def add_curvature(self) -> None:
@@ -95,8 +95,3 @@ class BackEnd:
         stages = self.subproblem.size.horizon + 1
         penalties = Penalties(terminal.copy(), path[:stages].copy())
         return solve_qp(self.subproblem, self._name, penalties)
-
-    def _put_solution(self) -> None:
-        found = self.solution
-        multipliers = Multipliers(found.terminal, found.path, found.trust, found.bounds)
-        put_solution(self._space, found.dU, self.subproblem.propagate(found.dU), multipliers)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from cmpsp_ros.nodes.common.status import status_message
+from cmpsp_ros.guidance.key_values import exact_repr
 from cmpsp_ros.nodes.common.topics import HEALTH
 
 if TYPE_CHECKING:
@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 _PERIOD = 1.0
 _CHANGE_PERIOD = 0.1
 _REMEMBERED_STEPS = 1000
+
+_ENOUGH_STEPS = 10
+"""Steps after which their usual delay is known."""
+
+_UNKNOWN_DELAY = 0.1
+"""Control periods by which commands may be later than `command_delay` says."""
 
 
 @dataclass(frozen=True)
@@ -69,37 +75,73 @@ class Health:
             self.publish()
 
 
+def hardware_id(node: Node) -> str:
+    """Name of the robot that a node belongs to: its namespace."""
+    return str(node.get_namespace().strip('/')) or 'robot'
+
+
+def status_message(
+    level: bytes, node: Node, kind: str, message: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """A diagnostic status; floats are written so that they read back bit for bit."""
+    return DiagnosticStatus(
+        level=level,
+        name=f'{node.get_fully_qualified_name()}: {kind}',
+        hardware_id=hardware_id(node),
+        message=message,
+        values=[KeyValue(key=key, value=exact_repr(value)) for key, value in values.items()],
+    )
+
+
 class StepTimes:
-    """Computing times of the latest control steps."""
+    """Computing times of the latest control steps, and times from odometry to its command."""
 
     def __init__(self) -> None:
         """Begin without any step."""
         self._times: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
+        self._answers: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
         self._misses = 0
 
-    def add(self, milliseconds: float, period: float) -> None:
-        """Count a step that took so long, of a period in seconds."""
-        self._times.append(milliseconds)
-        self._period_ms = 1e3 * period
-        self._misses += milliseconds > self._period_ms
+    def add(self, step_ms: float, answer_ms: float, period: float, delay: float) -> None:
+        """Count a step.
+
+        Args:
+            step_ms: Time that it took [ms].
+            answer_ms: Time from the stamp of odometry to its command [ms].
+            period: Control period [s].
+            delay: Time from the stamp of odometry to the effect of its command, as known [s].
+        """
+        self._times.append(step_ms)
+        self._answers.append(answer_ms)
+        self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay
+        self._misses += max(step_ms, answer_ms - self._delay_ms) > self._period_ms
 
     def warnings(self) -> list[str]:
-        """What is to be said of the latest step, in sentences."""
-        if not self._times or self._times[-1] <= self._period_ms:
+        """What is to be said of the latest steps, in sentences."""
+        if not self._times:
             return []
-        return [
-            f'The last control step took {self._times[-1]:.1f} ms of the'
-            f' {self._period_ms:.1f} ms until the next.'
-        ]
+        said = []
+        if self._times[-1] > self._period_ms:
+            said.append(
+                f'The last control step took {self._times[-1]:.1f} ms of the'
+                f' {self._period_ms:.1f} ms until the next.'
+            )
+        if len(self._answers) >= _ENOUGH_STEPS:
+            usual = float(np.median(self._answers))
+            if usual - self._delay_ms > _UNKNOWN_DELAY * self._period_ms:
+                said.append(
+                    f'Commands leave {usual:.0f} ms after their odometry:'
+                    f' command_delay should be {usual / 1e3:.3f} s or more.'
+                )
+        return said
 
     def values(self) -> dict[str, object]:
-        """Median, 95th percentile and maximum [ms] and the missed deadlines."""
+        """Median, 95th percentile and maximum of both [ms], and the missed deadlines."""
         if not self._times:
             return {}
-        p50, p95 = np.percentile(self._times, [50, 95]).tolist()
-        return {
-            'step_ms_p50': p50,
-            'step_ms_p95': p95,
-            'step_ms_max': max(self._times),
-            'deadline_misses': self._misses,
-        }
+        values: dict[str, object] = {}
+        for name, times in (('step', self._times), ('odometry_to_command', self._answers)):
+            p50, p95 = np.percentile(times, [50, 95]).tolist()
+            values[f'{name}_ms_p50'], values[f'{name}_ms_p95'] = p50, p95
+            values[f'{name}_ms_max'] = max(times)
+        return {**values, 'deadline_misses': self._misses}

@@ -12,8 +12,8 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 
+from cmpsp_ros.parameters.courses.road_files import with_road_file
 from cmpsp_ros.parameters.parameter import ParameterType
-from cmpsp_ros.parameters.road_files import with_road_file
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

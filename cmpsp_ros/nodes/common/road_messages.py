@@ -9,8 +9,8 @@ from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ROAD
+from cmpsp_ros.parameters.courses.road_messages import road_in
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.road_messages import road_in
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
@@ -72,7 +72,7 @@ class RoadInput:
 
 
 def path_of(values: Values) -> Path:
-    """The message that tells of a corridor; `cmpsp_ros.parameters.road_messages` reads it.
+    """The message that tells of a corridor; `cmpsp_ros.parameters.courses.road_messages` reads it.
 
     Args:
         values: Parameters with at least one point.

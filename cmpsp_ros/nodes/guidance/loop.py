@@ -8,20 +8,21 @@ from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.goals import GoalError
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
-from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.odometry_bytes import read_odometry
+from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import PoseStamped
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.guidance.decision import Decision
     from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.nodes.common.garbage import GarbageCollection
+    from cmpsp_ros.nodes.timing.garbage import GarbageCollection
     from cmpsp_ros.parameters.table import Values
 
 _WATCH_PERIOD = 0.025
@@ -148,6 +149,7 @@ class GuidanceLoop:
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
+            *self._law.foretold,
         ]
 
     @property
@@ -162,7 +164,7 @@ class GuidanceLoop:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
-            message = read_odometry(data)
+            message, skipped = self._newest(data, now)
             pose, stamp = pose_of(message, self._settings.frame_id), stamp_of(message)
             check_age(stamp, now, self._settings.odom_timeout)
         except OdometryError as error:
@@ -183,15 +185,33 @@ class GuidanceLoop:
             return
         if decision is None:
             return
-        self._outputs.command(decision)
+        sent = self._now()
+        decision = decision._replace(skipped=skipped)
+        period, took = self._settings.control_period, (sent - now) / NANOSECONDS
+        if took > period and decision.plan is not None:
+            decision = self._law.withdraw(decision, took)
+            self._node.get_logger().warning(decision.reason)
+        else:
+            self._outputs.command(decision)
+        if not self._begun:
+            for each in self._law.foretold:
+                self._node.get_logger().warning(each)
         self._begun = True
         self._expect_end(decision, now)
-        period, step_ms = self._settings.control_period, (time.perf_counter_ns() - began) / 1e6
-        self.times.add(step_ms, period)
+        step_ms = (time.perf_counter_ns() - began) / 1e6
+        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
+
+    def _newest(self, data: bytes, now: int) -> tuple[Odometry, bool]:
+        """Odometry, and whether it is newer odometry that waits instead of what has grown old."""
+        message = read_odometry(data)
+        if (now - stamp_of(message)) / NANOSECONDS <= self._settings.control_period:
+            return message, False
+        newest = take_newest(self._odometry)
+        return (message, False) if newest is None else (read_odometry(newest), True)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
         """See to it that the robot stops in time where odometry does not come just then."""
@@ -204,7 +224,7 @@ class GuidanceLoop:
     def _on_end(self) -> None:
         self._end_timer.cancel()
         # Odometry of that instant comes first where it is there; in lockstep it always is.
-        catch_up(self._odometry)
+        drain_queue(self._odometry)
         now, end = self._now(), self._law.ends_at
         if self.active and end is not None and now > end and not self._is_finished:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
@@ -248,7 +268,7 @@ class GuidanceLoop:
             self._use_slack()
         timeout = self._settings.odom_timeout
         if self.silence.is_longer_than(timeout, self._now()):
-            catch_up(self._odometry)
+            drain_queue(self._odometry)
         if self.silence.goes_on(timeout, self._now()):
             self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
 

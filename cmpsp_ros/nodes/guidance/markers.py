@@ -10,7 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
+from cmpsp_ros.world.obstacles.shapes import outline
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -62,7 +62,7 @@ def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = N
     for obstacle, center, radius in zip(
         settings.obstacles, kept.centers.tolist(), kept.radii.tolist(), strict=True
     ):
-        if isinstance(obstacle, Obstacle):
+        if len(obstacle.corners) == 1:
             add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
         else:
             add('obstacles', _line(outline(obstacle, obstacle.radius), 0.05, _OBSTACLE))

@@ -17,7 +17,6 @@ from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 Array = NDArray[np.float64]
 
@@ -56,6 +55,33 @@ class Driven:
         return space.along(poses[:-1], twists[:-1], durations)
 
 
+class Computer:
+    """Takes its time for a control step that solves: evenly distributed, up to the longest.
+
+    Attributes:
+        busy_until: When its last step is done [ns].
+        decision: What that comes to, until the robot has it.
+    """
+
+    def __init__(self, task: Task) -> None:
+        """Take how late it is, and draw from the seed of the run."""
+        self._period, self._lateness = task.settings.control_period, task.lateness
+        self._random = np.random.default_rng([task.scenario.seed, task.scenario.number])
+        self.busy_until = 0
+        self.decision: Decision | None = None
+
+    def take(self, law: GuidanceLaw, decision: Decision | None) -> None:
+        """Take the time of a decision, and take it back as the node does where that is too long."""
+        if decision is None:
+            return
+        took = 0.0
+        if self._lateness and decision.iterations:
+            took = self._period * self._random.uniform(0.0, self._lateness)
+        self.busy_until = decision.stamp + to_nanoseconds(took)
+        is_late = took > self._period and decision.plan is not None
+        self.decision = law.withdraw(decision, took) if is_late else decision
+
+
 def drive(task: Task) -> Driven:
     """Make a run: odometry at its rate, the law's commands until the final time, then to rest.
 
@@ -66,20 +92,40 @@ def drive(task: Task) -> Driven:
     final = to_nanoseconds(task.settings.final_time)
     period = to_nanoseconds(1.0 / task.plant.odom_rate)
     try:
-        law = GuidanceLaw(task.settings)
+        law, computer = GuidanceLaw(task.settings), Computer(task)
         for stamp in range(0, final, period):
+            _hand_over(plant, driven, computer, stamp)
             _advance(plant, driven, stamp)
             pose = plant.measure()
-            _obey(plant, driven, None if pose is None else law.update(stamp, pose))
+            if pose is not None and stamp >= computer.busy_until:
+                computer.take(law, law.update(stamp, pose))
+                _hand_over(plant, driven, computer, stamp)
+        _hand_over(plant, driven, computer, final)
+        _advance(plant, driven, final)
+        if task.settings.max_wheel_change < math.inf:
+            _brake(plant, driven, law, period)
     except Exception as error:
         # Whatever it is, the study goes on and tells.
         text = ' '.join(str(error).split())
         driven.exception = f'{type(error).__name__}: {text}'
         plant.command(plant.stamp_ns, 0.0, 0.0)
-    _advance(plant, driven, final)
-    plant.command(final, 0.0, 0.0)
-    _advance(plant, driven, final + to_nanoseconds(_to_rest(task.plant)))
+    end = max(final, plant.stamp_ns)
+    _advance(plant, driven, end)
+    plant.command(end, 0.0, 0.0)
+    _advance(plant, driven, end + to_nanoseconds(_to_rest(task.plant)))
     return driven
+
+
+def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
+    """Let the law bring the robot to rest after the final time."""
+    moves = True
+    while moves:
+        pose = plant.measure()
+        decision = None if pose is None else law.update(plant.stamp_ns, pose)
+        if decision is not None:
+            plant.command(plant.stamp_ns, *decision.twist.tolist())
+            moves = bool(np.any(decision.twist))
+        _advance(plant, driven, plant.stamp_ns + period)
 
 
 def outcome(driven: Driven) -> Outcome:
@@ -110,7 +156,7 @@ def outcome(driven: Driven) -> Outcome:
         trouble=worst.reason if worst is not None and worst.rung else '',
         trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
         exception=driven.exception,
-        shortest_way=shortest_way(settings.annulus, start[:2], settings.goal),
+        shortest_way=settings.road.shortest_length(start[:2], settings.goal),
         farthest=farthest(task),
         obstacles=len(settings.obstacles),
         x=x,
@@ -130,6 +176,10 @@ def farthest(task: Task) -> float:
     obeyed = max(time - plant.actuation_delay, 0.0)
     lag = plant.wheel_lag
     behind = lag * -math.expm1(-obeyed / lag) if lag > 0.0 else 0.0
+    # The first commands are slower, as far as the acceleration is limited.
+    steps = plant.robot.max_wheel_speed / task.settings.max_wheel_change
+    slower = sum(1.0 - k / steps for k in range(1, math.ceil(steps)))
+    behind += task.settings.control_period * slower
     return plant.robot.max_speed * grip * (obeyed - behind)
 
 
@@ -138,11 +188,16 @@ def _advance(plant: Plant, driven: Driven, stamp: int) -> None:
     driven.motions.append(plant.motion)
 
 
-def _obey(plant: Plant, driven: Driven, decision: Decision | None) -> None:
-    if decision is None:
+def _hand_over(plant: Plant, driven: Driven, computer: Computer, stamp: int) -> None:
+    """Let the plant have the decision that the computer has made until an instant [ns]."""
+    decision = computer.decision
+    if decision is None or computer.busy_until > stamp:
         return
+    if computer.busy_until > plant.stamp_ns:
+        _advance(plant, driven, computer.busy_until)
+    computer.decision = None
     driven.decisions.append(decision)
-    if np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
+    if not decision.late and np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
         plant.command(plant.stamp_ns, *decision.twist.tolist())
 
 

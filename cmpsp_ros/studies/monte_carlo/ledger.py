@@ -11,13 +11,17 @@ from pathlib import Path
 from typing import Any, Final
 
 import cmpsp_ros
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
 
-_DECIDING: Final = ('mpsp', 'robot', 'guidance', 'parameters', 'studies/monte_carlo')
+ROOMS: Final = (
+    *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
+    'studies/monte_carlo',
+)
+"""What decides an outcome."""
 
 _READ_WRITE: Final = 0o644
 
@@ -74,7 +78,7 @@ def digest() -> str:
     """Of all code that outcomes depend on: runs of different code are no one study."""
     root = Path(cmpsp_ros.__file__).parent
     digest = hashlib.sha256()
-    for room in _DECIDING:
+    for room in ROOMS:
         for path in sorted((root / room).rglob('*.py')):
             digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
     return digest.hexdigest()[:16]

@@ -9,37 +9,31 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Wedge
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel
+from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
+from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
+from cmpsp_ros.view.palette import LEVEL_COLORS
+from cmpsp_ros.world.obstacles.shapes import outline
 
 _DPI: Final = 150
-_PER_ARC: Final = 4
 _SMALLEST_MISS: Final = 1e-16
 
-_ROAD, _EDGE, _OBSTACLE, _RIM = '0.93', '0.55', '0.72', '0.3'
+_ROAD, _EDGE, _RIM = '0.93', '0.55', '0.3'
 _LOOKS: Final = {
     Verdict.ARRIVED: ('tab:blue', 0.5),
     Verdict.TOO_FAR: ('0.45', 0.5),
     Verdict.MISSED: ('tab:orange', 1.2),
 }
 _FAILED: Final = ('tab:red', 1.2)
-_RUNGS: Final = {
-    FallbackLevel.NOMINAL: 'tab:blue',
-    FallbackLevel.ELASTIC: 'tab:orange',
-    FallbackLevel.SHIFTED: 'tab:purple',
-    FallbackLevel.STOP: 'tab:red',
-}
 
 
 def draw_study(
-    folder: Path, title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome],
+    folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
     """Draw all paths into one picture, and the spread of miss and clearance into another.
@@ -47,7 +41,7 @@ def draw_study(
     Args:
         folder: Where to.
         title: Of both.
-        settings: Road and goal.
+        settings: Road and goal, where all runs have the same.
         outcomes: Of all runs.
         tolerance: Miss up to which a run has arrived [m].
     """
@@ -70,11 +64,13 @@ def draw_run(path: Path, title: str, driven: Driven) -> Path:
 
 
 def _paths(
-    title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome], tolerance: float
+    title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome], tolerance: float
 ) -> Figure:
     figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
     axes = figure.add_subplot()
-    _draw_road(axes, settings)
+    if settings is not None:
+        _draw_place(axes, settings)
+        axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
     named = set[Verdict]()
     # What went wrong is drawn last, on top.
     for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
@@ -83,7 +79,7 @@ def _paths(
         label = None if verdict in named else verdict.value
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
-    axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
+    axes.set_aspect('equal')
     figure.legend(loc='outside lower center', ncols=len(named))
     axes.set_title(title)
     return figure
@@ -107,14 +103,9 @@ def _spread(title: str, outcomes: Sequence[Outcome], tolerance: float) -> Figure
     return figure
 
 
-def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
-    road = settings.annulus
-    width = road.outer_radius - road.inner_radius
-    axes.add_patch(Wedge(road.center, road.outer_radius, 0, 360, width=width, fc=_ROAD, lw=0))
-    for radius in (road.inner_radius, road.outer_radius):
-        axes.add_patch(Circle(road.center, radius, fill=False, ec=_EDGE, lw=0.7))
-    for each in settings.obstacles:
-        axes.add_patch(Circle(each.center, each.radius, fc=_OBSTACLE, ec=_RIM, lw=0.7))
+def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
+    draw_road(axes, settings.road, _ROAD, _EDGE)
+    draw_obstacles(axes, settings.obstacles, fc='0.72', ec=_RIM, lw=0.7)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
 
@@ -122,26 +113,21 @@ def _draw_road(axes: Axes, settings: GuidanceSettings) -> None:
 def _draw_way(axes: Axes, driven: Driven) -> None:
     """The exact arcs, each in the colour of the rung that was decided on last."""
     settings = driven.task.settings
-    _draw_road(axes, settings)
+    _draw_place(axes, settings)
     begins = np.array([each.stamp_ns for each in driven.motions])
-    poses = np.array([each.pose for each in driven.motions])[:-1]
+    poses = np.array([each.pose for each in driven.motions])
     twists = np.array([each.twist for each in driven.motions])[:-1]
-    parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
-    durations = np.repeat(np.diff(begins) / NANOSECONDS, _PER_ARC) * np.tile(parts, len(poses))
-    arcs = np.repeat(poses, _PER_ARC, axis=0), np.repeat(twists, _PER_ARC, axis=0)
-    points = arc_ends(*arcs, durations)[:, :2]
-    stamps = np.repeat(begins[:-1], _PER_ARC)
+    points = along(poses, twists, np.diff(begins) / NANOSECONDS)
+    stamps = np.append(np.repeat(begins[:-1], PER_ARC), begins[-1])
     for decision, end in _spans(driven.decisions):
         # One point more, so that what comes next begins where this ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
-        axes.plot(*points[chosen].T, color=_RUNGS[decision.rung], lw=1.2)
+        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.rung.name.lower()], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
-    centers = [(*each.center, each.radius) for each in settings.obstacles]
-    corners = np.vstack([points, [settings.goal], *([[x - r, y - r], [x + r, y + r]]
-                         for x, y, r in centers)])  # fmt: skip
-    (left, low), (right, high) = corners.min(axis=0) - 0.5, corners.max(axis=0) + 0.5
-    axes.set(xlim=(left, right), ylim=(low, high))
+    shapes = driven.task.scenario.obstacles
+    boxes = [outline(each, each.radius) for each in shapes]
+    show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 
 def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
@@ -152,14 +138,15 @@ def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
 def _draw_clearance(axes: Axes, driven: Driven) -> None:
     clearance = driven.clearance()
     times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
-    names = ('outer edge', 'inner edge', *(each.name for each in driven.task.settings.obstacles))
+    settings = driven.task.settings
+    names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
-    for rung, color in _RUNGS.items():
-        stamps = [each.stamp / NANOSECONDS for each in driven.decisions if each.rung == rung]
-        if stamps:
-            ground = [-0.02] * len(stamps)
-            axes.plot(stamps, ground, '|', color=color, label=rung.name.lower())
+    for level, color in LEVEL_COLORS.items():
+        there = [each.stamp for each in driven.decisions if each.rung.name.lower() == level]
+        if there:
+            seconds = np.array(there) / NANOSECONDS
+            axes.plot(seconds, [-0.02] * len(there), '|', color=color, label=level)
     axes.axhline(0.0, color=_RIM, ls='--', lw=0.8)
     axes.set(xlabel='time [s]', ylabel='clearance [m]', ylim=(-0.1, 1.2))
     keys = axes.get_legend_handles_labels()

@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Any, Final
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo import judge as judges
-from cmpsp_ros.studies.monte_carlo import parquet, pictures
-from cmpsp_ros.studies.monte_carlo.cluster import make_on
+from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.ledger import open_ledger
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
-from cmpsp_ros.studies.monte_carlo.summary import figures, to_json
-from cmpsp_ros.studies.monte_carlo.workers import make
+from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
+from cmpsp_ros.studies.monte_carlo.workers import make, make_on
 
 PICTURES: Final = 12
 """Failures of which a picture is drawn."""
@@ -52,10 +51,6 @@ Progress = Callable[[str, int], Callable[[int], None]]
 def run(order: Order, progress: Progress) -> dict[str, Any]:
     """Make whatever runs are missing, and sum all of them up.
 
-    Args:
-        order: What is asked for.
-        progress: Told how far it is.
-
     Returns:
         The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
         where pyarrow is installed, and the pictures.
@@ -85,7 +80,7 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
     values = figures(study, outcomes, judged)
     try:
         (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
-        parquet.write(folder / 'runs.parquet', outcomes, study.tolerance, judged)
+        write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
         _draw(order, outcomes, failed[:PICTURES], progress)
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
@@ -127,7 +122,7 @@ def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Pr
     study, folder = order.study, order.folder
     advance = progress('pictures', 1 + len(failed))
     title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
-    settings = study.told()[0]
+    settings = None if study.kind.has_own_roads else study.told()[0]
     pictures.draw_study(folder, title, settings, outcomes, study.tolerance)
     advance(1)
     beside = folder / 'failures'

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.passage import is_open
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import angle_between
+from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
+from cmpsp_ros.world.roads.annulus import Annulus
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -40,12 +39,14 @@ class Scenario:
         pose: Where the robot stands at first (x, y, heading) [m, m, rad].
         obstacles: What lies on the road.
         seed: Of all that is random in the plant.
+        changes: Settings of the guidance law that differ from those of the study.
     """
 
     number: int
     pose: tuple[float, float, float]
-    obstacles: tuple[Obstacle, ...]
+    obstacles: tuple[Shape, ...]
     seed: int
+    changes: Mapping[str, Any] = field(default_factory=dict)
 
 
 def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:
@@ -62,7 +63,7 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     road, goal = settings.annulus, settings.goal
     away = settings.robot_radius + FROM_EDGE
     start = _point(random, road, (0.0, math.tau), away)
-    ahead = angle_between(road, start, goal)
+    ahead = road.angle_between(start, goal)
     bearing = _bearing(road, start)
     along = bearing + math.copysign(math.pi / 2.0, ahead)
     heading = math.remainder(along + random.uniform(-math.pi / 2.0, math.pi / 2.0), math.tau)
@@ -77,6 +78,31 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
         if clear and is_open(road, [*obstacles, drawn], GAP + 2.0 * settings.robot_radius):
             obstacles.append(drawn)
     return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+
+
+def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
+    """Whether a disc as wide as that [m] can go all the way along the road.
+
+    It cannot where a chain of obstacles leads from one edge to the other with every gap of it too
+    narrow, and only there: what separates the two sides of a plane strip is connected.
+    """
+    away = {each: math.dist(each.center, road.center) for each in obstacles}
+    if road.outer_radius - road.inner_radius < width:
+        return False
+    waiting = [each for each in away if away[each] - each.radius - road.inner_radius < width]
+    others = [each for each in away if each not in waiting]
+    while waiting:
+        link = waiting.pop()
+        if road.outer_radius - away[link] - link.radius < width:
+            return False
+        near = [each for each in others if _gap(link, each) < width]
+        waiting += near
+        others = [each for each in others if each not in near]
+    return True
+
+
+def _gap(one: Obstacle, other: Obstacle) -> float:
+    return math.dist(one.center, other.center) - one.radius - other.radius
 
 
 def _obstacle(

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.world.roads.shortest_path import angle_between
 
 Array = NDArray[np.float64]
 
@@ -28,12 +27,12 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
         Poses along it and wheel speeds that nearly lead from one to the next; no robot could
         follow its corners.
     """
-    road, robot = settings.annulus, settings.robot
+    road = settings.annulus
     start = (float(pose[0]), float(pose[1]))
-    ahead = angle_between(road, start, settings.goal)
+    ahead = road.angle_between(start, settings.goal)
     knots = [(0.0, math.dist(start, road.center))]
     for each in settings.obstacles:
-        along = math.copysign(1.0, ahead) * angle_between(road, start, each.center)
+        along = math.copysign(1.0, ahead) * road.angle_between(start, each.center)
         if 0.0 < along < abs(ahead):
             knots.append((along, _widest(settings, each.center)))
     knots = [*sorted(knots), (abs(ahead), math.dist(settings.goal, road.center))]
@@ -43,6 +42,18 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
     bearings = bearing + math.copysign(1.0, ahead) * turned
     away = np.interp(turned, angles, distances)[:, None]
     fine = road.center + away * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    return at_constant_speed(settings, pose, fine)
+
+
+def at_constant_speed(settings: GuidanceSettings, pose: Array, fine: Array) -> Path:
+    """A line as a path from a pose, at a constant speed.
+
+    Args:
+        settings: Robot and time.
+        pose: Shape ``(3,)`` [m, m, rad].
+        fine: Points of the line, shape ``(K, 2)`` [m].
+    """
+    robot = settings.robot
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
     steps = round(settings.final_time / settings.control_period)
     at = np.linspace(0.0, length[-1], steps + 1)
@@ -62,7 +73,7 @@ def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:
     blocked = [(0.0, road.inner_radius), (road.outer_radius, math.inf)]
     for each in settings.obstacles:
         away = math.dist(each.center, road.center)
-        beside = angle_between(road, center, each.center)
+        beside = road.angle_between(center, each.center)
         across, ahead = away * math.sin(beside), away * math.cos(beside)
         if abs(across) < each.radius and ahead > 0.0:
             half = math.sqrt(each.radius**2 - across**2)

@@ -1,11 +1,12 @@
-"""A study in figures: counts with their intervals, as a table and as JSON."""
+"""A study in figures: counts with their intervals as tables and as JSON, and all its runs."""
 
 from __future__ import annotations
 
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,13 +74,7 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
 def figures(
     study: Study, outcomes: Sequence[Outcome], judged: Mapping[int, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """All figures of a study, ready for JSON.
-
-    Args:
-        study: What it is.
-        outcomes: Of its runs, by number.
-        judged: What the judge found of runs, by number.
-    """
+    """All figures of a study, ready for JSON."""
     verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
     return {
@@ -155,6 +150,49 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
             escape(each['exception'] or time + each['trouble']),
         )  # fmt: skip
     return [counts, spreads, failures]
+
+
+def write_parquet(
+    path: Path,
+    outcomes: Sequence[Outcome],
+    tolerance: float,
+    judged: Mapping[int, Mapping[str, Any]],
+) -> bool:
+    """Write a row for each run, lengths in [m], times in [s], wheel speeds in [rad/s].
+
+    Args:
+        path: The file; what is there is replaced.
+        outcomes: By number.
+        tolerance: Miss up to which a run has arrived [m].
+        judged: What the judge found of runs, by number.
+
+    Returns:
+        Whether it was written: not without pyarrow.
+    """
+    try:
+        import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415 (optional)
+        from pyarrow import parquet  # noqa: PLC0415
+    except ImportError:
+        return False
+    rows = [
+        {
+            **asdict(each),
+            'x': list(each.x),
+            'y': list(each.y),
+            'clearance': each.clearance,
+            'verdict': each.verdict(tolerance).value,
+            'judge': judged[each.number]['answer'] if each.number in judged else None,
+        }
+        for each in outcomes
+    ]
+    types = {'obstacle_clearance': pa.float64(), 'trouble_time': pa.float64(), 'judge': pa.string()}
+    table = pa.Table.from_pylist(rows)
+    # A column of nothing but None has no type of its own.
+    for name, kind in types.items():
+        place = table.column_names.index(name)
+        table = table.set_column(place, name, table.column(name).cast(kind))
+    parquet.write_table(table, path)
+    return True
 
 
 def _quantiles(numbers: Sequence[float]) -> dict[str, float]:

@@ -1,16 +1,18 @@
-"""Runs shared out to processes, each of which keeps what it has finished."""
+"""Runs shared out to processes, here or on a Dask cluster; what has finished is kept."""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
-from typing import Final
+from types import ModuleType
+from typing import Any, Final
 
+from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo import ledger
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
-from cmpsp_ros.studies.monte_carlo.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
 from cmpsp_ros.warmup.process_pool import new_pool
@@ -18,13 +20,18 @@ from cmpsp_ros.warmup.process_pool import new_pool
 CHUNK: Final = 8
 """Runs handed to a process at a time."""
 
+Progress = Callable[[int], None]
+"""Told how many runs have finished since it was last told."""
+
+_ANSWER_TIMEOUT: Final = 10.0
+_GO_ON: Final = 'is kept, and the same command goes on'
+
+# A worker may have several threads; a run has kernels to load and is not made for company.
+_ONE_AT_A_TIME: Final = threading.Lock()
+
 
 def make(
-    study: Study,
-    numbers: Sequence[int],
-    folder: Path,
-    workers: int,
-    progress: Callable[[int], None],
+    study: Study, numbers: Sequence[int], folder: Path, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
     """Make runs, each of which is in the folder's ledger before it is yielded.
 
@@ -33,7 +40,7 @@ def make(
         numbers: Which ones.
         folder: Of the ledger.
         workers: Processes that share the work; 1 is this one.
-        progress: Told how many runs have finished since it was last told.
+        progress: See `Progress`.
 
     Raises:
         StudyError: A process has died, or the disk refuses.
@@ -44,33 +51,88 @@ def make(
                 yield _make_one(study, number, folder)
                 progress(1)
             return
-        yield from _shared(study, numbers, folder, workers, progress)
+        pool = new_pool(workers)
+        try:
+            chunks = [pool.submit(_make_chunk, study, each, folder) for each in _chunks(numbers)]
+            for done in as_completed(chunks):
+                yield from done.result()
+                progress(len(done.result()))
+        finally:
+            pool.shutdown(cancel_futures=True)
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
     except BrokenProcessPool as error:
-        text = 'a worker has died; what it had finished is kept, and the same command goes on'
-        raise StudyError(f'{folder}: {text}') from error
+        raise StudyError(f'{folder}: a worker has died; what it had finished {_GO_ON}') from error
 
 
-def _shared(
-    study: Study,
-    numbers: Sequence[int],
-    folder: Path,
-    workers: int,
-    progress: Callable[[int], None],
+def make_on(
+    scheduler: str, study: Study, numbers: Sequence[int], folder: Path, progress: Progress
 ) -> Iterator[Outcome]:
-    pool = new_pool(workers)
+    """As `make`, on a cluster; what a worker that goes had not given back is made by another.
+
+    Args:
+        scheduler: Address of a Dask scheduler whose workers have this package, as in
+            ``tcp://10.0.0.1:8786``.
+        study: What they depend on.
+        numbers: Which ones.
+        folder: Of the ledger.
+        progress: See `Progress`.
+
+    Raises:
+        StudyError: dask.distributed is missing; the scheduler does not answer, has no worker or
+            goes away; a worker has other code or none; or the disk refuses.
+    """
     try:
-        chunks = [
-            pool.submit(_make_chunk, study, numbers[first : first + CHUNK], folder)
-            for first in range(0, len(numbers), CHUNK)
+        import distributed  # noqa: PLC0415 (optional)
+    except ImportError as error:
+        text = f'--scheduler: found no {error.name}, wanted it: pip install distributed'
+        raise StudyError(text) from error
+    client = _connected(distributed, scheduler)
+    gone = (distributed.client.FutureCancelledError, distributed.KilledWorker, OSError)
+    code, futures = ledger.digest(), []
+    try:
+        futures = [
+            client.submit(_make_remotely, study, list(each), code, pure=False)
+            for each in _chunks(numbers)
         ]
-        for done in as_completed(chunks):
-            outcomes = done.result()
-            yield from outcomes
+        for done in distributed.as_completed(futures, loop=client.loop):
+            try:
+                outcomes = done.result()
+            except gone as error:
+                text = f'lost ({type(error).__name__}); what had come back {_GO_ON}'
+                raise StudyError(f'{scheduler}: {text}') from error
+            except ImportError as error:
+                raise StudyError(f'{scheduler}: a worker lacks something: {error}') from error
+            for each in outcomes:
+                try:
+                    ledger.append(folder, each)
+                except OSError as error:
+                    raise StudyError(f'{folder}: {error.strerror or error}') from error
+                yield each
             progress(len(outcomes))
     finally:
-        pool.shutdown(cancel_futures=True)
+        client.cancel(futures)
+        client.close()
+
+
+def _connected(distributed: ModuleType, scheduler: str) -> Any:
+    try:
+        client = distributed.Client(scheduler, timeout=_ANSWER_TIMEOUT, set_as_default=False)
+    except (OSError, ValueError) as error:
+        wanted = 'the address of a Dask scheduler, as in tcp://127.0.0.1:8786'
+        raise StudyError(
+            f'--scheduler: found no answer at {scheduler!r}, wanted {wanted}'
+        ) from error
+    try:
+        client.wait_for_workers(1, timeout=_ANSWER_TIMEOUT)
+    except TimeoutError as error:
+        client.close()
+        raise StudyError(f'--scheduler: found no worker at {scheduler}, wanted one') from error
+    return client
+
+
+def _chunks(numbers: Sequence[int]) -> list[Sequence[int]]:
+    return [numbers[first : first + CHUNK] for first in range(0, len(numbers), CHUNK)]
 
 
 def _make_chunk(study: Study, numbers: Sequence[int], folder: Path) -> list[Outcome]:
@@ -81,3 +143,12 @@ def _make_one(study: Study, number: int, folder: Path) -> Outcome:
     made = outcome(drive(study.run(number)))
     ledger.append(folder, made)
     return made
+
+
+def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[Outcome]:
+    """Runs made by a worker that has the code ``code``."""
+    found = ledger.digest()
+    if found != code:
+        raise StudyError(f'a worker has other code: found {found}, wanted {code}')
+    with _ONE_AT_A_TIME:
+        return [outcome(drive(study.run(number))) for number in numbers]

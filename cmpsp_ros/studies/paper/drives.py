@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.warmup import warm_up
-from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
+from cmpsp_ros.view.drawing import along
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
-
-_PER_ARC = 10
 
 
 @dataclass(frozen=True)
@@ -79,11 +77,8 @@ class Path:
 
     def points(self) -> Array:
         """Positions along the path, several on each arc, shape ``(K, 2)`` [m]."""
-        parts = np.linspace(0.0, 1.0, _PER_ARC, endpoint=False)
-        poses = np.repeat(self.poses[:-1], _PER_ARC, axis=0)
-        twists = np.repeat(self.settings.robot.twist(self.wheel_speeds), _PER_ARC, axis=0)
-        since = (self.durations[:, None] * parts).ravel()
-        return np.vstack([arc_ends(poses, twists, since)[:, :2], self.poses[-1:, :2]])
+        twists = self.settings.robot.twist(self.wheel_speeds)
+        return along(self.poses, twists, self.durations)
 
     def measures(self) -> dict[str, Any]:
         """The figures of this path, under the names that `results.json` has."""

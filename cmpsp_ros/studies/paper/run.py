@@ -7,16 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.studies.paper import report, style
-from cmpsp_ros.studies.paper.cases import fig2, fig3, fig4
+from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.paper import pictures, report
+from cmpsp_ros.studies.paper.artefacts.cases import fig2, fig3, fig4
+from cmpsp_ros.studies.paper.artefacts.convergence import fig5
+from cmpsp_ros.studies.paper.artefacts.guesses import fig6, fig7, table_1
+from cmpsp_ros.studies.paper.artefacts.headings import fig8, fig9, table_2
+from cmpsp_ros.studies.paper.artefacts.obstacles import fig10, fig11, fig12, fig13
+from cmpsp_ros.studies.paper.artefacts.timing import timing
 from cmpsp_ros.studies.paper.claims import Artefact, Maker
-from cmpsp_ros.studies.paper.convergence import fig5
 from cmpsp_ros.studies.paper.drives import Laboratory
-from cmpsp_ros.studies.paper.errors import PaperError
-from cmpsp_ros.studies.paper.guesses import fig6, fig7, table_1
-from cmpsp_ros.studies.paper.headings import fig8, fig9, table_2
-from cmpsp_ros.studies.paper.obstacles import fig10, fig11, fig12, fig13
-from cmpsp_ros.studies.paper.timing import timing
 from cmpsp_ros.studies.plot_style import journal
 
 _MAKERS: Final[Mapping[str, Maker]] = {
@@ -60,11 +60,11 @@ def run(
         The report, `results.md`. Beside it lie `results.json` and a PNG and an SVG of each figure.
 
     Raises:
-        PaperError: A name is not known, or the folder cannot be used.
+        StudyError: A name is not known, or the folder cannot be used.
     """
     unknown = [name for name in only if name not in _MAKERS]
     if unknown:
-        raise PaperError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')
+        raise StudyError(f'only: found {", ".join(unknown)}, wanted some of {", ".join(ARTEFACTS)}')
     _make_folder(output)
     lab = Laboratory(progress, judge=judge)
     made: dict[str, Artefact] = {}
@@ -76,7 +76,7 @@ def run(
             made[name] = _MAKERS[name](lab)
             figure = made[name].figure
             if figure is not None:
-                style.save(figure, output, name)
+                pictures.save(figure, output, name)
     (output / 'results.json').write_text(_json(made), encoding='utf-8')
     path = output / 'results.md'
     path.write_text(report.write(made), encoding='utf-8')
@@ -86,10 +86,10 @@ def run(
 def _make_folder(output: Path) -> None:
     try:
         if output.exists() and (not output.is_dir() or any(output.iterdir())):
-            raise PaperError(f'{output}: found something there, wanted a new or empty folder')
+            raise StudyError(f'{output}: found something there, wanted a new or empty folder')
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise PaperError(f'{output}: {error.strerror or error}') from error
+        raise StudyError(f'{output}: {error.strerror or error}') from error
 
 
 def _json(made: Mapping[str, Artefact]) -> str:

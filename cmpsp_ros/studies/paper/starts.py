@@ -84,7 +84,7 @@ def start(
         compare: Whether IPOPT is asked for the optimum of the way that was taken.
 
     Raises:
-        PaperError: CasADi is not installed.
+        StudyError: CasADi is not installed.
     """
     at = np.array(pose)
     decisions = list(drive(settings, at))[:-1]
@@ -104,7 +104,7 @@ def run(progress: Callable[[str, int], None], *, compare: bool) -> Table:
         compare: Whether IPOPT is asked as well.
 
     Raises:
-        PaperError: CasADi is not installed.
+        StudyError: CasADi is not installed.
     """
     table = Table(*_COLUMNS)
     given = starts()

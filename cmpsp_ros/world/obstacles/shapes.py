@@ -145,7 +145,11 @@ def outline(obstacle: Shape, distance: float) -> Array:
 
     With the obstacle's own radius it is its edge.
     """
-    corners = obstacle.corners
+    return outline_of(obstacle.corners, distance)
+
+
+def outline_of(corners: Sequence[Point], distance: float) -> Array:
+    """The closed line at a distance [m] from corners, ``(K, 2)`` [m]."""
     count = len(corners)
     if count == 1:
         return _arc(corners[0], distance, 0.0, math.tau)

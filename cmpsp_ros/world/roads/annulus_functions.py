@@ -17,14 +17,14 @@ _LEAST_RADIUS = 1e-3
 
 
 @allocation_free
-def measure(shape: Any, outer: float, inner: float, x: float, y: float) -> Any:
+def lateral_error(shape: Any, outer: float, inner: float, x: float, y: float) -> Any:
     """Distances from the centre; no progress is needed."""
     distance = _distance(shape, x, y)
     return 0.0, distance - shape.center_radius, distance - outer, inner - distance
 
 
 @allocation_free
-def slopes(shape: Any, x: float, y: float) -> Any:
+def gradients(shape: Any, x: float, y: float) -> Any:
     """The unit vector away from the centre.
 
     The second derivative of ``(r - r_p)^2 / 2`` is ``n n' + (1 - r_p / r) t t'`` with unit
@@ -46,7 +46,7 @@ def sweep(shape: Any, outer: float, inner: float, arc: Arc) -> Any:
 
 
 @allocation_free
-def way_to(shape: Any, x: float, y: float, goal_x: float, goal_y: float) -> float:
+def arc_length_to(shape: Any, x: float, y: float, goal_x: float, goal_y: float) -> float:
     """The shorter way round, positive anticlockwise."""
     bearing = math.atan2(y - shape.center_y, x - shape.center_x)
     turn = math.atan2(goal_y - shape.center_y, goal_x - shape.center_x) - bearing
@@ -55,7 +55,7 @@ def way_to(shape: Any, x: float, y: float, goal_x: float, goal_y: float) -> floa
 
 
 @allocation_free
-def ahead(shape: Any, x: float, y: float, way: float) -> Any:
+def point_ahead(shape: Any, x: float, y: float, way: float) -> Any:
     """The point so far round the centre."""
     radius = shape.center_radius
     turned = math.atan2(y - shape.center_y, x - shape.center_x)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
@@ -55,6 +54,26 @@ def lookahead_point(
     return (x, y), direction
 
 
+def lookahead_points(
+    road: Road, pose: Array, lengths: Array, goal: Point, progress: float = math.nan
+) -> Array:
+    """Points of the centre line some arc lengths ahead of a pose, towards a goal on open floor.
+
+    Args:
+        road: The road.
+        pose: Shape ``(3,)`` [m, m, rad].
+        lengths: Arc lengths, negative against the road's direction, shape ``(K,)`` [m].
+        goal: Where they lead in the end (x, y) [m].
+        progress: Arc length of a place near the pose, NaN if unknown [m].
+
+    Returns:
+        Shape ``(K, 2)`` [m].
+    """
+    points = np.empty((len(lengths), 2))
+    _fill_points(points, road.space(0.0), pose, lengths, goal, float(progress))
+    return points
+
+
 def project_on_path(road: Road, pose: Array, before: float) -> float:
     """Arc length of a pose, on the branch of the road along which the robot has come.
 
@@ -70,9 +89,10 @@ def project_on_path(road: Road, pose: Array, before: float) -> float:
         Arc length [m]; NaN for kinds of road that cannot cross themselves. A pose far beside the
         road at the last place has been moved there, and is projected afresh.
     """
-    if not isinstance(road, Corridor):
+    if not road.has_progress:
         return math.nan
-    return _project(road.space(0.0), pose[0], pose[1], pose[2], float(before), _FAR * road.width)
+    far = _FAR * road.width
+    return find_near(road.space(0.0), pose[0], pose[1], pose[2], float(before), far)
 
 
 def remaining_arc_length(
@@ -97,13 +117,14 @@ def remaining_arc_length(
 
 
 @allocation_free
-def _project(
+def find_near(
     road: RoadSpace, x: float, y: float, heading: float, before: float, far: float
 ) -> float:
-    place: float = road_functions.find(road, x, y, heading, before)
-    _, _, over, over_other = road_functions.measure(road, 0, x, y, place)
+    """Arc length of a pose near the last place, or anywhere if it is too far beside that [m]."""
+    place: float = road_functions.project(road, x, y, heading, before)
+    _, _, over, over_other = road_functions.lateral_error(road, 0, x, y, place)
     if max(over, over_other) > far:
-        place = road_functions.find(road, x, y, heading, math.nan)
+        place = road_functions.project(road, x, y, heading, math.nan)
     return place
 
 
@@ -118,25 +139,40 @@ def _length_to(
     there: float,
     progress: float,
 ) -> float:
-    here = road_functions.find(road, x, y, heading, progress)
-    at_goal = road_functions.find(road, goal_x, goal_y, there, math.nan)
-    length: float = road_functions.way_to(road, x, y, here, goal_x, goal_y, at_goal)
+    here = road_functions.project(road, x, y, heading, progress)
+    at_goal = road_functions.project(road, goal_x, goal_y, there, math.nan)
+    length: float = road_functions.arc_length_to(road, x, y, here, goal_x, goal_y, at_goal)
     return length
 
 
 @allocation_free
 def _ahead(road: RoadSpace, x: float, y: float, heading: float, way: float, progress: float) -> Any:
-    here = road_functions.find(road, x, y, heading, progress)
-    at_x, at_y = road_functions.ahead(road, x, y, here, way, (x, y))
-    before_x, before_y = road_functions.ahead(road, x, y, here, 0.999 * way, (x, y))
+    here = road_functions.project(road, x, y, heading, progress)
+    at_x, at_y = road_functions.point_ahead(road, x, y, here, way, (x, y))
+    before_x, before_y = road_functions.point_ahead(road, x, y, here, 0.999 * way, (x, y))
     along = math.atan2(at_y - before_y, at_x - before_x)
-    there = road_functions.find(road, at_x, at_y, along, here + way)
-    across_x, across_y, _, _, _, _, _ = road_functions.slopes(road, at_x, at_y, there)
+    there = road_functions.project(road, at_x, at_y, along, here + way)
+    across_x, across_y, _, _, _, _, _ = road_functions.gradients(road, at_x, at_y, there)
     # Along the road, in the sense in which it is driven.
     along_x, along_y = across_y, -across_x
     if along_x * (at_x - before_x) + along_y * (at_y - before_y) < 0.0:
         along_x, along_y = -along_x, -along_y
     return at_x, at_y, math.atan2(along_y, along_x)
+
+
+@allocation_free
+def _fill_points(
+    points: Array,
+    road: RoadSpace,
+    pose: Array,
+    lengths: Array,
+    goal: Point,
+    progress: float,
+) -> None:
+    x, y = pose[0], pose[1]
+    here = road_functions.project(road, x, y, pose[2], progress)
+    for k in range(lengths.shape[0]):
+        points[k, 0], points[k, 1] = road_functions.point_ahead(road, x, y, here, lengths[k], goal)
 
 
 @allocation_free
@@ -149,9 +185,9 @@ def _fill_remaining(
     goal_heading: float,
     progress: float,
 ) -> None:
-    here = road_functions.find(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
-    at_goal = road_functions.find(road, goal_x, goal_y, goal_heading, math.nan)
+    here = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
+    at_goal = road_functions.project(road, goal_x, goal_y, goal_heading, math.nan)
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
-        here = road_functions.measure(road, 0, x, y, here)[0]
-        lengths[k] = road_functions.way_to(road, x, y, here, goal_x, goal_y, at_goal)
+        here = road_functions.lateral_error(road, 0, x, y, here)[0]
+        lengths[k] = road_functions.arc_length_to(road, x, y, here, goal_x, goal_y, at_goal)

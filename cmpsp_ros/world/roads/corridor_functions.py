@@ -36,7 +36,7 @@ X, Y, LEFT, RIGHT = 0, 1, 2, 3
 
 
 @allocation_free
-def find(
+def project(
     shape: Any,
     pieces: Records,
     stations: Array,
@@ -68,7 +68,7 @@ def find(
 
 
 @allocation_free
-def measure(
+def lateral_error(
     shape: Any, pieces: Records, kept: float, other: float, x: float, y: float, progress: float
 ) -> Any:
     """Widths less the distance from the centre line."""
@@ -78,7 +78,7 @@ def measure(
 
 
 @allocation_free
-def slopes(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
+def gradients(shape: Any, pieces: Records, x: float, y: float, progress: float) -> Any:
     """Exact derivatives at a projection.
 
     With the curvature ``c`` of the centre line and the distance ``e`` to its left, that of ``e^2 /
@@ -158,7 +158,7 @@ def sweep(
 
 
 @allocation_free
-def way_to(shape: Any, progress: float, goal: float) -> float:
+def arc_length_to(shape: Any, progress: float, goal: float) -> float:
     """Difference of the two."""
     way = goal - progress
     if shape.closed:
@@ -167,7 +167,7 @@ def way_to(shape: Any, progress: float, goal: float) -> float:
 
 
 @allocation_free
-def ahead(shape: Any, pieces: Records, progress: float, way: float) -> Any:
+def point_ahead(shape: Any, pieces: Records, progress: float, way: float) -> Any:
     """The point with so much more progress."""
     i, t = _piece(shape, pieces, _within(shape, pieces, progress + way))
     at_x, at_y, _, _, _, _ = _center_line(pieces[i], t)
@@ -214,7 +214,7 @@ def _on_arc(
     part = shape.part
     clear = (left - off) * part[0] - kept
     clear_other = (right + off) * part[1] - other_kept
-    _, _, _, first_x, first_y, second_x, second_y = slopes(shape, pieces, x, y, progress)
+    _, _, _, first_x, first_y, second_x, second_y = gradients(shape, pieces, x, y, progress)
     slope = -(first_x * cosine + first_y * sine) * arc.length
     return progress, clear, clear_other, slope, -(second_x * cosine + second_y * sine) * arc.length
 

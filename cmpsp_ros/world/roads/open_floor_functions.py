@@ -17,7 +17,7 @@ def sweep(arc: Arc, far: float) -> Any:
 
 
 @allocation_free
-def ahead(x: float, y: float, way: float, to: Any) -> Any:
+def point_ahead(x: float, y: float, way: float, to: Any) -> Any:
     """A point of the straight line."""
     left = max(math.hypot(to[0] - x, to[1] - y), 1e-9)
     return x + (to[0] - x) * (way / left), y + (to[1] - y) * (way / left)

@@ -20,7 +20,7 @@ FAR = 1e6
 
 
 @allocation_free
-def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
+def project(road: RoadSpace, x: float, y: float, heading: float, near: float) -> float:
     """Progress of a pose.
 
     Args:
@@ -37,7 +37,7 @@ def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> fl
     """
     shape = road.shape[0]
     if shape.kind == CORRIDOR:
-        progress: float = corridor_functions.find(
+        progress: float = corridor_functions.project(
             shape, road.pieces, road.stations, x, y, heading, near
         )
         return progress
@@ -45,7 +45,7 @@ def find(road: RoadSpace, x: float, y: float, heading: float, near: float) -> fl
 
 
 @allocation_free
-def measure(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
+def lateral_error(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any:
     """Where a point is across the road.
 
     Args:
@@ -62,15 +62,15 @@ def measure(road: RoadSpace, k: int, x: float, y: float, progress: float) -> Any
     shape, at = road.shape[0], min(k, road.kept.shape[0] - 1)
     kept, other = road.kept[at, 0], road.kept[at, 1]
     if shape.kind == ANNULUS:
-        return annulus_functions.measure(shape, kept, other, x, y)
+        return annulus_functions.lateral_error(shape, kept, other, x, y)
     if shape.kind == CORRIDOR:
-        return corridor_functions.measure(shape, road.pieces, kept, other, x, y, progress)
+        return corridor_functions.lateral_error(shape, road.pieces, kept, other, x, y, progress)
     return 0.0, 0.0, -math.inf, -math.inf
 
 
 @allocation_free
-def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
-    """Derivatives of what `measure` returns, at the progress that it returned.
+def gradients(road: RoadSpace, x: float, y: float, progress: float) -> Any:
+    """Derivatives of what `lateral_error` returns, at the progress that it returned.
 
     Args:
         road: The road.
@@ -85,9 +85,9 @@ def slopes(road: RoadSpace, x: float, y: float, progress: float) -> Any:
     """
     shape = road.shape[0]
     if shape.kind == ANNULUS:
-        return annulus_functions.slopes(shape, x, y)
+        return annulus_functions.gradients(shape, x, y)
     if shape.kind == CORRIDOR:
-        return corridor_functions.slopes(shape, road.pieces, x, y, progress)
+        return corridor_functions.gradients(shape, road.pieces, x, y, progress)
     return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
@@ -116,7 +116,7 @@ def sweep(road: RoadSpace, arc: Arc, progress: float, enough: float, enough_othe
 
 
 @allocation_free
-def way_to(
+def arc_length_to(
     road: RoadSpace, x: float, y: float, progress: float, goal_x: float, goal_y: float, goal: float
 ) -> float:
     """Length along the centre line from one place to another, negative against its direction.
@@ -135,14 +135,14 @@ def way_to(
     """
     shape = road.shape[0]
     if shape.kind == ANNULUS:
-        return annulus_functions.way_to(shape, x, y, goal_x, goal_y)
+        return annulus_functions.arc_length_to(shape, x, y, goal_x, goal_y)
     if shape.kind == CORRIDOR:
-        return corridor_functions.way_to(shape, progress, goal)
+        return corridor_functions.arc_length_to(shape, progress, goal)
     return math.hypot(goal_x - x, goal_y - y)
 
 
 @allocation_free
-def ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: Any) -> Any:
+def point_ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: Any) -> Any:
     """Point of the centre line (x, y) [m] that is some way ahead.
 
     Args:
@@ -155,7 +155,7 @@ def ahead(road: RoadSpace, x: float, y: float, progress: float, way: float, to: 
     """
     shape = road.shape[0]
     if shape.kind == ANNULUS:
-        return annulus_functions.ahead(shape, x, y, way)
+        return annulus_functions.point_ahead(shape, x, y, way)
     if shape.kind == CORRIDOR:
-        return corridor_functions.ahead(shape, road.pieces, progress, way)
-    return open_floor_functions.ahead(x, y, way, to)
+        return corridor_functions.point_ahead(shape, road.pieces, progress, way)
+    return open_floor_functions.point_ahead(x, y, way, to)

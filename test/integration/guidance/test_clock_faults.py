@@ -82,3 +82,22 @@ def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odo
     health = client.until_health(said='took')
     fault.assert_said('—', health['level'][0], health['said'])
     assert int(health['deadline_misses']) > 0
+
+
+def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_node, client):
+    slow = {'control_period': 0.01, 'solver.iterations_per_step': 50, 'odom_timeout': 0.04}
+    start_node('guidance_node', {**slow, 'solver.work_share': 0.0})
+    client.connect()
+    client.until_health(state='active')
+    client.drive()
+
+    def goes_on():
+        late = [float(each.get('late', 0.0)) > 0.04 for each in client.decisions]
+        after = client.decisions[late.index(True) + 1 :] if any(late) else []
+        return next((each for each in after if each['rung'] == 'shifted'), None)
+
+    assert_is(fault, client.until(goes_on))
+    client.park()
+    # Odometry that grew old while the law was busy is no reason to stop.
+    assert not any('s old' in each['reason'] for each in client.decisions)
+    assert any(speed > 0.0 for speed, _ in client.commands)

@@ -10,12 +10,13 @@ from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import project_on_path
-from cmpsp_ros.world.roads.road import Annulus
 
 PERIOD = 200_000_000
 STEPS = 300
-VALUES = TABLE.resolve(load_parameter_file('course'))
+# With one plan it gives way so far that its heading is that of the other branch.
+VALUES = TABLE.resolve(load_parameter_file('course') | {'solver.candidates': 1})
 SETTINGS = guidance_settings(VALUES)
 ROAD = SETTINGS.road
 

@@ -103,6 +103,14 @@ print(*sorted(code() - before), sep='\\n')
 """
 
 
+def test_a_node_that_needs_no_spline_starts_without_scipy():
+    """To import its interpolation takes a third of what a start takes in all."""
+    code = 'import sys, cmpsp_ros.nodes.guidance.node; '
+    code += "print('scipy.interpolate' in sys.modules)"
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == 'False'
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize('acceleration', ['0', '100'])
 def test_no_code_is_missing_after_it(acceleration):

@@ -5,10 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import Penalties, solve_qp
+from cmpsp_ros.mpsp.qp import Penalties, QPSolution, kkt_residual, solve_qp
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, scatter
-from cmpsp_ros.mpsp.qp.solution import kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
@@ -56,27 +54,26 @@ def staged_penalties(qp, penalties):
 def in_rows(qp, solution):
     """A solution of ``staged(qp)`` row by row."""
     assert not (np.abs(solution.dU[1]) > 1e-6).any()
-    return DenseSolution(
-        solution.status,
-        solution.dU[0],
-        solution.terminal,
-        solution.path[0],
-        solution.trust[1, : len(qp.radius)],
-        solution.bounds[0],
-        solution.iterations,
+    return replace(
+        solution,
+        dU=solution.dU[0],
+        path=solution.path[0],
+        trust=solution.trust[1, : len(qp.radius)],
+        bounds=solution.bounds[0],
     )
 
 
 def in_stages(qp, solution):
     """The inverse of `in_rows`."""
-    none = np.zeros(len(qp.c))
-    dU, bounds = (np.concatenate([part, none]) for part in (solution.dU, solution.bounds))
-    return scatter(staged(qp), solution._replace(dU=dU, bounds=bounds))
+    whole = QPSolution.unsolved(staged(qp).size, solution.status)
+    whole.dU[0], whole.path[0], whole.bounds[0] = solution.dU, solution.path, solution.bounds
+    whole.trust[1, : len(qp.radius)] = solution.trust
+    return replace(whole, terminal=solution.terminal)
 
 
 def uniform(qp, terminal, path):
     """The same weight for all terminal rows, and for all path rows."""
-    return DensePenalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
+    return Penalties(np.full(len(qp.output_error), terminal), np.full(len(qp.g), path))
 
 
 def solve_rows(qp, solver, penalties=None):

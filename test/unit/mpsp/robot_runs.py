@@ -15,7 +15,7 @@ from cmpsp_ros.mpsp.sqp.driver import Driver
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 POSE, GOAL = np.array([0.0, -9.25, 0.0]), np.array([10.0, 0.0])
 OBSTACLES = Obstacle('first', (8.0, -6.0), 0.7), Obstacle('second', (10.0, -2.0), 0.5)

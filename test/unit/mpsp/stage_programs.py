@@ -3,6 +3,7 @@
 Code is compiled for each size: tests share one.
 """
 
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -10,13 +11,16 @@ import numpy as np
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST
-from cmpsp_ros.mpsp.qp.riccati.fill import Space, fill, multipliers_of, space
+from cmpsp_ros.mpsp.qp.riccati.fill import Space, fill, solution_in, space
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.solver import TOLERANCE, solve
-from cmpsp_ros.mpsp.qp.solution import Penalties
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
+# A subproblem whose arrays stand side by side.
+DERIVATIVES = [field.name for field in fields(Linearisation)]
+BESIDE = 'lower', 'upper', 'trust_radius'
+StageQP = NamedTuple('StageQP', [(name, np.ndarray) for name in (*DERIVATIVES, *BESIDE)])
 STATES, CONTROLS = 3, 2
 UNLIMITED = np.iinfo(np.int64).max
 
@@ -96,7 +100,7 @@ def sailing(rng, N, bound=1.0, pull=1.0, l=2, m=2):  # noqa: E741
 
 def staged(qp):
     """The program as back ends are given it."""
-    lin = Linearisation(**{name: getattr(qp, name) for name in Linearisation.__dataclass_fields__})
+    lin = Linearisation(*qp[: len(DERIVATIVES)])
     return Subproblem(lin, qp.lower, qp.upper, qp.trust_radius)
 
 
@@ -112,7 +116,7 @@ class Run(NamedTuple):
     warm: np.ndarray
     dU: np.ndarray
     dX: np.ndarray
-    multipliers: Multipliers
+    multipliers: QPSolution
 
     def __getattr__(self, name):
         """A counter of the head."""
@@ -126,12 +130,12 @@ class Run(NamedTuple):
 def run(qp, penalties=None, warm=None, begun=0, work_limit=UNLIMITED, mine=None):
     """Solve a program; `warm` is used and left as the solver leaves it."""
     mine = mine or space(staged(qp).size)
-    fill(mine, qp, *(() if penalties is None else (penalties.terminal, penalties.path)))
+    fill(mine, staged(qp), penalties)
     head, stages = mine.program.head, mine.program.stages
     head['begun'], head['work_limit'] = begun, work_limit
     warm = mine.warm if warm is None else warm
     outcome = solve(mine.program, mine.active, warm)
-    found = Run(outcome, mine, warm, stages['dU'].copy(), stages['dX'].copy(), multipliers_of(mine))
+    found = Run(outcome, mine, warm, stages['dU'].copy(), stages['dX'].copy(), solution_in(mine))
     if outcome == SOLVED:
         assert kkt.kkt_residual(mine.program) <= TOLERANCE
     return found

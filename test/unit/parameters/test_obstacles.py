@@ -3,8 +3,8 @@
 import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.obstacles import obstacles_of
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.parameters.settings import check_start, guidance_settings
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
 

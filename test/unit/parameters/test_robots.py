@@ -4,8 +4,12 @@ import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
-from cmpsp_ros.parameters.robots import load_robot, robot_names
+from cmpsp_ros.parameters.presets import (
+    config_directory,
+    load_parameter_file,
+    load_robot,
+    robot_names,
+)
 from cmpsp_ros.parameters.settings import check_start, guidance_settings
 
 # The makers' figures: speed [m/s], distance of the wheels [m].

@@ -20,7 +20,7 @@ from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
 

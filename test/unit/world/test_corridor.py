@@ -53,7 +53,9 @@ ACROSS = st.floats(-1.0, 1.0)
 def test_projection_finds_the_place_from_nearby(name, part, across, hint):
     road = ROADS[name]
     x, y, progress, off = place(road, part, across)
-    found, found_off, first, second = functions.measure(road.space(0.0), 0, x, y, progress + hint)
+    found, found_off, first, second = functions.lateral_error(
+        road.space(0.0), 0, x, y, progress + hint
+    )
     away = found - progress
     away = math.remainder(away, road.length) if road.closed else away
     assert away == pytest.approx(0.0, abs=1e-9)
@@ -73,9 +75,11 @@ def test_the_nearest_place_of_a_road_is_that_of_a_search_through_all(part, acros
     t = (at - line.knots[i])[:, None] ** np.arange(4)
     away = np.hypot((line.pieces[i, :4] * t).sum(1) - x, (line.pieces[i, 4:8] * t).sum(1) - y)
     space = road.space(0.0)
-    found = functions.find(space, x, y, math.nan, math.nan)
+    found = functions.project(space, x, y, math.nan, math.nan)
     assert found == pytest.approx(at[np.argmin(away)], abs=1e-3)
-    assert abs(functions.measure(space, 0, x, y, found)[1]) == pytest.approx(away.min(), abs=3e-4)
+    assert abs(functions.lateral_error(space, 0, x, y, found)[1]) == pytest.approx(
+        away.min(), abs=3e-4
+    )
     assert abs(off) == pytest.approx(away.min(), abs=3e-4)
 
 
@@ -92,13 +96,13 @@ def test_slopes_are_those_of_finite_differences(name, part, across):
         return np.array([by_x, by_y]).T.ravel() / (2.0 * h)
 
     def measured(x, y):
-        return np.array(functions.measure(space, 0, x, y, progress)[1:])
+        return np.array(functions.lateral_error(space, 0, x, y, progress)[1:])
 
     def gradient(x, y):
-        there, off, *_ = functions.measure(space, 0, x, y, progress)
-        return off * np.array(functions.slopes(space, x, y, there)[:2])
+        there, off, *_ = functions.lateral_error(space, 0, x, y, progress)
+        return off * np.array(functions.gradients(space, x, y, there)[:2])
 
-    found = functions.slopes(space, x, y, progress)
+    found = functions.gradients(space, x, y, progress)
     slopes = np.array([*found[:2], *found[3:]])
     np.testing.assert_allclose(slopes, difference(measured), atol=1e-6)
     across_it = np.array(found[:2])
@@ -109,16 +113,16 @@ def test_slopes_are_those_of_finite_differences(name, part, across):
 
 def test_each_branch_of_a_crossing_is_kept_to():
     space = ROADS['eight'].space(0.0)
-    first = functions.find(space, 0.0, 0.0, math.atan2(8.0, 8.0), math.nan)
-    second = functions.find(space, 0.0, 0.0, math.atan2(8.0, -8.0), math.nan)
+    first = functions.project(space, 0.0, 0.0, math.atan2(8.0, 8.0), math.nan)
+    second = functions.project(space, 0.0, 0.0, math.atan2(8.0, -8.0), math.nan)
     half = ROADS['eight'].length / 2.0
     assert min(first, 2.0 * half - first) == pytest.approx(0.0, abs=1e-6)
     assert second == pytest.approx(half, abs=1e-6)
     # Across the crossing, step by step: the other branch is nearer in between, and not taken.
-    progress = functions.find(space, -0.8, -0.7, 0.75, math.nan)
+    progress = functions.project(space, -0.8, -0.7, 0.75, math.nan)
     for step in np.linspace(0.0, 1.0, 9):
         x, y = -0.8 + 1.6 * step, -0.7 + 1.4 * step
-        before, (progress, off, *_) = progress, functions.measure(space, 0, x, y, progress)
+        before, (progress, off, *_) = progress, functions.lateral_error(space, 0, x, y, progress)
         assert abs(math.remainder(progress - before, 2.0 * half)) < 0.4
         assert abs(off) < 0.2
 
@@ -127,15 +131,17 @@ def test_a_closed_road_goes_on_where_it_began():
     road = ROADS['eight']
     space = road.space(0.0)
     x, y, *_ = place(road, 0.002, 0.3)
-    found, off, *_ = functions.measure(space, 0, x, y, road.length - 0.1)
+    found, off, *_ = functions.lateral_error(space, 0, x, y, road.length - 0.1)
     assert 0.0 <= found < 0.2
     assert off == pytest.approx(0.3 * 0.6)
-    way = functions.way_to(space, 0.0, 0.0, road.length - 1.0, 0.0, 0.0, 0.5)
+    way = functions.arc_length_to(space, 0.0, 0.0, road.length - 1.0, 0.0, 0.0, 0.5)
     assert way == pytest.approx(1.5)
-    way = functions.way_to(space, 0.0, 0.0, 0.5, 0.0, 0.0, road.length - 1.0)
+    way = functions.arc_length_to(space, 0.0, 0.0, 0.5, 0.0, 0.0, road.length - 1.0)
     assert way == pytest.approx(-1.5)
     np.testing.assert_allclose(
-        functions.ahead(space, 0.0, 0.0, road.length - 1.0, 1.0, (0.0, 0.0)), EIGHT[0], atol=1e-9
+        functions.point_ahead(space, 0.0, 0.0, road.length - 1.0, 1.0, (0.0, 0.0)),
+        EIGHT[0],
+        atol=1e-9,
     )
 
 
@@ -158,7 +164,7 @@ def test_sweeps_find_what_many_samples_find(name, part, across, aside, length, t
     at, least = progress, np.full(2, np.inf)
     for t in np.linspace(0.0, 1.0, 257):
         there = arc_from(x, y, aside, length * t, turn * t)
-        at, _, *over = functions.measure(space, 0, there.end_x, there.end_y, at)
+        at, _, *over = functions.lateral_error(space, 0, there.end_x, there.end_y, at)
         least = np.minimum(least, -np.array(over))
     assert math.remainder(end - at, road.length) == pytest.approx(0.0, abs=1e-8)
     for found, wanted in zip(swept, least, strict=True):
@@ -204,7 +210,7 @@ def test_clearance_is_never_more_than_the_distance_to_an_edge():
     for _ in range(200):
         part = rng.random()
         x, y, progress, _ = place(road, part, rng.uniform(-0.9, 0.9))
-        found = functions.measure(space.road, 0, x, y, progress)
+        found = functions.lateral_error(space.road, 0, x, y, progress)
         branch = int(part * len(road._samples.x)) + np.arange(-60, 61)
         for edge, over in zip(road.edges(), found[2:], strict=True):
             near = edge[:-1].take(branch, axis=0, mode='wrap')

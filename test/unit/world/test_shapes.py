@@ -17,7 +17,7 @@ from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, sweep, sweep_moving
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon, ShapeError, convex, outline
-from cmpsp_ros.world.roads.road import OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 FLOOR = OpenFloor()
 EDGES = 2

@@ -2,34 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
-Gap = tuple[float, float]
+from cmpsp_ros.guidance.planning.homotopy.free_gaps import Gap
+from cmpsp_ros.guidance.planning.homotopy.road_frame import SPACING, RoadFrame
 
 HomotopyClass = tuple[int, ...]
 """For each obstacle: on which side it is passed, 1 or -1; 0 for not at all."""
 
-SPACING: Final = 0.2
-"""Of the stations, at least [m]."""
-
 # Choices followed at a time while searching: all of five obstacles in a row.
 _BEAM = 32
-
-
-@dataclass(frozen=True)
-class Disc:
-    """A grown obstacle, seen along the road: angle from the beginning, distance, radius."""
-
-    at: float
-    distance: float
-    radius: float
 
 
 @dataclass(frozen=True)
@@ -38,7 +21,7 @@ class Trail:
 
     sides: HomotopyClass
     gaps: tuple[Gap, ...]
-    radius: float
+    position: float
     cost: float
 
 
@@ -49,7 +32,7 @@ class Stretch:
     Attributes:
         gaps: Of each of them.
         stations: How many there are.
-        passed: Discs whose centres lie beside them.
+        passed: Obstacles whose centres lie beside them.
     """
 
     gaps: Sequence[Gap]
@@ -57,85 +40,43 @@ class Stretch:
     passed: Sequence[int]
 
 
-def free(
-    discs: Sequence[Disc], turned: Array, inner: float, outer: float
-) -> list[list[tuple[float, float]]]:
-    """Gaps at every station, from the road's inner edge outwards [m].
-
-    A station stands for the way to half the distance of its neighbours, so that no disc is between
-    two of them.
-
-    Args:
-        discs: The obstacles.
-        turned: Angles of the stations from the beginning, evenly apart, shape ``(K,)`` [rad].
-        inner: Least distance from the road's centre [m].
-        outer: Greatest distance from it [m].
-    """
-    half = turned[1] / 2.0
-    gaps = []
-    for station in turned.tolist():
-        taken = []
-        for disc in discs:
-            off = max(abs(station - disc.at) - half, 0.0)
-            across = disc.distance * math.sin(min(off, math.pi / 2.0))
-            if across < disc.radius and off < math.pi / 2.0:
-                along, reach = disc.distance * math.cos(off), math.sqrt(disc.radius**2 - across**2)
-                taken.append((along - reach, along + reach))
-        gaps.append(_between(sorted(taken), inner, outer))
-    return gaps
-
-
-def _between(taken: Sequence[Gap], inner: float, outer: float) -> list[Gap]:
-    gaps, edge = [], inner
-    for low, high in taken:
-        if low > edge:
-            gaps.append((edge, min(low, outer)))
-        edge = max(edge, high)
-        if edge >= outer:
-            return gaps
-    return [*gaps, (edge, outer)] if outer > edge else gaps
-
-
 def stretches_of(
-    gaps: Sequence[Sequence[Gap]], discs: Sequence[Disc], turned: Array, ends: Gap
+    frame: RoadFrame, gaps: Sequence[Sequence[Gap]], at: Sequence[float]
 ) -> list[Stretch]:
     """The stations, the first and the last alone with the gap that a plan begins or ends in.
 
     Args:
-        gaps: Of each station, as `free` gives them [m].
-        discs: What is passed.
-        turned: Angles of the stations, shape ``(K,)`` [rad].
-        ends: Distances from the road's centre at which paths begin and end [m].
+        frame: Road coordinates.
+        gaps: Of each station, by their lateral positions [m].
+        at: Stations of the obstacles' centres.
     """
     places: dict[int, list[int]] = {}
-    for index, disc in enumerate(discs):
-        if 0.0 < disc.at <= turned[-1]:
-            places.setdefault(round(disc.at / turned[1]), []).append(index)
-    found = [Stretch(_reached(gaps[0], ends[0]), 1, ())]
+    for index, each in enumerate(at):
+        if 0.0 < each <= frame.stations[-1]:
+            places.setdefault(round(each / frame.step), []).append(index)
+    found = [Stretch(_reached(gaps[0], frame.ends[0]), 1, ())]
     for station, here in enumerate(gaps[1:-1], 1):
         passed, before = places.get(station, ()), found[-1]
         if station > 1 and here == before.gaps and not passed and not before.passed:
             found[-1] = Stretch(here, before.stations + 1, ())
         else:
             found.append(Stretch(here, 1, passed))
-    return [*found, Stretch(_reached(gaps[-1], ends[1]), 1, places.get(len(gaps) - 1, ()))]
+    return [*found, Stretch(_reached(gaps[-1], frame.ends[1]), 1, places.get(len(gaps) - 1, ()))]
 
 
-def search(
-    stretches: Sequence[Stretch], discs: Sequence[Disc], begin: float, middle: float
-) -> list[Trail]:
+def search(frame: RoadFrame, stretches: Sequence[Stretch], lateral: Sequence[float]) -> list[Trail]:
     """All choices from beginning to end, of which the cheapest `_BEAM` are followed at a time.
 
     Args:
+        frame: Road coordinates.
         stretches: As `stretches_of` gives them.
-        discs: What is passed.
-        begin: Distance from the road's centre at the beginning [m].
-        middle: Radius of the centre line [m].
+        lateral: Lateral positions of the obstacles' centres [m].
 
     Returns:
-        The cheapest trail of each class; its sides are inner and outer, not left and right.
+        The cheapest trail of each class.
     """
-    trails = [Trail((0,) * len(discs), (gap,), begin, 0.0) for gap in stretches[0].gaps]
+    nothing = (0,) * len(lateral)
+    trails = [Trail(nothing, (gap,), frame.ends[0], 0.0) for gap in stretches[0].gaps]
     for stretch in stretches[1:]:
         found: dict[tuple[HomotopyClass, Gap], Trail] = {}
         for trail in trails:
@@ -143,7 +84,7 @@ def search(
             for gap in stretch.gaps:
                 if min(high, gap[1]) <= max(low, gap[0]):
                     continue
-                longer = _longer(trail, gap, stretch, discs, middle)
+                longer = _longer(frame, trail, gap, stretch, lateral)
                 known = found.get((longer.sides, gap))
                 if known is None or longer.cost < known.cost:
                     found[longer.sides, gap] = longer
@@ -155,25 +96,26 @@ def search(
 
 
 def _longer(
-    trail: Trail, gap: Gap, stretch: Stretch, discs: Sequence[Disc], middle: float
+    frame: RoadFrame, trail: Trail, gap: Gap, stretch: Stretch, lateral: Sequence[float]
 ) -> Trail:
-    radius = min(max(middle, gap[0]), gap[1])
-    off = (radius - middle) ** 2 * SPACING * stretch.stations
-    cost = trail.cost + off + abs(radius - trail.radius)
+    position = min(max(frame.middle, gap[0]), gap[1])
+    off = (position - frame.middle) ** 2 * SPACING * stretch.stations
+    cost = trail.cost + off + abs(position - trail.position)
     passed = trail.sides
     if stretch.passed:
         sides = list(passed)
         for index in stretch.passed:
-            sides[index] = 1 if (gap[0] + gap[1]) / 2.0 > discs[index].distance else -1
+            greater = (gap[0] + gap[1]) / 2.0 > lateral[index]
+            sides[index] = int(frame.left if greater else -frame.left)
         passed = tuple(sides)
-    return Trail(passed, (*trail.gaps, gap), radius, cost)
+    return Trail(passed, (*trail.gaps, gap), position, cost)
 
 
-def _reached(gaps: Sequence[Gap], radius: float) -> Sequence[Gap]:
+def _reached(gaps: Sequence[Gap], position: float) -> Sequence[Gap]:
     """The gap that a place is in; those beside it where it is in none."""
-    within = [gap for gap in gaps if gap[0] <= radius <= gap[1]]
+    within = [gap for gap in gaps if gap[0] <= position <= gap[1]]
     if within:
         return within[:1]
-    below = [gap for gap in gaps if gap[1] < radius]
-    above = [gap for gap in gaps if gap[0] > radius]
+    below = [gap for gap in gaps if gap[1] < position]
+    above = [gap for gap in gaps if gap[0] > position]
     return [*below[-1:], *above[:1]]

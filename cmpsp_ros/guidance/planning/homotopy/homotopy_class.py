@@ -2,47 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
+from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.roads.road import Annulus
 
 Array = NDArray[np.float64]
 
 
-def arc_to(road: Annulus, pose: Array, goal: tuple[float, float]) -> tuple[float, float]:
-    """Bearing of a pose from the road's centre, and the shorter way round to the goal's [rad]."""
-    x, y = road.center
-    begin = math.atan2(pose[1] - y, pose[0] - x)
-    return begin, math.remainder(math.atan2(goal[1] - y, goal[0] - x) - begin, math.tau)
-
-
-def class_of(
-    road: Annulus, centers: Array, poses: Array, goal: tuple[float, float]
-) -> HomotopyClass:
+def class_of(frame: RoadFrame, centers: Array, poses: Array) -> HomotopyClass:
     """On which side a path passes each obstacle between its beginning and the goal.
 
     Args:
-        road: The road.
+        frame: Road coordinates from where the path begins to the goal.
         centers: Of the obstacles, shape ``(M, 2)`` [m].
         poses: Along the path, shape ``(N + 1, 3)`` [m, m, rad].
-        goal: Where the road leads to (x, y) [m].
 
     Returns:
         0 for an obstacle that lies beside neither the path nor its beginning's way to the goal.
     """
     if not len(centers):
         return ()
-    begin, total = arc_to(road, poses[0], goal)
-    turned, sides = np.empty(len(poses)), np.zeros(len(centers))
-    x, y = road.center
-    _unwrap(turned, poses, x, y, math.copysign(1.0, total))
-    _find_sides(sides, centers, poses, turned, x, y, begin, total)
+    sides, path = np.zeros(len(centers)), np.empty((len(poses), 2))
+    _locate_all(path, frame, np.ascontiguousarray(poses))
+    _find_sides(sides, *frame.coordinates(centers), path, frame.stations.item(-1), frame.left)
     return tuple(int(side) for side in sides.tolist())
 
 
@@ -54,44 +41,26 @@ def in_words(sides: HomotopyClass, names: Sequence[str]) -> str:
 
 
 @allocation_free
-def _unwrap(turned: Array, poses: Array, x: float, y: float, side: float) -> None:
-    """Angle from the first pose to each, about the road's centre, the way round to the goal."""
-    last = math.atan2(poses[0, 1] - y, poses[0, 0] - x)
-    turned[0] = 0.0
-    for k in range(1, poses.shape[0]):
-        bearing = math.atan2(poses[k, 1] - y, poses[k, 0] - x)
-        step = bearing - last
-        if step > math.pi:
-            step -= math.tau
-        elif step < -math.pi:
-            step += math.tau
-        turned[k] = turned[k - 1] + side * step
-        last = bearing
+def _locate_all(path: Array, frame: RoadFrame, poses: Array) -> None:
+    """Station and lateral position of each pose, the first one at station 0."""
+    at, bearing = 0.0, frame.begin
+    for k in range(poses.shape[0]):
+        at, path[k, 1], bearing = locate(frame, poses[k, 0], poses[k, 1], at, bearing)
+        path[k, 0] = at
 
 
 @allocation_free
 def _find_sides(
-    sides: Array,
-    centers: Array,
-    poses: Array,
-    turned: Array,
-    x: float,
-    y: float,
-    begin: float,
-    total: float,
+    sides: Array, stations: Array, lateral: Array, path: Array, end: float, left: float
 ) -> None:
-    """Side of each obstacle, by how far from the road's centre the path is beside it."""
-    side = 1.0 if total >= 0.0 else -1.0
-    for j in range(centers.shape[0]):
-        off_x, off_y = centers[j, 0] - x, centers[j, 1] - y
-        at = math.atan2(off_y, off_x) - begin
-        at = side * (at - math.tau * round(at / math.tau))
-        if not 0.0 < at <= abs(total):
+    """Side of each obstacle, by where the path is when it is beside its centre."""
+    for j in range(stations.shape[0]):
+        at = stations[j]
+        if not 0.0 < at <= end:
             continue
-        for k in range(poses.shape[0] - 1):
-            if turned[k] < at <= turned[k + 1]:
-                here = math.hypot(poses[k, 0] - x, poses[k, 1] - y)
-                there = math.hypot(poses[k + 1, 0] - x, poses[k + 1, 1] - y)
-                radius = here + (at - turned[k]) / (turned[k + 1] - turned[k]) * (there - here)
-                sides[j] = side if radius < math.hypot(off_x, off_y) else -side
+        for k in range(path.shape[0] - 1):
+            if path[k, 0] < at <= path[k + 1, 0]:
+                here, there = path[k, 1], path[k + 1, 1]
+                part = (at - path[k, 0]) / (path[k + 1, 0] - path[k, 0])
+                sides[j] = left if here + part * (there - here) > lateral[j] else -left
                 break

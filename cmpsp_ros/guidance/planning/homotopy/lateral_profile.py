@@ -1,18 +1,20 @@
-"""A path as its distance from the centre of a circular road, and wheel speeds that follow it."""
+"""A path as its lateral positions at the stations of a road, and wheel speeds that follow it."""
 
 from __future__ import annotations
-
-import math
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.planning.homotopy.road_frame import (
+    RoadFrame,
+    locate,
+    point_at,
+    stretch_at,
+)
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
     largest_turn,
     steer,
-    wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
@@ -28,67 +30,57 @@ _RELAXATION = 1.6
 _LOOKAHEAD = 0.35
 
 
-def elastic_band(
-    low: Array, high: Array, ends: tuple[float, float], middle: float, step: float
-) -> Array:
+def elastic_band(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
     """Smooth paths between bounds, near the centre line where nothing pushes them aside.
 
     They are elastic bands that the centre line attracts, found by projected over-relaxation.
 
     Args:
-        low: Bounds at stations along the arc, one row a path, shape ``(W, K)`` [m].
+        frame: Road coordinates.
+        low: Bounds at its stations, one row a path, shape ``(W, K)`` [m].
         high: The same.
         ends: Where all of them begin and end [m].
-        middle: Radius of the centre line [m].
-        step: Angle from one station to the next [rad].
 
     Returns:
-        Distances from the road's centre, shape ``(W, K)`` [m].
+        Lateral positions, shape ``(W, K)`` [m].
     """
-    radii: Array = np.clip(np.full_like(low, middle), low, high)
-    radii[:, 0], radii[:, -1] = ends
-    _relax(radii, low, high, middle, (step * middle / _RETURN) ** 2)
-    return radii
+    profiles: Array = np.clip(np.full_like(low, frame.middle), low, high)
+    profiles[:, 0], profiles[:, -1] = ends
+    pull = np.full(len(frame.stations), (frame.spacing / _RETURN) ** 2)
+    _relax(profiles, low, high, pull, pull * frame.middle)
+    return profiles
 
 
-def shortest_path(low: Array, high: Array, ends: tuple[float, float], step: float) -> Array:
+def shortest_path(frame: RoadFrame, low: Array, high: Array, ends: tuple[float, float]) -> Array:
     """Shortest paths between bounds, as of a taut string.
 
-    Where it is free ``r'' = r``, to first order in its angle to the road's direction.
-
-    Args:
-        low: Bounds at stations along the arc, one row a path, shape ``(W, K)`` [m].
-        high: The same.
-        ends: Where all of them begin and end [m].
-        step: Angle from one station to the next [rad].
-
-    Returns:
-        Distances from the road's centre, shape ``(W, K)`` [m].
+    To first order in its angle to the road's direction a free one has ``r'' = r`` in polar
+    coordinates, and ``e'' = c^2 e - c`` beside a line of curvature ``c``. Arguments and result as
+    in `elastic_band`.
     """
-    radii = low.copy()
-    radii[:, 0], radii[:, -1] = ends
-    _relax(radii, low, high, 0.0, step**2)
-    return radii
+    profiles = low.copy() if frame.polar else np.clip(np.zeros_like(low), low, high)
+    profiles[:, 0], profiles[:, -1] = ends
+    if frame.polar:
+        pull, drift = np.full(len(frame.stations), frame.step**2), np.zeros(len(frame.stations))
+    else:
+        pull, drift = (frame.curvature * frame.step) ** 2, frame.curvature * frame.step**2
+    _relax(profiles, low, high, pull, drift)
+    return profiles
 
 
 @allocation_free
-def _relax(radii: Array, low: Array, high: Array, middle: float, pull: float) -> None:
-    for path in range(radii.shape[0]):
+def _relax(profiles: Array, low: Array, high: Array, pull: Array, drift: Array) -> None:
+    for path in range(profiles.shape[0]):
         for sweep in range(2 * _SWEEPS):
-            for k in range(1 + sweep % 2, radii.shape[1] - 1, 2):
-                here = radii[path, k]
-                wanted = radii[path, k - 1] + radii[path, k + 1] + pull * middle
-                moved = here + _RELAXATION * (wanted / (2.0 + pull) - here)
-                radii[path, k] = min(max(moved, low[path, k]), high[path, k])
+            for k in range(1 + sweep % 2, profiles.shape[1] - 1, 2):
+                here = profiles[path, k]
+                wanted = profiles[path, k - 1] + profiles[path, k + 1] + drift[k]
+                moved = here + _RELAXATION * (wanted / (2.0 + pull[k]) - here)
+                profiles[path, k] = min(max(moved, low[path, k]), high[path, k])
 
 
 def follow_profile(
-    settings: GuidanceSettings,
-    start: PlanStart,
-    durations: Array,
-    begin: float,
-    total: float,
-    profile: Array,
+    settings: GuidanceSettings, start: PlanStart, durations: Array, frame: RoadFrame, profile: Array
 ) -> Array:
     """Pursuit of a point ahead on a path, so paced as to be at its end in time.
 
@@ -96,25 +88,23 @@ def follow_profile(
         settings: All settings of the guidance law.
         start: Where to begin.
         durations: Length of every step, shape ``(N,)`` [s].
-        begin: Bearing of the pose from the road's centre [rad].
-        total: From there to the end of the path [rad], negative clockwise.
-        profile: Distance from the road's centre at stations evenly along it, shape ``(K,)`` [m].
+        frame: Road coordinates.
+        profile: Lateral positions at its stations, shape ``(K,)`` [m].
 
     Returns:
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
-    robot, (center_x, center_y) = start.robot, settings.annulus.center
-    step = abs(total) / (len(profile) - 1)
-    left = np.zeros(len(profile))
-    left[:-1] = np.cumsum(lengths(profile, step)[::-1])[::-1]
-    path = _Path(center_x, center_y, begin, math.copysign(1.0, total), step, profile, left)
+    robot, left = start.robot, np.zeros(len(profile))
+    left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
     controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
     poses[0] = start.pose
     _follow(
         controls,
         poses,
         durations,
-        path,
+        frame,
+        np.ascontiguousarray(profile),
+        left,
         robot.wheel_radius,
         robot.half_track,
         robot.max_wheel_speed,
@@ -123,41 +113,21 @@ def follow_profile(
     return controls
 
 
-def lengths(profile: Array, step: float) -> Array:
+def lengths(frame: RoadFrame, profile: Array) -> Array:
     """Lengths of paths between stations [m].
 
     Args:
-        profile: Distances from the road's centre, shape ``(..., K)`` [m].
-        step: Angle from one station to the next [rad].
+        frame: Road coordinates.
+        profile: Lateral positions, shape ``(..., K)`` [m].
 
     Returns:
         Shape ``(..., K - 1)``.
     """
-    along = (profile[..., 1:] + profile[..., :-1]) / 2.0 * step
-    pieces: Array = np.hypot(np.diff(profile), along)
+    along = (profile[..., 1:] + profile[..., :-1]) / 2.0
+    if not frame.polar:
+        along = 1.0 - (frame.curvature[1:] + frame.curvature[:-1]) / 2.0 * along
+    pieces: Array = np.hypot(np.diff(profile), along * frame.step)
     return pieces
-
-
-class _Path(NamedTuple):
-    """A path around the road's centre.
-
-    Attributes:
-        center_x: Of the road [m].
-        center_y: Of the road [m].
-        begin: Bearing at which it begins [rad].
-        side: 1 anticlockwise, -1 clockwise.
-        step: Angle from one station to the next [rad].
-        radii: At the stations, shape ``(K,)`` [m].
-        left: Length still to go from each, shape ``(K,)`` [m].
-    """
-
-    center_x: float
-    center_y: float
-    begin: float
-    side: float
-    step: float
-    radii: Array
-    left: Array
 
 
 @allocation_free
@@ -165,47 +135,51 @@ def _follow(
     controls: Array,
     poses: Array,
     durations: Array,
-    path: _Path,
+    frame: RoadFrame,
+    profile: Array,
+    left_from: Array,
     wheel_radius: float,
     half_track: float,
     max_wheel_speed: float,
     max_turn: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
-    steps, end = durations.shape[0], path.step * (path.radii.shape[0] - 1)
-    turned, bearing, left = 0.0, path.begin, 0.0
+    steps, end = durations.shape[0], frame.step * (profile.shape[0] - 1)
+    at, _, bearing = locate(frame, poses[0, 0], poses[0, 1], 0.0, frame.begin)
+    left = 0.0
     for k in range(steps):
         left += durations[k]
     for k in range(steps):
         speed = min(
-            max(_at(path.left, path.step, turned), 0.0) / left, max_wheel_speed * wheel_radius
+            max(_interpolate(left_from, frame.step, at), 0.0) / left, max_wheel_speed * wheel_radius
         )
         ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
-        at = turned + ahead / max(_at(path.radii, path.step, turned), SHORTEST_LOOKAHEAD)
-        radius, target = _at(path.radii, path.step, at), path.begin + path.side * min(at, end)
+        stretch = stretch_at(frame, at, _interpolate(profile, frame.step, at))
+        there = at + ahead / max(stretch, SHORTEST_LOOKAHEAD)
+        lateral = _interpolate(profile, frame.step, there)
+        x, y = point_at(frame, min(there, end), lateral)
         steer(
             controls,
             poses,
             k,
             durations[k],
-            path.center_x + radius * math.cos(target) - poses[k, 0],
-            path.center_y + radius * math.sin(target) - poses[k, 1],
+            x - poses[k, 0],
+            y - poses[k, 1],
             speed,
             wheel_radius,
             half_track,
             max_wheel_speed,
             max_turn,
         )
-        now = math.atan2(poses[k + 1, 1] - path.center_y, poses[k + 1, 0] - path.center_x)
-        turned += path.side * wrapped(now - bearing)
-        bearing, left = now, max(left - durations[k], 1e-9)
+        at, _, bearing = locate(frame, poses[k + 1, 0], poses[k + 1, 1], at, bearing)
+        left = max(left - durations[k], 1e-9)
     controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
 
 
 @allocation_free
-def _at(table: Array, step: float, turned: float) -> float:
-    """What a table has at an angle, between its stations too."""
-    place = min(max(turned / step, 0.0), table.shape[0] - 1.0)
+def _interpolate(table: Array, step: float, at: float) -> float:
+    """What a table has at a station, between two of them too."""
+    place = min(max(at / step, 0.0), table.shape[0] - 1.0)
     k = min(int(place), table.shape[0] - 2)
     between: float = table[k] + (place - k) * (table[k + 1] - table[k])
     return between

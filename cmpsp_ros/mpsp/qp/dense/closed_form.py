@@ -12,16 +12,19 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.definiteness import is_positive_definite, is_positive_definite_along
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.riccati.fill import kkt_residual
+from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+
+CURVATURE_MARGIN = 1e-10
+"""Least eigenvalue that counts as positive, relative to the largest entry of the diagonal."""
 
 _TOLERANCE = 1e-8
 
 
 def has_closed_form(subproblem: Subproblem) -> bool:
     """Whether the program has equalities alone: no path rows, trust region or bounds."""
-    # Most programs have path rows, which is told the soonest.
+    # Most programs have path rows: they are looked at first.
     return not (
         (subproblem.linearisation.g != -np.inf).any()
         or (subproblem.trust_radius != np.inf).any()
@@ -34,8 +37,7 @@ def solve_closed_form(subproblem: Subproblem) -> QPSolution:
     """Solve (35), ``[[A_UU, A_Ul], [A_lU, 0]] (dU, lambda) + (b_U, b_l) = 0``.
 
     The Hessian need not be positive definite as long as it is so along the terminal constraint.
-    Where rows of ``S_N`` depend on each other and agree, ``lambda`` is the shortest of those that
-    fit.
+    Where rows of ``S_N`` depend on each other and agree, ``lambda`` is the shortest that fits.
 
     Args:
         subproblem: A program that `has_closed_form`; its other rows and bounds are not looked at.
@@ -44,32 +46,67 @@ def solve_closed_form(subproblem: Subproblem) -> QPSolution:
         The solution; `QPStatus.INFEASIBLE` where the terminal rows contradict each other, and
         `QPStatus.FAILED` where the cost has no minimum along them or the data are not finite.
     """
-    qp, unsolved = subproblem.condensed, QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
+    qp, failed = subproblem.condensed, QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
     if not (is_positive_definite(qp.H) or is_positive_definite_along(qp.H, qp.S_N)):
-        return unsolved
-    q, m = len(qp.c), len(qp.output_error)
-    system = np.zeros((q + m, q + m))
-    system[:q, :q] = qp.H
-    system[:q, q:] = qp.S_N.T
-    system[q:, :q] = qp.S_N
+        return failed
+    m = len(qp.output_error)
+    system = np.block([[qp.H, qp.S_N.T], [qp.S_N, np.zeros((m, m))]])
     b = np.concatenate([qp.c, qp.output_error])
     if not (np.isfinite(system).all() and np.isfinite(b).all()):
-        return unsolved
-    answer = unsolved
+        return failed
     if not m or np.linalg.matrix_rank(qp.S_N) == m:
         answer = _answer(subproblem, np.linalg.solve(system, -b))
-    if answer.status is QPStatus.FAILED:
-        # Rows of S_N depend on each other, or nearly so.
-        answer = _answer(subproblem, np.linalg.lstsq(system, -b, rcond=None)[0])
-    if answer.status is QPStatus.FAILED:
-        return replace(answer, status=QPStatus.INFEASIBLE)
-    return answer
+        if _is_right(subproblem, answer):
+            return answer
+    # Rows of S_N depend on each other, or nearly so.
+    answer = _answer(subproblem, np.linalg.lstsq(system, -b, rcond=None)[0])
+    if _is_right(subproblem, answer):
+        return answer
+    return replace(failed, status=QPStatus.INFEASIBLE)
 
 
 def _answer(subproblem: Subproblem, solution: Array) -> QPSolution:
-    """The solution ``(dU, lambda)`` of the system, or FAILED where it is not one."""
-    unsolved = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
-    stacked, terminal = np.split(solution, [unsolved.dU.size])
-    dU = stacked.reshape(unsolved.dU.shape)
-    answer = replace(unsolved, status=QPStatus.SOLVED, dU=dU, terminal=terminal)
-    return answer if kkt_residual(subproblem, answer, None) <= _TOLERANCE else unsolved
+    """The solution ``(dU, lambda)`` of the system in the shapes of the stages."""
+    dU, terminal = np.split(solution, [subproblem.lower.size])
+    unsolved = QPSolution.unsolved(subproblem.size, QPStatus.SOLVED)
+    return replace(unsolved, dU=dU.reshape(subproblem.lower.shape), terminal=terminal)
+
+
+def _is_right(subproblem: Subproblem, answer: QPSolution) -> bool:
+    return kkt_residual(subproblem, answer, None) <= _TOLERANCE
+
+
+def is_positive_definite(H: Array) -> bool:
+    """Whether every eigenvalue of ``H`` exceeds the margin; one Cholesky factorisation.
+
+    Args:
+        H: Symmetric, shape ``(q, q)``; not definite where it is not finite.
+    """
+    if H.size == 0:
+        return True
+    if not np.isfinite(H).all():
+        return False
+    margin = CURVATURE_MARGIN * np.abs(np.diagonal(H)).max()
+    try:
+        np.linalg.cholesky(H - margin * np.eye(len(H)))
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def is_positive_definite_along(H: Array, S: Array) -> bool:
+    """Whether ``dU' H dU > 0`` for every ``dU`` other than 0 with ``S dU = 0``.
+
+    Condition (iii)(c) of Theorem 2 with the Hessian of a quadratic program in the Lagrangian's
+    place, and all that makes the stationary point (35) a minimum.
+
+    Args:
+        H: Symmetric, shape ``(q, q)``.
+        S: Rows of the constraint, shape ``(m, q)``, dependent or not.
+    """
+    if not (np.isfinite(H).all() and np.isfinite(S).all()):
+        return False
+    _, values, rows = np.linalg.svd(S, full_matrices=True)
+    rank = int(np.count_nonzero(values > CURVATURE_MARGIN * values.max(initial=0.0)))
+    Z = rows[rank:]
+    return is_positive_definite(Z @ H @ Z.T)

@@ -5,36 +5,37 @@ from __future__ import annotations
 import daqp
 import numpy as np
 
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
-from cmpsp_ros.mpsp.qp.solution import (
-    TOLERANCE,
-    Penalties,
-    QPSolution,
-    QPStatus,
-    kkt_residual,
-)
+from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.dense.dense import DenseRows, dense_rows, dense_solution
+from cmpsp_ros.mpsp.qp.riccati.fill import kkt_residual
+from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _EQUALITY = 5
 _SOFT = 8
 _INFEASIBLE = -1
 _UNBOUNDED = 1e30
-# daqp adds slack^2 / (2 rho) to the linear penalty, which is negligible for any of these. Large
+# daqp adds slack^2 / (2 rho) to the linear penalty, which is negligible for both. Large
 # ones lose the pull between contradicting rows to rounding; the next one is then tried.
 _RECIPROCAL_QUADRATIC_WEIGHTS = (1e7, 1e5)
 
 
-def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-    """Condense and solve with daqp; relaxed rows are its native soft constraints."""
-    qp = subproblem.condensed
-    weights = gather(qp, penalties)
-    if weights is None:
-        return scatter(subproblem, _solve(qp, None, 0.0))
+def solve(
+    subproblem: Subproblem, penalties: Penalties | None, primal_tol: float = 1e-6
+) -> QPSolution:
+    """Condense and solve with daqp; relaxed rows are its native soft constraints.
+
+    Args:
+        subproblem: The program.
+        penalties: Weights of the exact L1 relaxation; None keeps all rows hard.
+        primal_tol: daqp's tolerance of constraints.
+    """
+    rows = dense_rows(subproblem.condensed, penalties)
+    if penalties is None:
+        return _solve(subproblem, rows, 0.0, primal_tol)
     solution = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
     for rho in _RECIPROCAL_QUADRATIC_WEIGHTS:
-        dense = _charge_for_fixed_rows(qp, _solve(qp, weights, rho), weights)
-        solution = scatter(subproblem, dense)
+        solution = _solve(subproblem, rows, rho, primal_tol)
         if solution.status is not QPStatus.SOLVED:
             continue
         if kkt_residual(subproblem, solution, penalties) <= TOLERANCE:
@@ -42,47 +43,34 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     return solution
 
 
-def _solve(qp: CondensedQP, penalties: DensePenalties | None, rho: float) -> DenseSolution:
-    m, p, t, q = len(qp.output_error), len(qp.g), len(qp.radius), len(qp.c)
-    rows = np.concatenate([qp.S_N, qp.B_C, qp.T])
-    upper = np.concatenate([qp.upper, -qp.output_error, qp.g, qp.radius])
-    lower = np.concatenate([qp.lower, -qp.output_error, np.full(p, -_UNBOUNDED), -qp.radius])
-    sense = np.zeros(q + m + p + t, dtype=np.int32)
+def _solve(subproblem: Subproblem, rows: DenseRows, rho: float, primal_tol: float) -> QPSolution:
+    qp, m, q = subproblem.condensed, subproblem.size.output, subproblem.lower.size
+    is_soft = np.isfinite(rows.weight)
+    sense = np.zeros(q + len(rows.upper), dtype=np.int32)
     sense[q : q + m] = _EQUALITY
-    if penalties is not None:
-        sense[q : q + m + p] = _SOFT
+    sense[q:][is_soft] = _SOFT
     model = daqp.Model()
-    flag, _ = model.setup(
-        qp.H,
-        qp.c,
-        rows,
-        np.clip(upper, -_UNBOUNDED, _UNBOUNDED),
-        np.clip(lower, -_UNBOUNDED, _UNBOUNDED),
-        sense,
-    )
-    if flag < 0:
-        return DenseSolution.unsolved(qp, _failure(flag))
-    if penalties is not None:
-        weights = np.concatenate([np.zeros(q), penalties.terminal, penalties.path, np.zeros(t)])
+    model.settings = {'primal_tol': primal_tol}
+    upper, lower = _limits(qp.upper, rows.upper), _limits(qp.lower, rows.lower)
+    flag, _ = model.setup(qp.H, qp.c, rows.matrix, upper, lower, sense)
+    if flag >= 0 and is_soft.any():
+        weights = np.concatenate([np.zeros(q), np.where(is_soft, rows.weight, 0.0)])
         reciprocal = np.full(len(weights), rho)
         model.soft_weights(rho_l=reciprocal, rho_u=reciprocal, w_l=weights, w_u=weights)
-    dU, _, flag, info = model.solve()
+    dU, _, flag, info = model.solve() if flag >= 0 else (qp.c, 0.0, flag, {})
     if flag <= 0:
-        return DenseSolution.unsolved(qp, _failure(flag))
-    bounds, terminal, path, trust = np.split(info['lam'], [q, q + m, q + m + p])
-    return DenseSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, info['iterations'])
+        status = QPStatus.INFEASIBLE if flag == _INFEASIBLE else QPStatus.FAILED
+        return QPSolution.unsolved(subproblem.size, status)
+    bounds, multipliers = np.split(info['lam'], [q])
+    # daqp leaves out rows that no control moves: a violated one has its full penalty.
+    fixed = ~rows.matrix.any(axis=1) & is_soft
+    fixed[:m] = False
+    charge = np.where(rows.upper < 0.0, rows.weight, 0.0)
+    multipliers = np.where(fixed, charge, multipliers)
+    multipliers = np.concatenate([multipliers, bounds])
+    return dense_solution(subproblem, dU, multipliers, info['iterations'])
 
 
-def _charge_for_fixed_rows(
-    qp: CondensedQP, solution: DenseSolution, penalties: DensePenalties
-) -> DenseSolution:
-    """Give a violated row that no control moves its full penalty; daqp leaves such rows out."""
-    fixed = ~qp.B_C.any(axis=1)
-    if solution.status is not QPStatus.SOLVED or not fixed.any():
-        return solution
-    charge = np.where(qp.g < 0.0, penalties.path, 0.0)
-    return solution._replace(path=np.where(fixed, charge, solution.path))
-
-
-def _failure(flag: int) -> QPStatus:
-    return QPStatus.INFEASIBLE if flag == _INFEASIBLE else QPStatus.FAILED
+def _limits(bounds: Array, rows: Array) -> Array:
+    limits: Array = np.clip(np.concatenate([bounds, rows]), -_UNBOUNDED, _UNBOUNDED)
+    return limits

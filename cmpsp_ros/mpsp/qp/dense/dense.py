@@ -1,4 +1,4 @@
-"""Between stages and rows, for the back ends that solve the condensed program."""
+"""Rows of a condensed program, as the back ends that solve it want them."""
 
 from __future__ import annotations
 
@@ -12,73 +12,56 @@ from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
-class DensePenalties(NamedTuple):
-    """`Penalties` with one number for each row.
+class DenseRows(NamedTuple):
+    """Rows ``lower <= matrix dU <= upper``: terminal, path and trust ones.
 
     Attributes:
-        terminal: Shape ``(m,)``.
-        path: Shape ``(p,)``.
+        matrix: Shape ``(R, q)``.
+        lower: Shape ``(R,)``, ``-inf`` for path rows.
+        upper: Shape ``(R,)``.
+        weight: Penalty of each row, ``inf`` where hard, shape ``(R,)``.
     """
 
-    terminal: Array
-    path: Array
+    matrix: Array
+    lower: Array
+    upper: Array
+    weight: Array
 
 
-class DenseSolution(NamedTuple):
-    """`QPSolution` with one number for each row of a `CondensedQP`.
+def dense_rows(qp: CondensedQP, penalties: Penalties | None) -> DenseRows:
+    """The rows of a condensed program, bounds left out."""
+    least, weight = np.full(len(qp.g), -np.inf), np.full(len(qp.T), np.inf)
+    if penalties is None:
+        relaxed = np.full(len(qp.output_error) + len(qp.g), np.inf)
+    else:
+        path = penalties.path[qp.path_stage, qp.path_index]
+        relaxed = np.concatenate([penalties.terminal, path])
+    return DenseRows(
+        np.concatenate([qp.S_N, qp.B_C, qp.T]),
+        np.concatenate([-qp.output_error, least, -qp.radius]),
+        np.concatenate([-qp.output_error, qp.g, qp.radius]),
+        np.concatenate([relaxed, weight]),
+    )
 
-    Attributes:
-        status: How it ended; where not solved, the arrays hold zeros.
+
+def dense_solution(
+    subproblem: Subproblem, dU: Array, multipliers: Array, iterations: int = 0
+) -> QPSolution:
+    """A solution of ``subproblem.condensed`` in the shapes of the stages.
+
+    Args:
+        subproblem: The program.
         dU: Shape ``(q,)``.
-        terminal: Shape ``(m,)``.
-        path: Shape ``(p,)``.
-        trust: Signed as ``T dU``, shape ``(t,)``.
-        bounds: Shape ``(q,)``.
+        multipliers: Of `DenseRows` and the bounds, positive at upper limits, shape ``(R + q,)``.
         iterations: Iterations of the back end, 0 where it does not tell.
     """
-
-    status: QPStatus
-    dU: Array
-    terminal: Array
-    path: Array
-    trust: Array
-    bounds: Array
-    iterations: int = 0
-
-    @classmethod
-    def unsolved(cls, qp: CondensedQP, status: QPStatus) -> DenseSolution:
-        """The answer of a back end that has none."""
-        return cls(
-            status,
-            np.zeros_like(qp.c),
-            np.zeros_like(qp.output_error),
-            np.zeros_like(qp.g),
-            np.zeros_like(qp.radius),
-            np.zeros_like(qp.c),
-        )
-
-
-def gather(qp: CondensedQP, penalties: Penalties | None) -> DensePenalties | None:
-    """Penalties of the rows there are."""
-    if penalties is None:
-        return None
-    return DensePenalties(penalties.terminal, penalties.path[qp.path_stage, qp.path_index])
-
-
-def scatter(subproblem: Subproblem, dense: DenseSolution) -> QPSolution:
-    """A solution of ``subproblem.condensed`` in the shapes of the stages."""
     qp, size = subproblem.condensed, subproblem.size
-    N = size.horizon
-    path = np.zeros((N + 1, size.path))
-    path[qp.path_stage, qp.path_index] = dense.path
-    trust = np.zeros((N + 1, size.state))
-    trust[1:, subproblem.trust_radius != np.inf] = dense.trust.reshape(-1, N).T
+    N, m, p, t = size.horizon, size.output, len(qp.g), len(qp.radius)
+    path, trust = np.zeros((N + 1, size.path)), np.zeros((N + 1, size.state))
+    terminal, of_path, of_trust, bounds = np.split(multipliers, [m, m + p, m + p + t])
+    path[qp.path_stage, qp.path_index] = of_path
+    trust[1:, subproblem.trust_radius != np.inf] = of_trust.reshape(-1, N).T
+    shape = N + 1, size.control
     return QPSolution(
-        dense.status,
-        dense.dU.reshape(N + 1, size.control),
-        dense.terminal,
-        path,
-        trust,
-        dense.bounds.reshape(N + 1, size.control),
-        dense.iterations,
+        QPStatus.SOLVED, dU.reshape(shape), terminal, path, trust, bounds.reshape(shape), iterations
     )

@@ -13,12 +13,13 @@ sweeps and is `FAILED`.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
+from cmpsp_ros.mpsp.qp.dense.dense import dense_rows, dense_solution
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
@@ -47,75 +48,40 @@ def solve(subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
     the contradiction (Farkas): `QPStatus.INFEASIBLE` is returned when it does. `QPStatus.FAILED`
     is an indefinite Hessian, data that are not finite, or the iteration limit.
     """
+    from scipy.linalg import solve_triangular  # noqa: PLC0415 (slow to import, and seldom needed)
+
     qp = subproblem.condensed
-    return scatter(subproblem, _solve(qp, gather(qp, penalties)))
-
-
-def _solve(qp: CondensedQP, penalties: DensePenalties | None) -> DenseSolution:
-    q, m, p, t = len(qp.c), len(qp.output_error), len(qp.g), len(qp.radius)
-    rows: Array = np.concatenate([qp.S_N, qp.B_C, qp.T, np.eye(q, dtype=np.float64)])
-    lower = np.concatenate([-qp.output_error, np.full(p, -np.inf), -qp.radius, qp.lower])
-    upper = np.concatenate([-qp.output_error, qp.g, qp.radius, qp.upper])
-    cap = np.full(len(rows), np.inf)
-    if penalties is not None:
-        cap[:m], cap[m : m + p] = penalties.terminal, penalties.path
-    if not _is_number(qp, rows, lower, upper):
-        return DenseSolution.unsolved(qp, QPStatus.FAILED)
+    given, q = dense_rows(qp, penalties), len(qp.c)
+    rows: Array = np.concatenate([given.matrix, np.eye(q)])
+    lower, upper = np.append(given.lower, qp.lower), np.append(given.upper, qp.upper)
+    cap = np.append(given.weight, np.full(q, np.inf))
+    failed = QPSolution.unsolved(subproblem.size, QPStatus.FAILED)
+    finite = all(np.isfinite(part).all() for part in (qp.H, qp.c, rows))
+    if not finite or np.isnan(lower).any() or np.isnan(upper).any():
+        return failed
     if (lower > upper).any():
-        return DenseSolution.unsolved(qp, QPStatus.INFEASIBLE)
+        return replace(failed, status=QPStatus.INFEASIBLE)
     try:
-        L = np.asarray(np.linalg.cholesky(qp.H), dtype=np.float64)
+        L = np.linalg.cholesky(qp.H)
     except np.linalg.LinAlgError:
-        return DenseSolution.unsolved(qp, QPStatus.FAILED)
+        return failed
 
     # Rows without any bound are never active.
     kept = np.flatnonzero(np.isfinite(lower) | np.isfinite(upper))
-    V: Array = rows[kept]
-    start: Array = -qp.c.reshape(1, q)
-    _forward(L, V)
-    _forward(L, start)
-    shares = np.zeros(len(kept))
-    z = start[0].copy()
+    V = np.ascontiguousarray(solve_triangular(L, rows[kept].T, lower=True).T)
+    start = solve_triangular(L, -qp.c, lower=True)
+    shares, z = np.zeros(len(kept)), start.copy()
     end, sweeps = _ascend(
         z, shares, V, lower[kept], upper[kept], cap[kept],
         SWEEP_LIMIT, TOLERANCE, SWEEPS_BETWEEN_CHECKS, FARTHEST,
     )  # fmt: skip
     if end != _CONVERGED:
-        failure = QPStatus.INFEASIBLE if end == _INFEASIBLE else QPStatus.FAILED
-        return DenseSolution.unsolved(qp, failure)
+        return replace(failed, status=QPStatus.INFEASIBLE) if end == _INFEASIBLE else failed
     # Afresh from the multipliers: `z` has gathered the rounding of every move.
-    dU: Array = start[0] - shares @ V
-    _backward(L, dU)
+    dU = solve_triangular(L, start - shares @ V, lower=True, trans='T')
     multipliers = np.zeros(len(rows))
     multipliers[kept] = shares
-    terminal, path, trust, bounds = np.split(multipliers, [m, m + p, m + p + t])
-    return DenseSolution(QPStatus.SOLVED, dU, terminal, path, trust, bounds, sweeps)
-
-
-def _is_number(qp: CondensedQP, rows: Array, lower: Array, upper: Array) -> bool:
-    finite = all(np.isfinite(part).all() for part in (qp.H, qp.c, rows))
-    return bool(finite and not np.isnan(lower).any() and not np.isnan(upper).any())
-
-
-@compiled
-def _forward(L: Array, rows: Array) -> None:
-    """Each row ``a`` becomes ``L^-1 a``."""
-    q = len(L)
-    for i in range(len(rows)):
-        for j in range(q):
-            total = rows[i, j]
-            for k in range(j):
-                total -= L[j, k] * rows[i, k]
-            rows[i, j] = total / L[j, j]
-
-
-@compiled
-def _backward(L: Array, z: Array) -> None:
-    """``z`` becomes ``L'^-1 z``."""
-    for j in range(len(z) - 1, -1, -1):
-        z[j] /= L[j, j]
-        for k in range(j):
-            z[k] -= L[j, k] * z[j]
+    return dense_solution(subproblem, dU, multipliers, sweeps)
 
 
 @compiled

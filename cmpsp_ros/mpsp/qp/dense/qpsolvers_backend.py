@@ -12,7 +12,7 @@ from scipy import sparse
 
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties, DenseSolution, gather, scatter
+from cmpsp_ros.mpsp.qp.dense.dense import dense_rows, dense_solution
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
@@ -20,62 +20,51 @@ from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 _SLACK_CURVATURE = 1e-6
 
 
-class QpsolversBackend:
-    """Condenses, and solves with one solver of the qpsolvers package."""
+def solve(solver: str, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
+    """Condense, and solve with one solver of the qpsolvers package, by its name.
 
-    def __init__(self, solver: str) -> None:
-        """Take the name of an installed solver."""
-        self._solver = solver
-
-    def __call__(self, subproblem: Subproblem, penalties: Penalties | None) -> QPSolution:
-        """Solve, with slack variables for the relaxed rows where penalties are given."""
-        qp = subproblem.condensed
-        weights = gather(qp, penalties)
-        if weights is None:
-            return scatter(subproblem, self._solve(qp))
-        q = len(qp.c)
-        relaxed = self._solve(_with_slacks(qp, weights))
-        return scatter(subproblem, relaxed._replace(dU=relaxed.dU[:q], bounds=relaxed.bounds[:q]))
-
-    def _solve(self, qp: CondensedQP) -> DenseSolution:
-        problem = qpsolvers.Problem(
-            qp.H,
-            qp.c,
-            np.concatenate([qp.B_C, qp.T, -qp.T]),
-            np.concatenate([qp.g, qp.radius, qp.radius]),
-            qp.S_N if len(qp.S_N) else None,
-            -qp.output_error if len(qp.S_N) else None,
-            qp.lower,
-            qp.upper,
-        )
-        if self._solver in qpsolvers.sparse_solvers:
-            for name in ('P', 'G', 'A'):
-                matrix = getattr(problem, name)
-                setattr(problem, name, None if matrix is None else sparse.csc_matrix(matrix))
-        with warnings.catch_warnings():
-            # Some solvers warn of every program without a solution; that is an answer here.
-            warnings.simplefilter('ignore')
-            answer = qpsolvers.solve_problem(problem, solver=self._solver)
-        if not answer.found or answer.x is None:
-            says = str(answer.extras.get('status', '')).lower()
-            infeasible = 'infeasible' in says and 'dual' not in says
-            return DenseSolution.unsolved(
-                qp, QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
-            )
-        p, t = len(qp.g), len(qp.radius)
-        path, above, below = np.split(_or_zeros(answer.z, p + 2 * t), [p, p + t])
-        return DenseSolution(
-            QPStatus.SOLVED,
-            np.array(answer.x, dtype=float),
-            _or_zeros(answer.y, len(qp.S_N)),
-            path,
-            above - below,
-            _or_zeros(answer.z_box, len(qp.c)),
-        )
+    Where penalties are given, the relaxed rows have slack variables.
+    """
+    qp = subproblem.condensed
+    q, m, p, t = len(qp.c), len(qp.output_error), len(qp.g), len(qp.radius)
+    if penalties is not None:
+        qp = _with_slacks(qp, dense_rows(qp, penalties).weight[: m + p])
+    problem = qpsolvers.Problem(
+        qp.H,
+        qp.c,
+        np.concatenate([qp.B_C, qp.T, -qp.T]),
+        np.concatenate([qp.g, qp.radius, qp.radius]),
+        qp.S_N if m else None,
+        -qp.output_error if m else None,
+        qp.lower,
+        qp.upper,
+    )
+    if solver in qpsolvers.sparse_solvers:
+        for name in ('P', 'G', 'A'):
+            matrix = getattr(problem, name)
+            setattr(problem, name, None if matrix is None else sparse.csc_matrix(matrix))
+    with warnings.catch_warnings():
+        # Some solvers warn of every program without a solution; that is an answer here.
+        warnings.simplefilter('ignore')
+        answer = qpsolvers.solve_problem(problem, solver=solver)
+    if not answer.found or answer.x is None:
+        says = str(answer.extras.get('status', '')).lower()
+        infeasible = 'infeasible' in says and 'dual' not in says
+        status = QPStatus.INFEASIBLE if infeasible else QPStatus.FAILED
+        return QPSolution.unsolved(subproblem.size, status)
+    path, above, below = np.split(_or_zeros(answer.z, p + 2 * t), [p, p + t])
+    bounds = _or_zeros(answer.z_box, len(qp.c))[:q]
+    multipliers = np.concatenate([_or_zeros(answer.y, m), path, above - below, bounds])
+    return dense_solution(subproblem, np.array(answer.x, dtype=float)[:q], multipliers)
 
 
-def _with_slacks(qp: CondensedQP, penalties: DensePenalties) -> CondensedQP:
-    """The L1 relaxation written out, with slacks ``(miss above, miss below, path)``."""
+def _with_slacks(qp: CondensedQP, weight: Array) -> CondensedQP:
+    """The L1 relaxation written out, with slacks ``(miss above, miss below, path)``.
+
+    Args:
+        qp: The program.
+        weight: Penalties of terminal and path rows, shape ``(m + p,)``.
+    """
     m, p, q = len(qp.output_error), len(qp.g), len(qp.c)
     slacks = 2 * m + p
     H = np.zeros((q + slacks, q + slacks))
@@ -84,7 +73,7 @@ def _with_slacks(qp: CondensedQP, penalties: DensePenalties) -> CondensedQP:
     return replace(
         qp,
         H=H,
-        c=np.concatenate([qp.c, penalties.terminal, penalties.terminal, penalties.path]),
+        c=np.concatenate([qp.c, weight[:m], weight]),
         S_N=np.hstack([qp.S_N, -np.eye(m), np.eye(m), np.zeros((m, p))]),
         B_C=np.hstack([qp.B_C, np.zeros((p, 2 * m)), -np.eye(p)]),
         T=np.hstack([qp.T, np.zeros((len(qp.T), slacks))]),

@@ -1,4 +1,4 @@
-"""Between a program as arrays and the records that compiled code works on.
+"""Between a subproblem and the records that compiled code works on.
 
 Code is compiled for a size, which takes long; a program of another size is filled up with states
 and controls that nothing moves and that cost nothing else. They are 0 in every solution.
@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields, replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
+from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.active_set import (
     ActiveSet,
     Indices,
@@ -23,7 +25,7 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers, StageQP
+from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 SIZES: Final = ((3, 2), (5, 2), (8, 4), (16, 8), (32, 16), (64, 32))
@@ -76,116 +78,124 @@ def borrowed_space(size: Dimensions) -> Iterator[Space]:
     free.append(mine)
 
 
-def fill(
-    into: Space, qp: StageQP, terminal: Array | None = None, path: Array | None = None
-) -> None:
-    """Write a program into records.
-
-    Args:
-        into: Memory for its sizes.
-        qp: The program.
-        terminal: Largest multipliers of the terminal rows, shape ``(m,)``; None for hard ones.
-        path: The same of the path rows, shape ``(N + 1, l)``.
-    """
-    n, r, N = into.size.state, into.size.control, into.size.horizon
-    program, stages = into.program, into.program.stages
-    head = program.head
-    head['horizon'], head['work'], head['is_factorised'], head['begun'] = N, 0, 0, 0
+def fill(into: Space, qp: Subproblem, penalties: Penalties | None = None) -> None:
+    """Write a program of the memory's sizes into its records; all rows hard without penalties."""
+    n, r = into.size.state, into.size.control
+    program, stages, head = into.program, into.program.stages, into.program.head
+    head['horizon'] = into.size.horizon
+    head['work'], head['is_factorised'], head['begun'] = 0, 0, 0
     head['trust_radius'] = np.inf
     head['trust_radius'][0, :n] = qp.trust_radius
     stages['lower'][:, :r], stages['upper'][:, :r] = qp.lower, qp.upper
-    put_derivatives(stages, program.path, program.terminal, qp)
-    program.terminal['penalty'] = np.inf if terminal is None else terminal
-    program.path['penalty'] = np.inf if path is None else path
+    put_derivatives(stages, program.path, program.terminal, qp.linearisation)
+    program.terminal['penalty'] = np.inf if penalties is None else penalties.terminal
+    program.path['penalty'] = np.inf if penalties is None else penalties.path
 
 
-def put_derivatives(
-    stages: Records, path: Records, terminal: Records, qp: StageQP | Linearisation
-) -> None:
+def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Linearisation) -> None:
     """Write derivatives along a trajectory into records, which may be larger in any size.
 
     Args:
         stages: Of `cmpsp_ros.mpsp.qp.riccati.layout.stage_type`.
         path: Of `row_type`.
         terminal: Of `row_type`.
-        qp: The derivatives.
+        lin: The derivatives.
     """
-    N, n, r = qp.B.shape
-    stages, path = stages[: N + 1], path[: N + 1]
-    stages['A'][:N, :n, :n], stages['B'][:N, :n, :r] = qp.A, qp.B
-    stages['L_X'][:, :n], stages['L_U'][:, :r] = qp.L_X, qp.L_U
-    stages['L_XX'][:, :n, :n], stages['L_UX'][:, :r, :n] = qp.L_XX, qp.L_UX
-    stages['L_UU'][:, :r, :r] = qp.L_UU
-    terminal['value'], terminal['X'][:, :n], terminal['U'][:, :r] = qp.output_error, qp.h_X, qp.h_U
-    path['value'], path['X'][:, :, :n], path['U'][:, :, :r] = qp.g, qp.g_X, qp.g_U
+    arrays = _derivatives(stages, path, terminal, lin.size)
+    for array, field in zip(arrays, fields(lin), strict=True):
+        array[...] = getattr(lin, field.name)
 
 
 def derivatives_in(
-    stages: Records, path: Records, terminal: Records, n: int, r: int
+    stages: Records, path: Records, terminal: Records, size: Dimensions
 ) -> Linearisation:
-    """The derivatives in records, of ``n`` states and ``r`` controls, in arrays of their own."""
-    return Linearisation(
-        A=stages['A'][:-1, :n, :n].copy(),
-        B=stages['B'][:-1, :n, :r].copy(),
-        L_X=stages['L_X'][:, :n].copy(),
-        L_U=stages['L_U'][:, :r].copy(),
-        L_XX=stages['L_XX'][:, :n, :n].copy(),
-        L_UX=stages['L_UX'][:, :r, :n].copy(),
-        L_UU=stages['L_UU'][:, :r, :r].copy(),
-        output_error=terminal['value'].copy(),
-        h_X=terminal['X'][:, :n].copy(),
-        h_U=terminal['U'][:, :r].copy(),
-        g=path['value'].copy(),
-        g_X=path['X'][:, :, :n].copy(),
-        g_U=path['U'][:, :, :r].copy(),
-    )
+    """The derivatives in records, in arrays of their own."""
+    return Linearisation(*(each.copy() for each in _derivatives(stages, path, terminal, size)))
 
 
 def subproblem_in(of: Space) -> Subproblem:
     """The program in records, on their present horizon, in arrays of its own."""
-    n, r, count = of.size.state, of.size.control, int(of.program.head['horizon'][0]) + 1
-    stages, path = of.program.stages[:count], of.program.path[:count]
+    program = of.program
+    size = replace(of.size, horizon=int(program.head['horizon'][0]))
+    linearisation = derivatives_in(program.stages, program.path, program.terminal, size)
+    stages, r = program.stages[: size.horizon + 1], size.control
     lower, upper = stages['lower'][:, :r].copy(), stages['upper'][:, :r].copy()
-    trust_radius = of.program.head['trust_radius'][0, :n].copy()
-    linearisation = derivatives_in(stages, path, of.program.terminal, n, r)
+    trust_radius = program.head['trust_radius'][0, : size.state].copy()
     return Subproblem(linearisation, lower, upper, trust_radius)
 
 
-def put_solution(into: Space, dU: Array, dX: Array, multipliers: Multipliers) -> None:
-    """Write a step and its multipliers into records; shapes as in `Multipliers`."""
-    n, r, count = into.size.state, into.size.control, len(dU)
+def _derivatives(
+    stages: Records, path: Records, terminal: Records, size: Dimensions
+) -> tuple[Array, ...]:
+    """The parts of records that hold a `Linearisation`, in the order of its fields."""
+    N, n, r = size.horizon, size.state, size.control
+    stages, path = stages[: N + 1], path[: N + 1]
+    return (
+        stages['A'][:N, :n, :n],
+        stages['B'][:N, :n, :r],
+        stages['L_X'][:, :n],
+        stages['L_U'][:, :r],
+        stages['L_XX'][:, :n, :n],
+        stages['L_UX'][:, :r, :n],
+        stages['L_UU'][:, :r, :r],
+        terminal['value'],
+        terminal['X'][:, :n],
+        terminal['U'][:, :r],
+        path['value'],
+        path['X'][:, :, :n],
+        path['U'][:, :, :r],
+    )
+
+
+def put_solution(into: Space, found: QPSolution, dX: Array) -> None:
+    """Write a solution, and the states ``(N + 1, n)`` it leads to, into records."""
+    n, r, count = into.size.state, into.size.control, len(dX)
     stages = into.program.stages[:count]
     stages['dU'], stages['dX'], stages['bounds'], stages['trust'] = 0.0, 0.0, 0.0, 0.0
-    stages['dU'][:, :r], stages['dX'][:, :n] = dU, dX
-    stages['bounds'][:, :r], stages['trust'][:, :n] = multipliers.bounds, multipliers.trust
-    into.program.terminal['multiplier'] = multipliers.terminal
-    into.program.path['multiplier'][:count] = multipliers.path
+    stages['dU'][:, :r], stages['dX'][:, :n] = found.dU, dX
+    stages['bounds'][:, :r], stages['trust'][:, :n] = found.bounds, found.trust
+    into.program.terminal['multiplier'] = found.terminal
+    into.program.path['multiplier'][:count] = found.path
 
 
-def multipliers_of(of: Space) -> Multipliers:
-    """Multipliers of the solution in records, in arrays of their own."""
+def solution_in(of: Space) -> QPSolution:
+    """The solution in records, in arrays of its own."""
     n, r, stages = of.size.state, of.size.control, of.program.stages
-    return Multipliers(
+    return QPSolution(
+        QPStatus.SOLVED,
+        stages['dU'][:, :r].copy(),
         of.program.terminal['multiplier'].copy(),
         of.program.path['multiplier'].copy(),
         stages['trust'][:, :n].copy(),
         stages['bounds'][:, :r].copy(),
+        int(of.program.head['iterations'][0]),
     )
 
 
-def is_positive_definite(qp: StageQP, shift: float = 0.0, sign: float = 1.0) -> bool:
+def kkt_residual(qp: Subproblem, solution: QPSolution, penalties: Penalties | None) -> float:
+    """Largest violation of the optimality conditions, relative to the size of the data.
+
+    Covers stationarity, feasibility (of the rows that are hard), signs of multipliers, and
+    complementarity, in which a relaxed row may be violated only at its full penalty. NaN where
+    the data or the solution are.
+    """
+    with borrowed_space(qp.size) as mine:
+        fill(mine, qp, penalties)
+        put_solution(mine, solution, qp.propagate(solution.dU))
+        return float(kkt.kkt_residual(mine.program))
+
+
+def is_positive_definite(qp: Subproblem, shift: float = 0.0, sign: float = 1.0) -> bool:
     """Whether ``sign H + shift I`` is positive definite, with ``H`` the condensed Hessian.
 
     One Riccati sweep, which takes time linear in the horizon.
     """
-    N, n, r = qp.B.shape
-    # What is beyond all numbers is not definite.
+    lin = qp.linearisation
+    # Infinite entries are not definite.
     with np.errstate(over='ignore', invalid='ignore'):
-        changed = qp._replace(
-            L_XX=sign * qp.L_XX, L_UX=sign * qp.L_UX, L_UU=sign * qp.L_UU + shift * np.eye(r)
-        )
-    size = Dimensions(N, n, r, len(qp.output_error), qp.g.shape[1])
-    with borrowed_space(size) as mine:
-        fill(mine, changed)
+        L_UU = sign * lin.L_UU + shift * np.eye(qp.size.control)
+        lin = replace(lin, L_XX=sign * lin.L_XX, L_UX=sign * lin.L_UX, L_UU=L_UU)
+    with borrowed_space(qp.size) as mine:
+        fill(mine, replace(qp, linearisation=lin))
         free_all(mine.program)
         return bool(factorise(mine.program))

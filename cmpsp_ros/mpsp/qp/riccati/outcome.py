@@ -1,4 +1,4 @@
-"""How a solver for a `StageQP` ended, as numbers that compiled code can return."""
+"""How a solver ended, as numbers that compiled code can return."""
 
 SOLVED = 0
 """The point meets the optimality conditions."""

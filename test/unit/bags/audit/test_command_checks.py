@@ -126,7 +126,11 @@ def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
 @pytest.mark.parametrize(('count', 'outcome'), [(3, PASSED), (4, FAILED)])
 def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
     for index in range(10, 10 + count):
-        drive.decisions[index] = drive.decisions[index]._replace(rung=FallbackLevel.SHIFTED)
+        for at, failures in ((index, 1), (20 + index, 0)):
+            # A plan that came too late was made anew: no step has failed.
+            decision = drive.decisions[at]
+            level = FallbackLevel.SHIFTED
+            drive.decisions[at] = decision._replace(rung=level, failures=failures)
     findings = outcomes(drive)
     assert findings['shifted'].outcome is outcome
     assert findings['shifted'].worst == count

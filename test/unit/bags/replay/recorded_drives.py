@@ -119,9 +119,11 @@ class Drive:
 
     def publish(self, decision, late=2_000_000):
         """What a node publishes on a decision, a little after its odometry."""
-        self.held, when = decision.wheel_speeds, self.now + late
+        when = self.now + late
         self.decisions.append(decision)
-        self.bag.write(f'{self.prefix}/cmd_vel', when, command_message(decision))
+        if not decision.late:
+            self.held = decision.wheel_speeds
+            self.bag.write(f'{self.prefix}/cmd_vel', when, command_message(decision))
         said = decision_message(decision, 'decision')
         self.bag.write(f'{self.prefix}/guidance/decision', when + 1000, said)
         if decision.plan is not None:
@@ -137,6 +139,29 @@ class Drive:
             if heard:
                 self.hear(self.now - self.behind)
             self.tick()
+
+    def be_late(self, seconds):
+        """Decide on odometry of now, and be done with it so much later."""
+        while not self.law.is_due(self.now):
+            self.go(TICK / SECOND)
+        stamp = self.now
+        self.say(odometry(stamp, self.pose))
+        decision = self.law.update(stamp, self.measured())
+        for _ in range(round(seconds * SECOND / TICK)):
+            self.tick()
+            self.say(odometry(self.now, self.pose))
+        self.publish(self.law.withdraw(decision, seconds))
+        self.tick()
+
+    def skip(self, seconds):
+        """Pass odometry over, but for the newest."""
+        for _ in range(round(seconds * SECOND / TICK)):
+            self.say(odometry(self.now, self.pose))
+            self.tick()
+        self.say(odometry(self.now, self.pose))
+        decision = self.law.update(self.now, self.measured())
+        self.publish(decision._replace(skipped=True))
+        self.tick()
 
     def hear(self, stamp):
         self.say(odometry(stamp, self.pose))
@@ -240,3 +265,31 @@ def without(*keys):
         return message
 
     return change
+
+
+def editing(topic, edit, *numbers):
+    """A change of one topic's messages by `edit`, which may return None for none of it."""
+
+    def change(name, index, message):
+        return edit(message) if name == topic and (not numbers or index in numbers) else message
+
+    return change
+
+
+def dropping(topic, *numbers):
+    """A change that leaves out messages of a topic; all of them where no numbers are given."""
+    return editing(topic, lambda _: None, *numbers)
+
+
+def moving(place, distance):
+    """An edit that moves what an attribute's path leads to: `moving('pose.position.x', 0.1)`."""
+    *path, last = place.split('.')
+
+    def edit(message):
+        owner = message
+        for part in path:
+            owner = owner[int(part)] if part.lstrip('-').isdecimal() else getattr(owner, part)
+        setattr(owner, last, getattr(owner, last) + distance)
+        return message
+
+    return edit

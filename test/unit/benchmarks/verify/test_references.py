@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.verify import clarabel_reference, daqp_reference
-from benchmarks.verify.border import nearly_feasible, nearly_infeasible
+from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Program
 from benchmarks.verify.families import cases
+from benchmarks.verify.feasibility import nearly_feasible, nearly_infeasible
 from benchmarks.verify.general import random_program
 from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
 from benchmarks.verify.references import Verdict, references, verdict
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
+from cmpsp_ros.mpsp.qp.dense import daqp_backend
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
@@ -21,10 +22,13 @@ def prices(terminal, path):
     return Penalties(np.full(1, terminal), np.full((2, 1), path))
 
 
-@pytest.mark.parametrize('solve', [clarabel_reference.solve, daqp_reference.solve])
+def daqp(program):
+    return daqp_backend.solve(program.subproblem, program.penalties, 1e-9)
+
+
+@pytest.mark.parametrize('solve', [clarabel_reference.solve, daqp])
 def test_hard_program_by_hand(scalar, solve):
-    subproblem = scalar()
-    answer = solve(Program(subproblem) if solve is clarabel_reference.solve else subproblem)
+    answer = solve(Program(scalar()))
     assert answer.status is QPStatus.SOLVED
     np.testing.assert_allclose(answer.dU, [[2.0], [0.0]], atol=1e-8)
     np.testing.assert_allclose(answer.terminal, [-2.0], atol=1e-8)
@@ -61,7 +65,7 @@ def test_relaxed_program_by_hand(scalar, limit, terminal, path, wanted):
 def test_contradiction_is_named_and_measured(scalar):
     program = Program(scalar(limit=0.5))
     assert clarabel_reference.solve(program).status is QPStatus.INFEASIBLE
-    assert daqp_reference.solve(program.subproblem).status is QPStatus.INFEASIBLE
+    assert daqp(program).status is QPStatus.INFEASIBLE
     # x_1 = 2 and x_1 <= 0.5.
     assert clarabel_reference.least_violation(program) == pytest.approx(1.5, abs=1e-8)
     assert verdict(references(program)) is Verdict.INFEASIBLE
@@ -132,7 +136,7 @@ def test_references_agree_on_random_programs(seed):
 @pytest.mark.parametrize('family', ['loop', 'crowded', 'degenerate'])
 def test_clarabel_is_exact_on_relaxed_programs(family):
     for each in cases(family, 5):
-        program = each.draft.program
+        program = each.program
         answer = clarabel_reference.solve(program)
         if answer.status is QPStatus.SOLVED:
             measured = accuracy(program, answer)
@@ -159,12 +163,12 @@ def test_rounding_shows_in_the_residual_of_unstable_programs_only(scalar):
     )
     free = np.full((N + 1, 1), np.inf)
     unstable = Program(Subproblem(grown, -free, free, np.full(1, np.inf)))
-    assert last_bit(unstable, daqp_reference.solve(unstable.subproblem)) > 1e-8
+    assert last_bit(unstable, daqp(unstable)) > 1e-8
 
 
 def test_answers_that_are_none_are_infinitely_bad(scalar):
     program = Program(scalar(limit=0.5))
-    measured = accuracy(program, daqp_reference.solve(program.subproblem))
+    measured = accuracy(program, daqp(program))
     assert measured == (math.inf, math.inf)
     answer = clarabel_reference.solve(Program(scalar()))
     answer.dU[0] = np.nan

@@ -11,13 +11,13 @@ from cmpsp_ros.guidance.formulation.guidance_problem import (
     GuidanceProblem,
 )
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.qp.definiteness import nearest_positive_semidefinite
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
+from cmpsp_ros.world.roads.annulus import Annulus
 
 KINDS = ('gauss_newton', 'projected', 'exact')
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))

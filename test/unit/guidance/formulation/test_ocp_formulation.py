@@ -14,8 +14,9 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
 )
 from cmpsp_ros.guidance.settings import Safety, SolverSettings
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import Annulus, OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 TARGET = settings().target
 GUESS = np.tile([45.0, 44.0], (11, 1))

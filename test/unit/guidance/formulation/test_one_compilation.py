@@ -19,8 +19,9 @@ from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import Annulus, OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 LINE = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7),)
@@ -52,7 +53,8 @@ from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import convex
-from cmpsp_ros.world.roads.road import Annulus, OpenFloor
+from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 
 def code():

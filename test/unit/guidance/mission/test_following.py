@@ -15,8 +15,8 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
-from cmpsp_ros.world.roads.road import Annulus
 
 
 @pytest.mark.parametrize('changes', [{}, NOISE])

@@ -34,8 +34,6 @@ from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.road import OpenFloor
 
 ON_TIME = [k * PERIOD for k in range(51)]
 BOTH = (FIRST, SECOND)
@@ -258,21 +256,6 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
         assert 'best of' not in decision.reason
         held = decision.wheel_speeds
         pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]
-
-
-LINE = Corridor(((0.0, 0.0), (10.0, 0.0)), left=(1.0, 1.0), right=(1.0, 1.0))
-
-
-@pytest.mark.parametrize('road', [LINE, OpenFloor()])
-def test_ways_are_looked_for_on_an_annulus_only(road):
-    given = settings((Obstacle('post', (5.0, 0.05), 0.3),), 51.0, ROAD, road=road, goal=(9.0, 0.0))
-    alone = replace(given, solver=replace(given.solver, candidates=1))
-    runs = [closed_loop(each, (0.0, 0.0, 0.0)) for each in (given, alone)]
-    np.testing.assert_array_equal(runs[0].controls, runs[1].controls)
-    assert not any('plans' in decision.reason for decision in runs[0].decisions)
-    assert runs[0].miss(given.goal) < 1e-6
-    away = np.linalg.norm(runs[0].path[:, :2] - given.obstacles[0].center, axis=1)
-    assert away.min() >= 0.3
 
 
 @pytest.mark.parametrize('gap', [0.01, 0.03, 0.05])

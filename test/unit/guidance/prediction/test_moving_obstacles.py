@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.settings import MovingObstacles
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, convex
-from cmpsp_ros.world.roads.road import OpenFloor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 PIECES = 200
 ROOM = MovingObstacles(capacity=4, growth=0.02)

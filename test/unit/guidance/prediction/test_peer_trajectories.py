@@ -17,7 +17,8 @@ from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_o
 from cmpsp_ros.guidance.messages.tracks import Track, TrackError, Tracks, read_keys, track_keys
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.world.roads.road import Annulus, OpenFloor
+from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 MS = 1_000_000
 RADIUS = 0.15

@@ -8,29 +8,35 @@ from problems import LinearQuadratic
 from programs import staged
 
 from cmpsp_ros.mpsp import QPStatus, Subproblem, convexify, solve_qp
-from cmpsp_ros.mpsp.qp.curvature import CURVATURE_LEFT, project_stages
-from cmpsp_ros.mpsp.qp.definiteness import (
-    is_positive_definite,
-    is_positive_definite_along,
+from cmpsp_ros.mpsp.qp.curvature import (
+    CURVATURE_LEFT,
+    extreme_eigenvalues,
+    largest_diagonal,
     nearest_positive_semidefinite,
+    project_stages,
 )
+from cmpsp_ros.mpsp.qp.dense.closed_form import is_positive_definite, is_positive_definite_along
+from cmpsp_ros.mpsp.qp.riccati import fill
 
 
-def program(seed=0, bound=1.0):
+def program(seed=0, shape=(5, 3, 2, 2, 2), lost=0.0):
+    """Random stages with cross terms, less ``lost`` times the identity."""
     rng = np.random.default_rng(seed)
-    problem = LinearQuadratic(rng)
-    U = rng.normal(size=(6, 2))
+    problem = LinearQuadratic(rng, *shape)
+    U = rng.normal(size=problem.control_lower.shape)
     lin = problem.linearise(problem.predict(U), U)
-    limit = np.full((6, 2), bound)
-    return Subproblem(lin, -limit, limit, np.full(3, np.inf))
+    limit, free = np.ones_like(U), np.full(shape[1], np.inf)
+    return changed(Subproblem(lin, -limit, limit, free), L_UU=lin.L_UU - lost * np.eye(shape[2]))
+
+
+def changed(subproblem, **arrays):
+    return replace(subproblem, linearisation=replace(subproblem.linearisation, **arrays))
 
 
 def bent(subproblem, lowest):
     """The program with its least eigenvalue moved, by as much for all of them."""
     least = np.linalg.eigvalsh(subproblem.condensed.H)[0]
-    lin = subproblem.linearisation
-    L_UU = lin.L_UU + (lowest - least) * np.eye(2)
-    return replace(subproblem, linearisation=replace(lin, L_UU=L_UU))
+    return changed(subproblem, L_UU=subproblem.linearisation.L_UU + (lowest - least) * np.eye(2))
 
 
 def test_a_convex_program_is_left_as_it_is():
@@ -158,3 +164,40 @@ def test_stages_are_projected_state_and_control_together():
     again = np.block([[L_XX, L_UX.transpose(0, 2, 1)], [L_UX, L_UU]])
     np.testing.assert_allclose(again, nearest_positive_semidefinite(joint), atol=1e-12)
     assert all(part.flags.c_contiguous for part in parts)
+
+
+@pytest.mark.parametrize('lost', [0.0, 2.0, 1e3])
+@pytest.mark.parametrize('shape', [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0)])
+@pytest.mark.parametrize('seed', range(3))
+def test_they_are_those_of_the_condensed_hessian(seed, shape, lost):
+    subproblem = program(seed, shape, lost)
+    H = subproblem.condensed.H
+    values = np.linalg.eigvalsh(H)
+    size = np.abs(values).max()
+    np.testing.assert_allclose(extreme_eigenvalues(subproblem), values[[0, -1]], atol=1e-13 * size)
+    assert largest_diagonal(subproblem) == pytest.approx(np.abs(np.diag(H)).max())
+    for shift in (-values[0] + 1e-9 * size, -values[0] - 1e-9 * size):
+        assert fill.is_positive_definite(subproblem, shift) == (shift > -values[0])
+    for shift in (values[-1] + 1e-9 * size, values[-1] - 1e-9 * size):
+        assert fill.is_positive_definite(subproblem, shift, -1.0) == (shift > values[-1])
+
+
+def test_a_hessian_with_nothing_on_its_diagonal():
+    """``[[0, 1], [1, 0]]`` in the two controls of one stage, and 0 elsewhere."""
+    subproblem = program(0)
+    L_XX, L_UX, L_UU = np.zeros((6, 3, 3)), np.zeros((6, 2, 3)), np.zeros((6, 2, 2))
+    flat = changed(subproblem, L_XX=L_XX, L_UX=L_UX, L_UU=L_UU)
+    assert extreme_eigenvalues(flat) == (0.0, 0.0)
+    L_UU[3] = [[0.0, 1.0], [1.0, 0.0]]
+    np.testing.assert_allclose(extreme_eigenvalues(flat), [-1.0, 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize('part', ['A', 'B', 'L_XX', 'L_UX', 'L_UU'])
+@pytest.mark.parametrize('bad', [np.nan, np.inf])
+def test_what_is_not_finite_has_none(part, bad):
+    subproblem = program(1)
+    spoilt = getattr(subproblem.linearisation, part).copy()
+    spoilt[2] = bad
+    stages = changed(subproblem, **{part: spoilt})
+    assert not fill.is_positive_definite(stages, 1.0)
+    assert not np.isfinite(extreme_eigenvalues(stages)).all()

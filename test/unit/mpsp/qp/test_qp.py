@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -24,8 +25,7 @@ from cmpsp_ros.mpsp.qp import (
     backend,
     solve_qp,
 )
-from cmpsp_ros.mpsp.qp.dense.dense import DensePenalties
-from cmpsp_ros.mpsp.qp.dense.qpsolvers_backend import QpsolversBackend
+from cmpsp_ros.mpsp.qp.dense import qpsolvers_backend
 
 BACKENDS = available()
 
@@ -106,7 +106,7 @@ def test_relaxed_solution_is_the_least_by_random_search(name):
 def test_relaxation_is_exact_above_the_multipliers(name, seed):
     qp = program(seed)
     hard = solve_rows(qp, name)
-    above = DensePenalties(1.01 * np.abs(hard.terminal) + 0.1, 1.01 * hard.path + 0.1)
+    above = Penalties(1.01 * np.abs(hard.terminal) + 0.1, 1.01 * hard.path + 0.1)
     np.testing.assert_allclose(solve_rows(qp, name, above).dU, hard.dU, atol=1e-5)
     below = Penalties(0.5 * np.abs(hard.terminal), 1.01 * hard.path + 0.1)
     relaxed = solve_rows(qp, name, below)
@@ -222,7 +222,7 @@ def test_program_is_left_as_it_was():
 
 @pytest.mark.parametrize('solver', ['daqp', 'clarabel'])
 def test_solvers_of_qpsolvers_agree(solver):
-    solve = QpsolversBackend(solver)
+    solve = partial(qpsolvers_backend.solve, solver)
     for seed in range(3):
         qp = program(seed)
         for weights in (None, penalties(qp, 2.0, 3.0)):

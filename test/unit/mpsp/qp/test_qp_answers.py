@@ -20,9 +20,9 @@ from cmpsp_ros.mpsp.qp import (
     QPSolution,
     QPStatus,
     available,
+    kkt_residual,
     solve_qp,
 )
-from cmpsp_ros.mpsp.qp.solution import kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 BACKENDS = available()
@@ -38,7 +38,7 @@ def test_residual_rejects_every_perturbed_part():
             for change in (0.3, -0.3):
                 wrong = array.copy()
                 wrong[place] += change
-                bad = solution._replace(**{part: wrong})
+                bad = replace(solution, **{part: wrong})
                 assert residual_of(qp, bad) > 1e-4, (part, place, change)
 
 
@@ -54,7 +54,7 @@ def test_residual_rejects_perturbed_relaxed_answers():
         for place in range(len(array)):
             wrong = array.copy()
             wrong[place] += 0.5
-            bad = solution._replace(**{part: wrong})
+            bad = replace(solution, **{part: wrong})
             assert residual_of(qp, bad, weights) > 1e-4, (part, place)
 
 
@@ -67,7 +67,7 @@ def test_residual_rejects_wrong_signs(sign_error):
     qp = replace(qp, output_error=0.01 * qp.output_error)
     solution = solve_rows(qp, 'daqp')
     assert getattr(solution, part).any()
-    wrong = solution._replace(**{part: factor * getattr(solution, part)})
+    wrong = replace(solution, **{part: factor * getattr(solution, part)})
     assert residual_of(qp, wrong) > 1e-2
 
 

@@ -7,7 +7,7 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
-from cmpsp_ros.mpsp.analysis.convergence import record
+from cmpsp_ros.mpsp.iterate import record
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (
@@ -26,14 +26,14 @@ from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 
 
-def random_subproblem(shape, shift=0.0, seed=0):
+def random_subproblem(shape, seed=0):
     rng = np.random.default_rng(seed)
     problem = LinearQuadratic(rng, *shape)
     U = rng.normal(size=problem.control_lower.shape)
     bound = rng.uniform(0.5, 3.0, size=U.shape)
     radius = np.where(np.arange(shape[1]) % 2, np.inf, 0.7)
     lin = problem.linearise(problem.predict(U), U)
-    return problem, Subproblem(lin, -bound, bound, radius, shift)
+    return problem, Subproblem(lin, -bound, bound, radius)
 
 
 @pytest.mark.parametrize('shape', SHAPES)
@@ -69,52 +69,12 @@ def test_the_change_of_the_states_is_that_of_the_roll_out():
     np.testing.assert_allclose(dX, (ahead - behind) / 2e-6, atol=1e-7)
 
 
-@pytest.mark.parametrize('shape', SHAPES)
-def test_the_shift_is_added_to_the_condensed_hessian(shape):
-    _, plain = random_subproblem(shape)
-    shifted = replace(plain, shift=2.5)
-    before, after = plain.condensed, shifted.condensed
-    np.testing.assert_allclose(after.H - before.H, 2.5 * np.eye(len(before.c)), atol=1e-12)
-    np.testing.assert_array_equal(after.c, before.c)
-    np.testing.assert_array_equal(after.B_C, before.B_C)
-    of_stages = shifted.stages.L_UU - plain.stages.L_UU
-    np.testing.assert_allclose(of_stages, np.tile(2.5 * np.eye(shape[2]), (shape[0] + 1, 1, 1)))
-    np.testing.assert_array_equal(plain.linearisation.L_UU, shifted.linearisation.L_UU)
-
-
 def test_condensed_is_what_condensing_gives():
     _, subproblem = random_subproblem(SHAPES[1])
     given = subproblem.linearisation, subproblem.lower, subproblem.upper, subproblem.trust_radius
     for name, array in vars(condense(*given)).items():
         np.testing.assert_array_equal(getattr(subproblem.condensed, name), array)
     assert subproblem.condensed is subproblem.condensed
-    assert subproblem.stages is subproblem.stages
-
-
-def test_stages_are_of_one_kind_whatever_they_came_as():
-    _, subproblem = random_subproblem(SHAPES[1])
-    lin = subproblem.linearisation
-    odd = {}
-    for field in fields(Linearisation):
-        array = np.asfortranarray(getattr(lin, field.name))
-        array.flags.writeable = False
-        odd[field.name] = array
-    odd['h_U'] = np.zeros((2, 2), dtype=int)
-    given = Subproblem(
-        Linearisation(**odd),
-        np.broadcast_to(-1.0, (6, 2)),
-        np.broadcast_to(1.0, (6, 2)),
-        subproblem.trust_radius[::-1],
-    )
-    stages = given.stages
-    for name, array in stages._asdict().items():
-        assert array.dtype == np.float64, name
-        assert array.flags.c_contiguous, name
-        assert array.flags.writeable, name
-    for name, array in odd.items():
-        np.testing.assert_array_equal(getattr(stages, name), array)
-    np.testing.assert_array_equal(stages.trust_radius, given.trust_radius)
-    assert given.propagate(np.asfortranarray(np.ones((6, 2)))).shape == (6, 3)
 
 
 @pytest.mark.parametrize('bad', [np.nan, np.inf])

@@ -242,7 +242,7 @@ def test_a_cost_and_a_limit_on_changes_of_control(limit):
         options = replace(options, penalty_path=hard)
         guess = within_ramp(guess, np.full(20, 0.2), previous, limit)
     driver = driver_for(problem, options)
-    functions = with_control_rate(FUNCTIONS.entries(inner.data, driver.ws))
+    functions = with_control_rate(FUNCTIONS.machine_code(inner.data, driver.ws))
     for iterate in iterates(problem, options, guess, 5)[1:]:
         ws = improve(driver, data, guess, iterate.index, functions=functions)
         assert_same(ws, iterate)

@@ -94,7 +94,7 @@ def test_no_step_no_times():
 def test_times_are_summed_up_and_missed_deadlines_counted():
     times = StepTimes()
     for milliseconds in (*range(1, 100), 200.0, 200.1):
-        times.add(float(milliseconds), 0.2)
+        times.add(float(milliseconds), float(milliseconds), 0.2, 0.0)
     values = times.values()
     assert values['step_ms_p50'] == 51.0
     assert values['step_ms_p95'] == 96.0
@@ -105,18 +105,39 @@ def test_times_are_summed_up_and_missed_deadlines_counted():
 def test_a_step_that_outlasts_the_period_is_told_until_the_next_that_does_not():
     times = StepTimes()
     assert times.warnings() == []
-    times.add(200.5, 0.2)
+    times.add(200.5, 200.5, 0.2, 0.0)
     assert times.warnings() == [
         'The last control step took 200.5 ms of the 200.0 ms until the next.'
     ]
-    times.add(200.0, 0.2)
+    times.add(200.0, 200.0, 0.2, 0.0)
     assert times.warnings() == []
 
 
 def test_times_are_those_of_the_latest_steps_but_no_missed_deadline_is_forgotten():
     times = StepTimes()
-    times.add(500.0, 0.2)
+    times.add(500.0, 500.0, 0.2, 0.0)
     for _ in range(1000):
-        times.add(1.0, 0.2)
+        times.add(1.0, 1.0, 0.2, 0.0)
     assert times.values()['step_ms_max'] == 1.0
     assert times.values()['deadline_misses'] == 1
+
+
+def test_a_command_that_leaves_late_is_a_missed_deadline_however_short_its_step():
+    times = StepTimes()
+    times.add(5.0, 850.0, 0.2, 0.0)
+    times.add(5.0, 290.0, 0.2, 0.1)
+    times.add(5.0, 310.0, 0.2, 0.1)
+    values = times.values()
+    assert values['deadline_misses'] == 2
+    assert values['odometry_to_command_ms_max'] == 850.0
+
+
+@pytest.mark.parametrize(('delay', 'said'), [(0.0, 1), (0.04, 0), (0.06, 0)])
+def test_a_delay_that_nobody_knows_of_is_told_with_its_value(delay, said):
+    times = StepTimes()
+    for _ in range(9):
+        times.add(5.0, 50.0, 0.2, delay)
+    assert times.warnings() == []
+    times.add(5.0, 50.0, 0.2, delay)
+    sentence = 'Commands leave 50 ms after their odometry: command_delay should be 0.050 s or more.'
+    assert times.warnings() == [sentence] * said

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from cmpsp_ros.cli import app
-from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, cluster, run
+from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run, workers
 from cmpsp_ros.studies.monte_carlo.ledger import NAME, digest, open_ledger
 
 STUDY = Study('nominal', 1)
@@ -67,7 +67,7 @@ def worker(start, address):
 
 
 def test_an_address_without_a_worker_is_told(address, monkeypatch, tmp_path):
-    monkeypatch.setattr(cluster, '_ANSWER_TIMEOUT', 0.5)
+    monkeypatch.setattr(workers, '_ANSWER_TIMEOUT', 0.5)
     with pytest.raises(StudyError, match=rf'found no worker at {address}, wanted one'):
         run(Order(STUDY, 2, tmp_path / 'study', scheduler=address), lambda *_: lambda _: None)
 
@@ -106,7 +106,7 @@ def numbers_in(folder):
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://x', 'nowhere'])
 def test_no_scheduler_there_is_told_in_one_line(monkeypatch, tmp_path, address):
-    monkeypatch.setattr(cluster, '_ANSWER_TIMEOUT', 0.5)
+    monkeypatch.setattr(workers, '_ANSWER_TIMEOUT', 0.5)
     arguments = ['study', 'nominal', '--scheduler', address, '--output', str(tmp_path / 'study')]
     result = CliRunner().invoke(app, arguments, env={'NO_COLOR': '1', 'COLUMNS': '200'})
     assert result.exit_code == 1
@@ -123,4 +123,4 @@ def test_without_dask_it_says_what_it_wants(monkeypatch, tmp_path):
 def test_a_worker_with_other_code_makes_nothing():
     other = digest()[::-1]
     with pytest.raises(StudyError, match=f'other code: found {digest()}, wanted {other}'):
-        cluster._make_chunk(STUDY, [0], other)
+        workers._make_remotely(STUDY, [0], other)

@@ -124,3 +124,16 @@ def test_noise_repeats_and_differs_from_run_to_run():
     first, again, other = (drive(study.run(number)) for number in (4, 4, 5))
     assert outcome(first) == outcome(again)
     assert not np.array_equal(first.decisions[0].twist, other.decisions[0].twist)
+
+
+def test_a_computer_that_is_late_touches_nothing_and_its_late_commands_are_not_sent():
+    study, late, arrived = Study('realtime'), 0, 0
+    for number in range(30):
+        driven = drive(study.run(number))
+        made = outcome(driven)
+        assert made.clearance >= 0.0, number
+        assert made.exception == ''
+        late += sum(each.late > 0.2 for each in driven.decisions)
+        arrived += made.miss < study.tolerance
+    assert late > 100
+    assert arrived > 10

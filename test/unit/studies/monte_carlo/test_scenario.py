@@ -10,11 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
-from cmpsp_ros.studies.monte_carlo.passage import is_open
-from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, scenario
+from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, is_open, scenario
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.road import Annulus
-from cmpsp_ros.world.roads.shortest_path import angle_between, shortest_way
+from cmpsp_ros.world.roads.annulus import Annulus
 
 ROAD = Annulus((1.0, -2.0), 9.0, 11.0)
 SETTINGS, _ = Study('nominal').told()
@@ -34,7 +32,7 @@ def test_every_course_is_one_of_those_promised(seed, number, most):
     (x, y, heading), road, goal = drawn.pose, SETTINGS.road, SETTINGS.goal
     assert road.inner_radius + FROM_EDGE <= distance(x, y) <= road.outer_radius - FROM_EDGE
     bearing = math.atan2(y - road.center[1], x - road.center[0])
-    along = bearing + math.copysign(math.pi / 2.0, angle_between(road, (x, y), goal))
+    along = bearing + math.copysign(math.pi / 2.0, road.angle_between((x, y), goal))
     assert abs(math.remainder(heading - along, math.tau)) <= math.pi / 2.0 + 1e-12
     assert len(drawn.obstacles) <= most
     for each in drawn.obstacles:
@@ -123,18 +121,21 @@ def test_a_road_is_open_as_a_grid_says(places):
 
 
 def test_the_shortest_way_is_straight_or_around_the_inner_edge():
-    assert shortest_way(ROAD, (11.0, -2.0), (10.5, -1.0)) == math.dist((11.0, -2.0), (10.5, -1.0))
-    half_round = shortest_way(ROAD, (10.0, -2.0), (-8.0, -2.0))
+    assert ROAD.shortest_length((11.0, -2.0), (10.5, -1.0)) == math.dist((11.0, -2.0), (10.5, -1.0))
+    half_round = ROAD.shortest_length((10.0, -2.0), (-8.0, -2.0))
     assert half_round == pytest.approx(9.0 * math.pi)
     tangent = math.sqrt(11.0**2 - 9.0**2)
     from_outside = 2.0 * tangent + 9.0 * (math.pi - 2.0 * math.acos(9.0 / 11.0))
-    assert shortest_way(ROAD, (12.0, -2.0), (-10.0, -2.0)) == pytest.approx(from_outside)
+    assert ROAD.shortest_length((12.0, -2.0), (-10.0, -2.0)) == pytest.approx(from_outside)
 
 
 @pytest.mark.parametrize(
     ('changes', 'text'),
     [
-        ({'name': 'nominall'}, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (
+            {'name': 'nominall'},
+            "study: found 'nominall', wanted one of nominal, disturbed, realtime",
+        ),
         ({'assignments': ('robot.radius=0.9',)}, 'road: found 2 m of width'),
     ],
 )

@@ -9,16 +9,18 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
 
+import cmpsp_ros
 from cmpsp_ros.cli import app
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
 from cmpsp_ros.studies.monte_carlo import judge as judges
-from cmpsp_ros.studies.monte_carlo.ledger import NAME, open_ledger
+from cmpsp_ros.studies.monte_carlo.ledger import NAME, ROOMS, open_ledger
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
@@ -64,6 +66,11 @@ def test_a_study_counts_keeps_and_draws(made):
         assert (folder / picture).read_bytes().startswith(b'\x89PNG')
     drawn = {each.name for each in folder.glob('failures/*')}
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
+
+
+@pytest.mark.parametrize('room', ROOMS)
+def test_the_digest_covers_every_room_that_decides(room):
+    assert list((Path(cmpsp_ros.__file__).parent / room).rglob('*.py'))
 
 
 @pytest.mark.slow
@@ -198,7 +205,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
 @pytest.mark.parametrize(
     ('arguments', 'code', 'text'),
     [
-        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed"),
+        (('nominall',), 1, "study: found 'nominall', wanted one of nominal, disturbed, realtime"),
         (('nominal', '--set', 'robot.radios=1'), 1, 'robot.radios'),
         (('nominal', '--set', 'obstacles.names=[a]'), 1, 'obstacles.a.center'),
         (('nominal', '--run', 3, '--set', 'final_time=x'), 1, 'final_time'),
@@ -255,11 +262,10 @@ def test_the_judge_passes_a_goal_near_an_obstacle_and_keeps_the_margin():
 def next_arrived():
     """The first run of which the goal is in reach."""
     from cmpsp_ros.studies.monte_carlo.driving import farthest
-    from cmpsp_ros.world.roads.shortest_path import shortest_way
 
     for number in range(100):
         task = STUDY.run(number)
-        way = shortest_way(task.settings.road, task.scenario.pose[:2], task.settings.goal)
+        way = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
         if way < 0.8 * farthest(task):
             return number
     raise AssertionError

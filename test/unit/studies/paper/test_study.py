@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cmpsp_ros.studies.paper import ARTEFACTS, PaperError, run
+from cmpsp_ros.studies.paper import ARTEFACTS, StudyError, run
 from cmpsp_ros.studies.processor import cpu_model
 
 # What they share takes long to make.
@@ -158,7 +158,7 @@ def test_the_judge_adds_an_optimum(tmp_path):
 
 
 def test_an_unknown_name_is_refused_before_anything_is_made(tmp_path):
-    with pytest.raises(PaperError, match='fig1,') as refusal:
+    with pytest.raises(StudyError, match='fig1,') as refusal:
         run(tmp_path / 'out', only=['fig2', 'fig1', 'fig99'])
     for name in ('fig99', *ARTEFACTS):
         assert name in str(refusal.value)
@@ -166,15 +166,15 @@ def test_an_unknown_name_is_refused_before_anything_is_made(tmp_path):
 
 
 def test_an_existing_folder_is_refused_unless_empty(tmp_path):
-    assert issubclass(PaperError, ValueError)
+    assert issubclass(StudyError, ValueError)
     folder = tmp_path / 'out'
     folder.mkdir()
     assert run(folder, only=['table2']).exists()
-    with pytest.raises(PaperError, match=re.escape(str(folder))):
+    with pytest.raises(StudyError, match=re.escape(str(folder))):
         run(folder, only=['table2'])
     file = tmp_path / 'file'
     file.write_text('mine')
-    with pytest.raises(PaperError, match=re.escape(str(file))):
+    with pytest.raises(StudyError, match=re.escape(str(file))):
         run(file, only=['table2'])
     assert file.read_text() == 'mine'
 
@@ -182,5 +182,5 @@ def test_an_existing_folder_is_refused_unless_empty(tmp_path):
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     file = tmp_path / 'file'
     file.write_text('')
-    with pytest.raises(PaperError, match=re.escape(str(file))):
+    with pytest.raises(StudyError, match=re.escape(str(file))):
         run(Path(file) / 'below', only=['table2'])

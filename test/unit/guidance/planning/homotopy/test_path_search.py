@@ -20,7 +20,6 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.shortest_path import shortest_way
 
 # What is kept from the bounds of a gap, and cut where a bend is too sharp for the limit [m].
 ROOM = 0.08
@@ -72,7 +71,7 @@ def test_two_obstacles_can_be_passed_in_four_ways():
     for way, path in zip(ways, paths, strict=True):
         away = np.linalg.norm(path[:, None, :2] - space.centers, axis=2)
         assert (away > space.radii).all()
-        assert class_of(given.road, centers(given), path, given.goal) == way.homotopy_class
+        assert class_of(way.frame, centers(given), path) == way.homotopy_class
 
 
 def test_a_gap_through_which_a_path_fits_between_two_samples_is_a_way():
@@ -169,7 +168,7 @@ def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
         inside = np.hypot(path[:, 0], path[:, 1])
         assert inside.min() > given.road.inner_radius
         assert inside.max() < given.road.outer_radius
-        taken = class_of(given.road, centers(given), path, given.goal)
+        taken = class_of(way.frame, centers(given), path)
         near = np.linalg.norm(path[:, None, :2] - centers(given), axis=2).min(axis=0)
         for each, a, b, away in zip(given.obstacles, taken, way.homotopy_class, near, strict=True):
             # One that is too slow to come by has not chosen yet.
@@ -200,15 +199,15 @@ def test_few_guesses_cut_a_corner():
 def length(way, given, start):
     """Of a way along the arc [m]."""
     first, last = (math.atan2(each[1], each[0]) for each in (start, given.goal))
-    bearings = np.linspace(first, first + math.remainder(last - first, math.tau), len(way.radii))
-    x, y = way.radii * np.cos(bearings), way.radii * np.sin(bearings)
+    bearings = np.linspace(first, first + math.remainder(last - first, math.tau), len(way.profile))
+    x, y = way.profile * np.cos(bearings), way.profile * np.sin(bearings)
     return float(np.hypot(np.diff(x), np.diff(y)).sum())
 
 
 @pytest.mark.parametrize('start', [(-2.9, 9.3, 1.1), (-2.9, -9.1, 0.0), (0.0, 10.9, 0.0)])
 def test_a_way_for_which_there_is_hardly_time_is_the_shortest(start):
     given = settings((), 51.0, ROAD)
-    shortest = shortest_way(given.road, start[:2], given.goal)
+    shortest = given.road.shortest_length(start[:2], given.goal)
     ample = settings((), 102.0, ROAD)
     scarce = settings((), 1.02 * shortest / 10.0 / given.robot.wheel_radius, ROAD)
     _, [relaxed], _ = search(ample, start)
@@ -225,14 +224,14 @@ def test_out_of_a_pocket_a_way_leads_back_and_around():
     given = settings(found, 51.0, ROAD, safety=Safety(margin=0.05))
     _, ways, _ = search(given, start)
     assert {way.homotopy_class for way in ways} == {(1, 1), (1, -1)}
-    assert all(way.radii[1] > 10.1 for way in ways)
+    assert all(way.profile[1] > 10.1 for way in ways)
 
 
 @pytest.mark.parametrize('heading', [-2.0, -0.3, 0.0, 0.8, 3.0])
 def test_a_guess_that_turns_first_stays_where_it_is_until_it_faces_the_way(heading):
     given, start = settings((FIRST, SECOND), 51.0, ROAD), np.array([0.0, -9.25, heading])
     for way in search(given, start)[1]:
-        guess = turning_first(given, way, start_of(given, start), given.target, DURATIONS)
+        guess = turning_first(given, way, start_of(given, start), DURATIONS)
         assert guess.shape == way.guess.shape
         path = given.robot.roll_out(start, guess, DURATIONS)
         moved = np.hypot(*(path[:, :2] - start[:2]).T)
@@ -247,7 +246,7 @@ def test_a_guess_that_turns_first_stays_where_it_is_until_it_faces_the_way(headi
 def test_a_turn_on_the_spot_is_no_faster_than_the_wheels():
     given, start = settings((FIRST,), 2.0, ROAD), np.array([0.0, -9.25, 3.0])
     way = search(given, start)[1][0]
-    guess = turning_first(given, way, start_of(given, start), given.target, DURATIONS)
+    guess = turning_first(given, way, start_of(given, start), DURATIONS)
     assert np.abs(guess).max() <= 2.0 * (1.0 + 1e-9)
 
 

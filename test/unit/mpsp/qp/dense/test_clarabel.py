@@ -25,7 +25,7 @@ from cmpsp_ros.mpsp.qp import (
 )
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows
-from cmpsp_ros.mpsp.qp.dense.sparse_rows import rows_of
+from cmpsp_ros.mpsp.qp.dense.sparse_qp import sparse_qp
 
 
 def solved(qp, penalties=None):
@@ -227,29 +227,28 @@ def test_a_ray_proves_only_what_the_rows_contradict():
         qp = chain(2, l=2)
         qp.g[:], qp.g[2] = -np.inf, (1.0, -1.0 + overlap)
         qp.g_X[2, :, 0] = 1.0, -1.0
-        rows = rows_of(staged(qp).stages)
-        hard = np.full(len(rows.lower), True)
-        ray = np.zeros(len(rows.lower))
+        program = sparse_qp(staged(qp), None)
+        ray = np.zeros(len(program.lower))
         ray[:2] = 7.0
         wanted = (Row('path', 2, 0), Row('path', 2, 1)) if overlap > 0.0 else ()
-        assert contradicting_rows(qp, rows, hard, ray) == wanted
+        assert contradicting_rows(staged(qp), program, ray) == wanted
         # One row alone, a ray that does not cancel, a wrong sign, or rows that may give.
         for spoilt in ([7.0, 0.0], [7.0, 6.9], [-7.0, -7.0], [0.0, 0.0], [np.nan, 7.0]):
             ray[:2] = spoilt
-            assert contradicting_rows(qp, rows, hard, ray) == ()
+            assert contradicting_rows(staged(qp), program, ray) == ()
         ray[:2] = 7.0
-        assert contradicting_rows(qp, rows, ~hard, ray) == ()
+        assert contradicting_rows(staged(qp), sparse_qp(staged(qp), relaxed(qp)), ray) == ()
 
 
 def test_small_multipliers_are_left_out_of_a_proof():
     qp = chain(2, l=2)
     qp.g[:], qp.g[1, 0], qp.g[2] = -np.inf, -5.0, (1.0, 0.0)
     qp.g_X[1, 0, 0], qp.g_X[2, :, 0] = 1.0, (1.0, -1.0)
-    rows = rows_of(staged(qp).stages)
-    ray = np.zeros(len(rows.lower))
+    program = sparse_qp(staged(qp), None)
+    ray = np.zeros(len(program.lower))
     ray[:3] = 1e-5, 1.0, 1.0
-    hard = np.full(len(rows.lower), True)
-    assert contradicting_rows(qp, rows, hard, ray) == (Row('path', 2, 0), Row('path', 2, 1))
+    found = contradicting_rows(staged(qp), program, ray)
+    assert found == (Row('path', 2, 0), Row('path', 2, 1))
 
 
 @pytest.mark.parametrize('N', [1, 2, 10, 50, 200])

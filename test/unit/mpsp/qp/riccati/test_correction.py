@@ -11,7 +11,6 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
 from cmpsp_ros.mpsp.qp.riccati.fill import borrowed_space, fill, put_solution
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 
@@ -88,9 +87,8 @@ def second_order_correction(subproblem, solution, output_error, g):
     """The correction of a step by any back end, shape ``(N + 1, r)``."""
     size = subproblem.size
     with borrowed_space(size) as space:
-        fill(space, subproblem.stages)
-        multipliers = Multipliers(solution.terminal, solution.path, solution.trust, solution.bounds)
-        put_solution(space, solution.dU, subproblem.propagate(solution.dU), multipliers)
+        fill(space, subproblem)
+        put_solution(space, solution, subproblem.propagate(solution.dU))
         BackEnd('daqp', 'gauss_newton', space).correct(output_error, g)
         return space.program.stages['correction_U'][:, : size.control].copy()
 

@@ -21,7 +21,7 @@ HORIZONS = 1, 5, 40
 def records(qp, fixed=None):
     """The program with some controls held: 1 at the upper bound, -1 at the lower one."""
     mine = space(staged(qp).size)
-    fill(mine, qp)
+    fill(mine, staged(qp))
     if fixed is not None:
         mine.program.stages['fixed'] = fixed
         mine.program.head['fixed'] = np.count_nonzero(fixed)

@@ -209,7 +209,7 @@ def test_nothing_stays_held_in_memory_that_is_borrowed_again(monkeypatch):
     other.lower[:30], other.upper[:30] = -np.inf, np.inf
     monkeypatch.setattr(clarabel_backend, 'solve', None)
     assert riccati_backend.solve(staged(first), None).status is QPStatus.SOLVED
-    assert is_positive_definite(first)
+    assert is_positive_definite(staged(first))
     solution = riccati_backend.solve(staged(other), None)
     np.testing.assert_allclose(solution.dU, run(other).dU, atol=1e-10)
 

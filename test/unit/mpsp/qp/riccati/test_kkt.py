@@ -24,7 +24,8 @@ def solution(sort):
     qp.g[:] += 0.2
     found = run(qp, sort(qp))
     assert found.outcome == SOLVED
-    assert all(part.any() for part in found.multipliers)
+    parts = ('terminal', 'path', 'trust', 'bounds')
+    assert all(getattr(found.multipliers, part).any() for part in parts)
     p = found.space.program
     assert kkt_residual(p) < 1e-12
     return qp, p

@@ -1,18 +1,21 @@
 """The numbering of rows, and how a program of Python is written into records."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from stage_programs import CONTROLS, STATES, dense, place, random_program, relaxed, staged
 
-from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.riccati import fill as filling
 from cmpsp_ros.mpsp.qp.riccati.fill import (
     borrowed_space,
     compiled_size,
     fill,
-    multipliers_of,
     put_solution,
+    solution_in,
     space,
+    subproblem_in,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
@@ -24,14 +27,18 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_number,
     row_value,
 )
-from cmpsp_ros.mpsp.qp.stage_qp import Multipliers
+from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
 
 KINDS = {PATH: 'path', BOUND: 'bound', TRUST: 'trust'}
 
 
 def filled(qp, penalties=None):
-    mine = space(staged(qp).size)
-    fill(mine, qp, *(() if penalties is None else (penalties.terminal, penalties.path)))
+    return filled_with(staged(qp), penalties)
+
+
+def filled_with(subproblem, penalties=None):
+    mine = space(subproblem.size)
+    fill(mine, subproblem, penalties)
     return mine
 
 
@@ -59,8 +66,8 @@ def test_values_and_limits_are_those_of_the_rows(penalties):
     qp.g[3, 1] = -np.inf
     mine, written = filled(qp, penalties and penalties(qp, 7.0, 9.0)), dense(qp)
     dU = rng.normal(size=qp.lower.shape)
-    none = Multipliers(np.zeros(2), np.zeros(qp.g.shape), np.zeros((6, 3)), np.zeros((6, 2)))
-    put_solution(mine, dU, (written.states @ dU.ravel()), none)
+    solution = replace(QPSolution.unsolved(mine.size, QPStatus.SOLVED), dU=dU)
+    put_solution(mine, solution, written.states @ dU.ravel())
     values = written.rows @ dU.ravel()
     assert len(values) == count_rows(mine.program)
     for row, (value, wanted) in enumerate(zip(values, written.limits, strict=True)):
@@ -85,11 +92,29 @@ def test_a_program_is_filled_up_to_a_compiled_size():
 def test_a_solution_put_in_comes_back():
     qp, rng = random_program(np.random.default_rng(2)), np.random.default_rng(3)
     mine = filled(qp)
-    shapes = (2,), (6, 2), (6, 3), (6, 2)
-    multipliers = Multipliers(*(rng.normal(size=shape) for shape in shapes))
-    put_solution(mine, rng.normal(size=(6, 2)), rng.normal(size=(6, 3)), multipliers)
-    for found, wanted in zip(multipliers_of(mine), multipliers, strict=True):
-        np.testing.assert_array_equal(found, wanted)
+    shapes = (6, 2), (2,), (6, 2), (6, 3), (6, 2)
+    solution = QPSolution(QPStatus.SOLVED, *(rng.normal(size=shape) for shape in shapes))
+    put_solution(mine, solution, rng.normal(size=(6, 3)))
+    np.testing.assert_equal(vars(solution_in(mine)), vars(solution))
+
+
+def test_a_program_put_in_comes_back():
+    qp = staged(random_program(np.random.default_rng(2), bound=1.0, trust=2.0))
+    found = subproblem_in(filled_with(qp))
+    np.testing.assert_equal(vars(found.linearisation), vars(qp.linearisation))
+    for name in ('lower', 'upper', 'trust_radius'):
+        np.testing.assert_array_equal(getattr(found, name), getattr(qp, name))
+
+
+def test_arrays_of_any_kind_are_taken():
+    """Read-only, in the other order, or of whole numbers."""
+    qp = staged(random_program(np.random.default_rng(2)))
+    odd = {name: np.asfortranarray(array) for name, array in vars(qp.linearisation).items()}
+    odd['h_U'] = np.ones((2, 2), dtype=int)
+    given = replace(qp, linearisation=Linearisation(**odd), lower=np.broadcast_to(-1.0, (6, 2)))
+    found = subproblem_in(filled_with(given))
+    np.testing.assert_equal(vars(found.linearisation), odd)
+    np.testing.assert_array_equal(found.lower, -1.0)
 
 
 def test_borrowed_memory_is_nobody_elses_meanwhile(monkeypatch):

@@ -1,0 +1,141 @@
+"""What edges and obstacles leave free of the road, station by station."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import outline_of
+from cmpsp_ros.world.roads import road_functions
+from cmpsp_ros.world.roads.road_space import RoadSpace
+
+Array = NDArray[np.float64]
+Gap = tuple[float, float]
+
+# Rounded inwards to this, stations of a road of one width have the same gaps [1/m].
+_ROUNDING = 100.0
+# Beside all obstacles on open floor [m].
+_BESIDE = 1.0
+
+
+def free_gaps(
+    frame: RoadFrame, space: FreeSpace, straddled: float
+) -> tuple[list[list[Gap]], list[Gap]]:
+    """Gaps at every station, and the road's edges there, by their lateral positions [m].
+
+    A station stands for the way to half the distance of its neighbours, so that no obstacle is
+    between two of them.
+
+    Args:
+        frame: Road coordinates.
+        space: What the samples of a plan keep to; where it changes along the horizon, its median
+            counts.
+        straddled: How far from the nearest sample a path may pass an obstacle [m].
+    """
+    radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
+    # Samples keep farther away than the path between them comes.
+    radii = np.sqrt(np.maximum(radii**2 - straddled**2, 0.0)) * np.sign(radii)
+    if frame.polar:
+        return _polar_gaps(frame, space, radii)
+    taken: list[list[Gap]] = [[] for _ in frame.stations]
+    shapes = np.split(space.corners[0], space.first[1:-1]) if len(radii) else []
+    for corners, radius in zip(shapes, radii.tolist(), strict=True):
+        for station, section in _sections(frame, corners, radius):
+            taken[station].append(section)
+    edges = _edges(frame, space.road, taken)
+    return [_between(sorted(each), *edge) for each, edge in zip(taken, edges, strict=True)], edges
+
+
+def _polar_gaps(
+    frame: RoadFrame, space: FreeSpace, radii: Array
+) -> tuple[list[list[Gap]], list[Gap]]:
+    edges = space.annulus
+    inner, outer = (float(np.median(each)) for each in (edges.inner, edges.outer))
+    # A moving disc is one, too.
+    places = (each.tolist() for each in frame.coordinates(space.centers))
+    discs = list(zip(*places, radii.tolist(), strict=True))
+    half, gaps = frame.step / 2.0, []
+    for station in frame.stations.tolist():
+        taken = []
+        for at, distance, radius in discs:
+            off = max(abs(station - at) - half, 0.0)
+            across = distance * math.sin(min(off, math.pi / 2.0))
+            if across < radius and off < math.pi / 2.0:
+                along, reach = distance * math.cos(off), math.sqrt(radius**2 - across**2)
+                taken.append((along - reach, along + reach))
+        gaps.append(_between(sorted(taken), inner, outer))
+    return gaps, [(inner, outer)] * len(gaps)
+
+
+def _sections(frame: RoadFrame, corners: Array, radius: float) -> Iterator[tuple[int, Gap]]:
+    """Stations that a rounded polygon lies at, and from where to where across the line."""
+    if not math.isfinite(radius):
+        return
+    line, half = outline_of(corners.tolist(), max(radius, 0.0)), frame.step / 2.0
+    center = (line.min(axis=0) + line.max(axis=0)) / 2.0
+    reach = float(np.hypot(*(line - center).T).max()) + half
+    off, _ = frame.local(center, slice(None))
+    near = np.flatnonzero(np.abs(off) <= reach)
+    along, across = frame.local(line, near[:, None])
+    for station, t, n in zip(near.tolist(), along, across, strict=True):
+        inside = n[np.abs(t) <= half]
+        cuts = [inside]
+        for border in (-half, half):
+            before, after = t[:-1] - border, t[1:] - border
+            crossing = before * after < 0.0
+            part = before[crossing] / (before[crossing] - after[crossing])
+            cuts.append(n[:-1][crossing] + part * (n[1:][crossing] - n[:-1][crossing]))
+        found = np.concatenate(cuts)
+        if len(found):
+            yield station, (float(found.min()), float(found.max()))
+
+
+def _edges(frame: RoadFrame, road: RoadSpace, taken: Sequence[Sequence[Gap]]) -> list[Gap]:
+    """Lateral positions of both edges at every station [m]."""
+    kept = np.ascontiguousarray(np.median(road.kept, axis=0)[None])
+    bounds = np.empty((len(frame.stations), 2))
+    _fill_bounds(bounds, road._replace(kept=kept), frame.points, frame.directions)
+    low, high = np.ceil(_ROUNDING * bounds[:, 0]), np.floor(_ROUNDING * bounds[:, 1])
+    if not np.isfinite(bounds).all():
+        reached = [abs(each) for section in taken for gap in section for each in gap]
+        beside = max([*map(abs, frame.ends), *reached]) + _BESIDE
+        low, high = np.full_like(low, -_ROUNDING * beside), np.full_like(high, _ROUNDING * beside)
+    return list(zip((low / _ROUNDING).tolist(), (high / _ROUNDING).tolist(), strict=True))
+
+
+@allocation_free
+def _fill_bounds(bounds: Array, road: RoadSpace, points: Array, directions: Array) -> None:
+    """From the constraints on a line's points, which are linear across the road."""
+    for k in range(points.shape[0]):
+        x, y = points[k, 0], points[k, 1]
+        heading = math.atan2(directions[k, 1], directions[k, 0])
+        progress = road_functions.project(road, x, y, heading, math.nan)
+        progress, _, first, second = road_functions.lateral_error(road, 0, x, y, progress)
+        _, _, _, first_x, first_y, second_x, second_y = road_functions.gradients(
+            road, x, y, progress
+        )
+        across = directions[k, 0] * first_y - directions[k, 1] * first_x
+        across_other = directions[k, 0] * second_y - directions[k, 1] * second_x
+        bounds[k, 0], bounds[k, 1] = -math.inf, math.inf
+        for value, slope in ((first, across), (second, across_other)):
+            if slope > 0.0:
+                bounds[k, 1] = min(bounds[k, 1], -value / slope)
+            elif slope < 0.0:
+                bounds[k, 0] = max(bounds[k, 0], -value / slope)
+
+
+def _between(taken: Sequence[Gap], low: float, high: float) -> list[Gap]:
+    gaps, edge = [], low
+    for begin, end in taken:
+        if begin > edge:
+            gaps.append((edge, min(begin, high)))
+        edge = max(edge, end)
+        if edge >= high:
+            return gaps
+    return [*gaps, (edge, high)] if high > edge else gaps

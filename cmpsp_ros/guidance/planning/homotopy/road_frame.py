@@ -1,0 +1,206 @@
+"""Road coordinates from a pose to a goal: stations along the road, positions across it.
+
+Between two circles, among discs, they are polar ones, in which all of it is exact: a station is the
+angle from the pose [rad], and a lateral position the distance from the centre [m]. Anywhere else
+they are those of a line that the road's functions draw: a station is the arc length [m], and a
+lateral position the distance to the left of the line [m]. On open floor the line is straight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.goals import Target
+from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_points
+from cmpsp_ros.world.roads.road_space import ANNULUS
+
+Array = NDArray[np.float64]
+
+SPACING: Final = 0.2
+"""Of the stations, at least [m]."""
+
+_MAX_STATIONS: Final = 400
+# On the inner side of a bend stations come no nearer to each other than by this fraction.
+_LEAST_STRETCH: Final = 0.05
+_PASSES: Final = 3
+
+
+class RoadFrame(NamedTuple):
+    """Stations across the way from a pose to a goal.
+
+    Attributes:
+        stations: Evenly spaced from 0, shape ``(K,)`` [rad or m].
+        step: From one to the next [rad or m].
+        length: Of the way [m].
+        middle: Lateral position of the centre line [m].
+        ends: Lateral positions of the pose and of the goal [m].
+        left: 1 where lateral positions grow to the left, -1 where to the right.
+        polar: Whether they are polar coordinates.
+        x: Centre of polar coordinates [m].
+        y: See `x`.
+        begin: Bearing of the pose from there [rad].
+        side: 1 anticlockwise, -1 clockwise.
+        points: Of the line at the stations, shape ``(K, 2)`` [m]; of polar coordinates none.
+        directions: Unit vectors along it there, shape ``(K, 2)``.
+        curvature: Of the line, positive to the left, shape ``(K,)`` [1/m].
+    """
+
+    stations: Array
+    step: float
+    length: float
+    middle: float
+    ends: tuple[float, float]
+    left: float
+    polar: bool
+    x: float
+    y: float
+    begin: float
+    side: float
+    points: Array
+    directions: Array
+    curvature: Array
+
+    @property
+    def spacing(self) -> float:
+        """From one station to the next on the centre line [m]."""
+        return self.step * self.middle if self.polar else self.step
+
+    @property
+    def normals(self) -> Array:
+        """Unit vectors to the left of the line, shape ``(K, 2)``."""
+        return np.column_stack([-self.directions[:, 1], self.directions[:, 0]])
+
+    def coordinates(self, points: Array) -> tuple[Array, Array]:
+        """Stations and lateral positions of points, each of shape ``(M,)``."""
+        if self.polar:
+            offsets = points - (self.x, self.y)
+            bearings = [math.atan2(y, x) - self.begin for x, y in offsets.tolist()]
+            at = [self.side * (each - math.tau * round(each / math.tau)) for each in bearings]
+            return np.array(at), np.array([math.hypot(x, y) for x, y in offsets.tolist()])
+        away = points[:, None] - self.points
+        nearest = np.argmin((away**2).sum(axis=2), axis=1)
+        along, across = self.local(points, nearest)
+        stretch = np.maximum(1.0 - self.curvature[nearest] * across, _LEAST_STRETCH)
+        return self.stations[nearest] + along / stretch, across
+
+    def local(self, points: Array, station: Any) -> tuple[Array, Array]:
+        """Of points along and across the line at stations of it [m]."""
+        away, directions = points - self.points[station], self.directions[station]
+        along: Array = (away * directions).sum(axis=-1)
+        across: Array = directions[..., 0] * away[..., 1] - directions[..., 1] * away[..., 0]
+        return along, across
+
+
+def road_frame(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
+    """The coordinates of the way from where a plan begins to its goal.
+
+    Args:
+        settings: Road and obstacles.
+        start: Where it begins.
+        target: Where it ends.
+    """
+    discs = all(len(each.corners) == 1 for each in settings.obstacles)
+    if discs and settings.road.space(0.0).kind == ANNULUS:
+        return _polar(settings, start.pose, target.position)
+    return _along_line(settings, start, target)
+
+
+def _polar(settings: GuidanceSettings, pose: Array, goal: tuple[float, float]) -> RoadFrame:
+    road, nothing = settings.annulus, np.zeros((1, 2))
+    x, y = road.center
+    begin = math.atan2(pose[1] - y, pose[0] - x)
+    total = math.remainder(math.atan2(goal[1] - y, goal[0] - x) - begin, math.tau)
+    length, side = abs(total) * road.center_radius, math.copysign(1.0, total)
+    stations = np.linspace(0.0, abs(total), _count(length))
+    ends = math.dist(pose[:2], road.center), math.dist(goal, road.center)
+    return RoadFrame(
+        stations, stations.item(1), length, road.center_radius, ends, -side,
+        True, x, y, begin, side, nothing, nothing, np.zeros(1),
+    )  # fmt: skip
+
+
+def _along_line(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
+    goal, pose = target.position, np.ascontiguousarray(start.pose, dtype=np.float64)
+    total = arc_length_to(settings.road, pose, goal, target.heading, start.progress)
+    length = max(abs(total), SPACING)
+    stations = np.linspace(0.0, length, _count(length))
+    lengths = np.copysign(stations, total)
+    points = lookahead_points(settings.road, pose, lengths, goal, start.progress)
+    directions = np.gradient(points, axis=0)
+    directions /= np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
+    headings, step = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0])), stations.item(1)
+    frame = RoadFrame(
+        stations, step, abs(total), 0.0, (0.0, 0.0), 1.0,
+        False, 0.0, 0.0, 0.0, 1.0, points, directions, np.gradient(headings, step),
+    )  # fmt: skip
+    _, ends = frame.local(np.array([pose[:2], goal]), np.array([0, -1]))
+    return frame._replace(ends=(float(ends[0]), float(ends[1])))
+
+
+def _count(length: float) -> int:
+    """Number of stations, two at least."""
+    return min(max(math.ceil(length / SPACING), 1), _MAX_STATIONS) + 1
+
+
+@allocation_free
+def locate(frame: RoadFrame, x: float, y: float, at: float, bearing: float) -> Any:
+    """Station and lateral position of a point, from those of one nearby.
+
+    Args:
+        frame: The coordinates.
+        x: Position [m].
+        y: See `x`.
+        at: Station of a place nearby; beyond the ends it is none of the list.
+        bearing: Of that place in polar coordinates [rad].
+
+    Returns:
+        Its station, its lateral position [m], and its bearing [rad].
+    """
+    if frame.polar:
+        now = math.atan2(y - frame.y, x - frame.x)
+        lateral = math.hypot(x - frame.x, y - frame.y)
+        return at + frame.side * wrapped(now - bearing), lateral, now
+    last, lateral = frame.stations.shape[0] - 1, 0.0
+    for _ in range(_PASSES):
+        k = int(min(max(at / frame.step + 0.5, 0.0), last + 0.0))
+        dx, dy = x - frame.points[k, 0], y - frame.points[k, 1]
+        cosine, sine = frame.directions[k, 0], frame.directions[k, 1]
+        lateral = cosine * dy - sine * dx
+        stretch = max(1.0 - frame.curvature[k] * lateral, _LEAST_STRETCH)
+        at = k * frame.step + (cosine * dx + sine * dy) / stretch
+    return at, lateral, bearing
+
+
+@allocation_free
+def point_at(frame: RoadFrame, at: float, lateral: float) -> Any:
+    """Point (x, y) at a station, between two of the list too, and a lateral position [m]."""
+    if frame.polar:
+        bearing = frame.begin + frame.side * at
+        return frame.x + lateral * math.cos(bearing), frame.y + lateral * math.sin(bearing)
+    place = at / frame.step
+    k = int(min(max(place, 0.0), frame.stations.shape[0] - 2.0))
+    part = place - k
+    cosine = (1.0 - part) * frame.directions[k, 0] + part * frame.directions[k + 1, 0]
+    sine = (1.0 - part) * frame.directions[k, 1] + part * frame.directions[k + 1, 1]
+    size = max(math.hypot(cosine, sine), 1e-9)
+    x = (1.0 - part) * frame.points[k, 0] + part * frame.points[k + 1, 0]
+    y = (1.0 - part) * frame.points[k, 1] + part * frame.points[k + 1, 1]
+    return x - lateral * sine / size, y + lateral * cosine / size
+
+
+@allocation_free
+def stretch_at(frame: RoadFrame, at: float, lateral: float) -> float:
+    """Length of a path along the road for one unit of stations [m or 1]."""
+    if frame.polar:
+        return lateral
+    k = int(min(max(at / frame.step + 0.5, 0.0), frame.stations.shape[0] - 1.0))
+    stretch: float = 1.0 - frame.curvature[k] * lateral
+    return stretch

@@ -1,0 +1,131 @@
+"""What users hand in as numbers, brought to the shapes of the method or refused by name."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cmpsp_ros.mpsp.errors import ProblemError
+
+Array = NDArray[np.float64]
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """``value`` as an array of numbers, a copy.
+
+    Raises:
+        ProblemError: Names the argument.
+    """
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f'{name}: found {value!r}, wanted numbers') from None
+
+
+def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
+    """The first number of an array that is not finite, and where it is; empty where all are.
+
+    Args:
+        name: What the array is called.
+        array: One row a stage, or all of the last stage.
+        at_end: Whether it is all of the last stage.
+    """
+    bad = np.argwhere(~np.isfinite(array))
+    if not len(bad):
+        return ''
+    place = bad[0].tolist()
+    stage = [] if at_end else [f'stage {place.pop(0)}']
+    where = [*stage, 'component ' + ', '.join(map(str, place))]
+    return f'{name}: found {array[tuple(bad[0])]} at {", ".join(where)}'
+
+
+def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
+    """Raise unless there is a number between every lower bound and its upper one.
+
+    Raises:
+        ProblemError: Names the bound, the stage and the control.
+    """
+    for name, bound in ((lower_name, lower), (upper_name, upper)):
+        bad = np.argwhere(np.isnan(bound))
+        if len(bad):
+            raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
+    bad = np.argwhere((lower > upper) | np.isposinf(lower) | np.isneginf(upper))
+    if len(bad):
+        place = tuple(bad[0])
+        raise ProblemError(
+            f'{lower_name}: found {lower[place]} at {bad[0].tolist()}, '
+            f'wanted a number below {upper_name}, which is {upper[place]} there'
+        )
+
+
+def whole_number(name: str, value: object) -> int:
+    """``value`` where it is a whole number of at least 1.
+
+    Raises:
+        ProblemError: Names the argument.
+    """
+    if not isinstance(value, (int, np.integer)) or isinstance(value, bool) or value < 1:
+        raise ProblemError(f'{name}: found {value!r}, wanted a whole number of at least 1')
+    return int(value)
+
+
+def vector(name: str, value: ArrayLike, length: int | None = None) -> Array:
+    """``value`` as a vector of finite numbers, a copy.
+
+    Raises:
+        ProblemError: Names the argument, what was found and what was wanted.
+    """
+    array = numbers(name, value)
+    if array.ndim != 1 or (length is not None and len(array) != length):
+        wanted = 'a vector' if length is None else (length,)
+        raise ProblemError(f'{name}: found shape {array.shape}, wanted {wanted}')
+    if not np.isfinite(array).all():
+        raise ProblemError(f'{name}: found {array}, wanted finite numbers')
+    return array
+
+
+def control_bounds(
+    lower: ArrayLike | None, upper: ArrayLike | None, shape: tuple[int, int]
+) -> tuple[Array, Array]:
+    """Bounds on all controls, each from a number, one a control, or one a stage and control.
+
+    Args:
+        lower: Least controls; None for no bound.
+        upper: Largest controls; None for no bound.
+        shape: ``(N + 1, r)``.
+
+    Raises:
+        ProblemError: Names the argument, what was found and what was wanted.
+    """
+    least = _bound('lower', -np.inf if lower is None else lower, shape)
+    largest = _bound('upper', np.inf if upper is None else upper, shape)
+    check_bounds('lower', least, 'upper', largest)
+    return least, largest
+
+
+def _bound(name: str, value: ArrayLike, shape: tuple[int, int]) -> Array:
+    array = numbers(name, value)
+    if array.shape not in {(), shape[1:], shape}:
+        raise ProblemError(f'{name}: found shape {array.shape}, wanted {shape[1:]} or {shape}')
+    return np.broadcast_to(array, shape).copy()
+
+
+def terminal_target(target: ArrayLike | None, outputs: int | None) -> Array:
+    """``Y_N*`` of (5), or an empty vector where there is no terminal output.
+
+    Args:
+        target: What was handed in.
+        outputs: ``m``; None where no ``h`` was handed in.
+
+    Raises:
+        ProblemError: One was handed in without the other, or they do not fit.
+    """
+    if outputs is None:
+        if target is not None:
+            raise ProblemError(
+                'h: found none beside a target, wanted the output that shall reach it'
+            )
+        return np.empty(0)
+    if target is None:
+        raise ProblemError(f'target: found none beside an h, wanted shape {(outputs,)}')
+    return vector('target', target, outputs)

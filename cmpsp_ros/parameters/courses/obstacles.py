@@ -1,0 +1,106 @@
+"""The obstacles as the parameters describe them, and what is wrong with them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Point, Shape, ShapeError, convex
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+
+_POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon': ('vertices',)}
+"""What says where an obstacle of each type is."""
+
+
+def obstacles_of(values: Values) -> tuple[Shape, ...]:
+    """The obstacles that stand still.
+
+    Raises:
+        ParameterError: A block does not say what its type needs, or says what another one needs,
+            or its vertices make no convex polygon; names the key, and the vertex.
+    """
+    return tuple(_obstacle(values, name) for name in values['obstacles.names'])
+
+
+def obstacle_problems(values: Values) -> Iterator[Problem]:
+    """What is wrong with each obstacle."""
+    for name in values['obstacles.names']:
+        try:
+            _obstacle(values, name)
+        except ParameterError as error:
+            yield from error.problems
+
+
+def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:
+    """What of the obstacles forbids the robot, without its margin, to stand at a point [m]."""
+    try:
+        obstacles = obstacles_of(values)
+    except ParameterError:
+        # A problem of its own.
+        return
+    radius = values['robot.radius']
+    for obstacle in obstacles:
+        if len(obstacle.corners) == 1:
+            distance, needed = math.dist(point, obstacle.center), obstacle.radius + radius
+            found = f'{distance:.9g} m from the centre of obstacle {obstacle.name}'
+            wanted = f'{needed:.9g} m or more (obstacles.{obstacle.name}.radius + robot.radius)'
+        else:
+            space = FreeSpace.of(OpenFloor(), (obstacle,), 0.0)
+            distance, needed = (
+                float(space.at(np.array([[*point, 0.0]]))[0, N_EDGE_CONSTRAINTS]),
+                radius,
+            )
+            found = f'{distance:.9g} m from obstacle {obstacle.name}'
+            wanted = f'{needed:.9g} m or more (robot.radius)'
+        if distance < needed:
+            yield Problem(key, found, wanted)
+
+
+def _obstacle(values: Values, name: str) -> Shape:
+    prefix = f'obstacles.{name}'
+    kind = values[f'{prefix}.type']
+    problems = list(_block_problems(values, prefix, kind))
+    if problems:
+        raise ParameterError(*problems)
+    points = [_pairs(values[f'{prefix}.{key}']) for key in _POINTS[kind]]
+    if kind == 'circle':
+        return Obstacle(name, points[0][0], values[f'{prefix}.radius'])
+    if kind == 'capsule':
+        return Capsule(name, points[0][0], points[1][0], values[f'{prefix}.radius'])
+    try:
+        return convex(name, points[0])
+    except ShapeError as error:
+        found = f'at vertex {error.vertex} (from 0) {error.found}'
+        raise ParameterError(Problem(f'{prefix}.vertices', found, error.wanted)) from error
+
+
+def _block_problems(values: Values, prefix: str, kind: str) -> Iterator[Problem]:
+    """What a block lacks for its type, or has too much."""
+    for each, keys in _POINTS.items():
+        for key in keys:
+            numbers, where = values[f'{prefix}.{key}'], f'{prefix}.{key}'
+            if each != kind:
+                if numbers:
+                    yield Problem(where, describe(numbers), f'nothing for a {kind}')
+            elif kind == 'polygon':
+                if len(numbers) % 2 or not numbers:
+                    found = describe(numbers or None)
+                    yield Problem(where, found, 'x and y [m] of each vertex')
+            elif len(numbers) != 2:
+                yield Problem(where, describe(numbers or None), 'a list of 2 numbers [m]')
+    radius, where = values[f'{prefix}.radius'], f'{prefix}.radius'
+    if kind == 'polygon' and radius != 0.0:
+        yield Problem(where, describe(radius), 'nothing for a polygon')
+    elif kind != 'polygon' and radius == 0.0:
+        yield Problem(where, 'nothing, or 0', 'a number > 0 [m]')
+
+
+def _pairs(numbers: list[float]) -> list[Point]:
+    return list(zip(numbers[::2], numbers[1::2], strict=True))

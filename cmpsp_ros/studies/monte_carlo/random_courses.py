@@ -1,0 +1,188 @@
+"""Random corridors and floors with walls, crates and posts on them, each with a way through."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.studies.monte_carlo.scenario import GAP, Point, Scenario
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Shape, convex
+from cmpsp_ros.world.roads.arc_length import lookahead_point
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads.road import Road
+
+_Random = np.random.Generator
+
+_POINTS: Final = 5
+_SPACING: Final = 2.5
+_LARGEST_TURN: Final = math.radians(25.0)
+_HALF_WIDTHS: Final = (0.6, 1.4)
+# From one obstacle on a corridor to the next, and from the ends to the first and the last [m].
+_APART: Final = (1.6, 2.6)
+_FROM_END: Final = 1.2
+_THIN: Final = 0.05
+_HEADINGS: Final = math.pi / 2.0
+# Fraction of the top speed that is needed for the straight way, and what is added to it [m].
+_PACE: Final = (0.5, 0.75)
+_DETOUR: Final = 3.0
+_CLEAR: Final = 0.4
+_ATTEMPTS: Final = 1000
+
+
+class _Course(NamedTuple):
+    """A road, where it is driven from and to, what lies on it, and about how long it is [m]."""
+
+    road: Road
+    pose: tuple[float, float, float]
+    goal: Point
+    obstacles: Sequence[Shape]
+    length: float
+
+
+def corridor_scenario(
+    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
+) -> Scenario:
+    """A bent corridor of unequal widths, and on it walls, crates and blocked sides.
+
+    Each leaves `GAP` beside the robot on one side at least. Arguments as of `scenario`.
+    """
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    road = _corridor(random)
+    needed, length = GAP + 2.0 * settings.robot_radius, road.length
+    (x, y, heading), _ = _place(road, 0.5)
+    (*goal, _), _ = _place(road, length - 0.5)
+    obstacles, at = list[Shape](), 0.5 + _FROM_END
+    for index in range(int(random.integers(1, max(most_obstacles, 1) + 1))):
+        at += random.uniform(0.0, 1.0) if index == 0 else random.uniform(*_APART)
+        if at > length - 0.5 - _FROM_END:
+            break
+        obstacles.append(_across(random, road, at, needed, f'o{index + 1}'))
+    pose = (x, y, heading + random.uniform(-_HEADINGS, _HEADINGS))
+    course = _Course(road, pose, (goal[0], goal[1]), obstacles, length)
+    return _scenario(settings, number, random, plant_seed, course)
+
+
+def floor_scenario(
+    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
+) -> Scenario:
+    """Open floor with walls, crates, posts and groups of them between start and goal.
+
+    Arguments as of `scenario`.
+    """
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    distance, course = random.uniform(6.0, 9.0), random.uniform(-math.pi, math.pi)
+    goal = (distance * math.cos(course), distance * math.sin(course))
+    pose = (0.0, 0.0, course + random.uniform(-_HEADINGS, _HEADINGS))
+    obstacles: list[Shape] = []
+    ends = np.array([[*pose], [*goal, 0.0]])
+    for index in range(int(random.integers(1, max(most_obstacles, 1) + 1))):
+        for _ in range(_ATTEMPTS):
+            along, across = random.uniform(1.0, distance - 1.0), random.normal(0.0, 0.6)
+            center = _moved((0.0, 0.0), course, along, across)
+            drawn = _shapes(random, center, course, f'o{index + 1}')
+            away = FreeSpace.of(OpenFloor(), drawn, settings.robot_radius).at(ends)[:, 2:]
+            if away.min() >= _CLEAR:
+                obstacles += drawn
+                break
+    whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
+    return _scenario(settings, number, random, plant_seed, whole)
+
+
+def _scenario(
+    settings: GuidanceSettings,
+    number: int,
+    random: _Random,
+    plant_seed: int,
+    course: _Course,
+) -> Scenario:
+    pace, period = random.uniform(*_PACE) * settings.robot.max_speed, settings.control_period
+    time = round(math.ceil(course.length / pace / period) * period, 6)
+    changes = {'road': course.road, 'goal': course.goal, 'final_time': time}
+    return Scenario(number, course.pose, tuple(course.obstacles), plant_seed, changes)
+
+
+def _corridor(random: _Random) -> Corridor:
+    course, points = random.uniform(-math.pi, math.pi), [(0.0, 0.0)]
+    for _ in range(_POINTS - 1):
+        points.append(_moved(points[-1], course, _SPACING, 0.0))
+        course += random.uniform(-_LARGEST_TURN, _LARGEST_TURN)
+    left, right = (float(each) for each in random.uniform(*_HALF_WIDTHS, 2))
+    narrower = random.uniform(0.8, 1.0, (2, _POINTS))
+    widths = narrower * np.array([[left], [right]])
+    return Corridor(tuple(points), tuple(widths[0].tolist()), tuple(widths[1].tolist()))
+
+
+def _place(road: Corridor, at: float) -> tuple[tuple[float, float, float], tuple[float, float]]:
+    """A pose on the centre line at some progress [m], and the widths to its left and right [m]."""
+    begin = np.array([*road.points[0], math.nan])
+    (x, y), heading = lookahead_point(road, begin, at, 0.0)
+    clearance = FreeSpace.of(road, (), 0.0).at(np.array([[x, y, heading]]))[0]
+    return (x, y, heading), (float(clearance[0]), float(clearance[1]))
+
+
+def _across(random: _Random, road: Corridor, at: float, gap: float, name: str) -> Shape:
+    """Something on the road that leaves a gap to its left or to its right, or both."""
+    (x, y, heading), (left, right) = _place(road, at)
+    tilted = heading + random.uniform(-0.3, 0.3)
+    # From where to where it reaches, to the left of the centre line.
+    kind, side = int(random.integers(4)), random.choice([-1.0, 1.0])
+    if kind < 2:
+        # From an edge: a wall, or a crate that blocks the side.
+        whole = left + right
+        reach = random.uniform(0.3, max(whole - gap - 0.2, 0.31))
+        ends = (left + 0.3, left - reach) if side > 0.0 else (-right - 0.3, -right + reach)
+        low, high = min(ends), max(ends)
+        deep = _THIN if kind == 0 else random.uniform(0.3, 0.8)
+        return _box(
+            _moved((x, y), heading, 0.0, (low + high) / 2.0), heading, deep, high - low, name
+        )
+    # On the centre line: a wall across it, or a crate. The wider side has the gap.
+    most = 2.0 * (max(left, right) - gap - 0.15)
+    size = min(random.uniform(0.3, 1.2), max(most, 0.1))
+    deep = _THIN if kind == 2 else random.uniform(0.2, 0.8)
+    return _box((x, y), tilted if size < 0.6 else heading, deep, size, name)
+
+
+def _shapes(random: _Random, center: Point, course: float, name: str) -> list[Shape]:
+    """A post, a wall, a crate, or three walls around a pocket that opens towards the start."""
+    kind, heading = int(random.integers(4)), random.uniform(-math.pi, math.pi)
+    if kind == 0:
+        return [Obstacle(name, center, float(random.uniform(0.1, 0.8)))]
+    if kind == 1:
+        return [_box(center, heading, _THIN, random.uniform(0.5, 3.0), name)]
+    if kind == 2:
+        deep, wide = random.uniform(0.3, 1.2, 2).tolist()
+        return [_box(center, heading, deep, wide, name)]
+    wide, deep = random.uniform(0.6, 2.0), random.uniform(0.3, 1.0)
+    heading = course + random.uniform(-0.5, 0.5)
+    sides = [_moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
+    return [
+        _box(center, heading, _THIN, wide, f'{name}_back'),
+        _box(sides[0], heading + math.pi / 2.0, _THIN, deep, f'{name}_right'),
+        _box(sides[1], heading + math.pi / 2.0, _THIN, deep, f'{name}_left'),
+    ]
+
+
+def _box(center: Point, heading: float, deep: float, wide: float, name: str) -> Shape:
+    """A wall if it is thin, or else a crate."""
+    if deep <= _THIN:
+        half = max(wide / 2.0 - deep, 0.01)
+        ends = (_moved(center, heading, 0.0, half), _moved(center, heading, 0.0, -half))
+        return Capsule(name, *ends, deep)
+    corners = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
+    return convex(
+        name, [_moved(center, heading, a * deep / 2.0, b * wide / 2.0) for a, b in corners]
+    )
+
+
+def _moved(point: Point, heading: float, along: float, left: float) -> Point:
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return point[0] + along * cosine - left * sine, point[1] + along * sine + left * cosine

@@ -1,5 +1,0 @@
-"""The error of this room."""
-
-
-class PaperError(ValueError):
-    """A study that cannot be made as asked; the message says what was found and what is wanted."""

@@ -111,10 +111,11 @@ setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from
 bench: setup  ## time the control steps, more options in BENCH_ARGS; doc/reference/performance.md has a run
 	$(BIN)/python -m benchmarks $(BENCH_ARGS)
 
-docs: setup  ## write doc/reference/topics.md and parameters.md, and config/cmpsp.policy.xml
+docs: setup  ## write doc/reference/topics.md and parameters.md, config/defaults.yaml and cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.nodes.common.topics doc/reference/topics.md
 	$(BIN)/python -m cmpsp_ros.nodes.security_policy config/cmpsp.policy.xml
 	$(BIN)/python -m cmpsp_ros.parameters.documentation --write doc/reference/parameters.md
+	$(BIN)/python -m cmpsp_ros.parameters.documentation --defaults > config/defaults.yaml
 
 lock:  ## pin today's newest versions in requirements/
 	@$(CHECK_PYTHON)

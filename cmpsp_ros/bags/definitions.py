@@ -37,9 +37,6 @@ def types_of(connection: Connection) -> Typestore:
 
     A definition in the bag is parsed only where it differs from the one known here.
 
-    Args:
-        connection: The topic, with its definition.
-
     Raises:
         ReaderError: There is no definition, or none that is read.
         Exception: Whatever rosbags' parser meets in a definition that is damaged.

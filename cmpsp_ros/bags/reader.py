@@ -25,7 +25,6 @@ from cmpsp_ros.bags.storage.folder import METADATA, is_locked
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from rosbags.interfaces import Connection, ConnectionExtRosbag2, Qos
@@ -99,47 +98,28 @@ class Bag:
             raise
 
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
-        """Iterate over a topic's messages in order of time, as recorded.
+        """Iterate over a topic's messages as recorded: stamp [ns] and serialised message (CDR).
 
-        Args:
-            topic: Full name, as in `/odom`.
-
-        Yields:
-            Stamp [ns] and serialised message (CDR).
+        Messages come in order of time, those of one stamp in the order of writing.
 
         Raises:
             BagError: No such topic, or the bag is damaged.
         """
-        for _, stamp, raw in self._records(topic):
+        for _, stamp, raw in self.raw_together([topic]):
             yield stamp, raw
 
+    def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
+        """As `raw`, of several topics in one order of time, with the topic's name first."""
+        for connection, stamp, raw in self._records(*topics):
+            yield connection.topic, stamp, raw
+
     def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Iterate over a topic's messages in order of time.
-
-        Args:
-            topic: Full name, as in `/odom`.
-
-        Yields:
-            Stamp [ns] and message, an object with the fields of its type.
-
-        Raises:
-            BagError: No such topic, or the bag is damaged.
-        """
+        """As `raw`, with objects that have the fields of the message's type."""
         for _, stamp, message in self.together([topic]):
             yield stamp, message
 
     def together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, Any]]:
-        """Iterate over the messages of several topics, all in one order of time.
-
-        Args:
-            topics: Full names.
-
-        Yields:
-            Topic, stamp [ns] and message; those of one stamp in the order of writing.
-
-        Raises:
-            BagError: No such topic, or the bag is damaged.
-        """
+        """As `messages`, of several topics in one order of time, with the topic's name first."""
         for connection, stamp, raw in self._records(*topics):
             name, topic = connection.msgtype, connection.topic
             if name not in self._types:
@@ -148,21 +128,6 @@ class Bag:
             with self._readable(f'message of {topic} at {stamp} ns cannot be read'):
                 message = self._types[name].deserialize_cdr(raw, name)
             yield topic, stamp, message
-
-    def raw_together(self, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
-        """Iterate over the messages of several topics, as recorded, in one order of time.
-
-        Args:
-            topics: Full names, as in `/odom`.
-
-        Yields:
-            Topic, stamp [ns] and serialised message (CDR).
-
-        Raises:
-            BagError: A topic is missing, or the bag is damaged.
-        """
-        for connection, stamp, raw in self._records(*topics):
-            yield connection.topic, stamp, raw
 
     def close(self) -> None:
         """Close the bag; closing twice is closing once."""
@@ -173,12 +138,7 @@ class Bag:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _records(self, *topics: str) -> Iterator[tuple[Connection, int, bytes]]:

@@ -31,7 +31,6 @@ from cmpsp_ros.bags.storage.rolling import RollingFiles
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
-    from types import TracebackType
     from typing import Self
 
     from rosbags.interfaces import Qos
@@ -211,17 +210,12 @@ class BagWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         try:
             self.close()
         except BagError:
             # What went wrong inside the block is the cause and must not be hidden.
-            if error is None:
+            if kind is None:
                 raise
 
     def _close(self) -> None:

@@ -25,13 +25,7 @@ _SMALLEST = 0.06
 
 
 def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> None:
-    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant.
-
-    Args:
-        fleet: The robots.
-        runs: What each drove, in the same order.
-        path: The picture.
-    """
+    """Road and obstacles of the first robot, all paths, and all robots at the nearest instant."""
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     settings = fleet[0].settings

@@ -13,10 +13,6 @@ from cmpsp_ros.demo.summary import Summary, summarise
 def sum_up(scenario: Scenario, folder: Path) -> Summary:
     """Write `summary.json` and the pictures of a run beside its bag.
 
-    Args:
-        scenario: What was run.
-        folder: Of the run.
-
     Returns:
         Its figures.
 

@@ -53,60 +53,56 @@ def _parameters() -> Iterator[Parameter]:
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
     yield task('command_delay', _DOUBLE, 0.0, 's',
-        'Time from the stamp of odometry to the effect of the command that answers it; the plan '
-        'begins where the robot will be then.', range=_NOT_NEGATIVE, **guidance_only)
+        'Time from the stamp of an odometry message to the effect of the command that answers it; '
+        'plans start at the pose predicted for then.', range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_command_delay', _DOUBLE, 0.0, 's',
-        'Longest that a command may take to come into effect, as on a computer that is late now '
-        'and then: until then the command before it must lead clear of everything, more slowly '
-        'where it would not. 0 expects no more than `command_delay`, until commands are late.',
+        'Longest time until a command takes effect, as on a computer that is sometimes late. Until '
+        'then the previous command must lead clear of everything, slowed down where it would not. '
+        '0: no longer than `command_delay`, until commands are late.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
-        'Largest part of their turning by which the wheels may fail to move the robot. Up to it '
-        'slip is estimated from odometry and reckoned with; 0: it is not.',
-        range=Range(0.0, 0.5), **guidance_only)
+        'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
+        'estimated.', range=Range(0.0, 0.5), **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
-        '`follow.speed` it is the time at which to stop, 0 for never.',
-        range=_NOT_NEGATIVE, **_FIXED)
+        '`follow.speed` the time at which to stop, 0 for never.', range=_NOT_NEGATIVE, **_FIXED)
     yield task('start.tolerance', _DOUBLE, 0.5, 'm',
-        'How far off the road, or from `start.pose`, the robot may be when a run begins; farther '
-        'away it stands and says so.', range=_NOT_NEGATIVE, **guidance_only)
+        'Distance from the road, or from `start.pose`, at which a run may begin; farther away the '
+        'robot is not moved, and the reason says so.', range=_NOT_NEGATIVE, **guidance_only)
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
-        'Where a run is to begin (x, y, heading), of which the place counts; none for anywhere on '
-        'the road.', **guidance_only)
+        'Where a run should begin (x, y, heading); only the position is checked. Empty: anywhere '
+        'on the road.', **guidance_only)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
-        'Distance from a goal up to which it counts as reached.',
-        range=_POSITIVE, **guidance_only)
+        'Distance from a goal at which it counts as reached.', range=_POSITIVE, **guidance_only)
     yield task('goal.heading', _DOUBLES, [], 'rad',
-        'Heading to pass the goal with: one number, or none for any.', **guidance_only)
+        'Heading at the goal: one number, or empty for any.', **guidance_only)
     yield task('goal.heading_tolerance', _DOUBLE, 0.01, 'rad',
-        'Difference from the heading asked for up to which it counts as met.',
+        'Deviation from the requested heading at which it counts as met.',
         range=_POSITIVE, **guidance_only)
     yield task('goal.hold', _BOOL, False, '',
-        'Whether the robot, once it has come to the goal, is led back to it when something moves '
-        'it away; else it is only stopped.', **guidance_only)
+        'Whether the robot is led back to the goal when something moves it away after arrival; '
+        'otherwise it is only stopped.', **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
-        'Speed along the road to a goal that comes by `goal_pose`, which says no time; 0 means '
+        'Mean speed along the road to a goal received on `goal_pose`, which carries no time; 0: '
         'eight tenths of the top speed, or 1 m/s without a wheel limit.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('waypoints.names', _STRINGS, [], '',
-        'Names of points to pass before the goal, each with a block of its own, in the order of '
-        'their times; leave it out when there are none.', **_FIXED, **guidance_only)
+        'Names of points to pass before the goal, in the order of their times, each with a block '
+        'of its own; omit it when there are none.', **_FIXED, **guidance_only)
     yield task('waypoints.<name>.position', _DOUBLES, REQUIRED, 'm',
-        'This point (x, y).', **_POINT, **guidance_only)
+        'Position of this waypoint (x, y).', **_POINT, **guidance_only)
     yield task('waypoints.<name>.time', _DOUBLE, REQUIRED, 's',
         'Time at which to pass it, counted from the first odometry.',
         range=_POSITIVE, **_FIXED, **guidance_only)
     yield task('waypoints.<name>.heading', _DOUBLES, [], 'rad',
-        'Heading to pass it with: one number, or none for any.', **guidance_only)
+        'Heading at this waypoint: one number, or empty for any.', **guidance_only)
     yield task('follow.speed', _DOUBLE, 0.0, 'm/s',
         'Mean speed at which to follow a closed road without end, instead of driving to a goal; '
-        'negative against its direction, 0 for not at all.', **_FIXED, **guidance_only)
+        'negative against its direction, 0 to drive to the goal.', **_FIXED, **guidance_only)
     yield task('follow.horizon', _DOUBLE, 5.0, 's',
-        'Time that plans look ahead on a road without end.',
-        range=_POSITIVE, **_FIXED, **guidance_only)
+        'Planning horizon on a road without end.', range=_POSITIVE, **_FIXED, **guidance_only)
 
     robot = _Group('Robot', 'guidance', 'sim')
     yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
@@ -118,7 +114,7 @@ def _parameters() -> Iterator[Parameter]:
         'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
         range=_NOT_NEGATIVE)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
-        "Radius of the robot's footprint, added to every obstacle and taken from the road.",
+        "Radius of the robot's footprint; obstacles grow and the road narrows by it.",
         range=_NOT_NEGATIVE)
     yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
         'Names of the wheel joints (right, left) in the wheel-speed message.',
@@ -131,9 +127,8 @@ def _parameters() -> Iterator[Parameter]:
         choices=('annulus', 'corridor', 'none'), **_FIXED)
     yield place('road.source', _STRING, 'parameters', '',
         'Where a `corridor` comes from: these parameters, or the topic `road`. With `topic` the '
-        'guidance node waits for it, and each one that comes sets `road.points` and `road.closed`; '
-        'what they are at first is what the simulator tells there.',
-        choices=('parameters', 'topic'), **_FIXED)
+        'guidance node waits for a message; each one sets `road.points` and `road.closed`, whose '
+        'initial values the simulator publishes there.', choices=('parameters', 'topic'), **_FIXED)
     yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
         'Centre of an `annulus` (x, y).', **_POINT)
     yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
@@ -141,23 +136,21 @@ def _parameters() -> Iterator[Parameter]:
     yield place('road.outer_radius', _DOUBLE, 11.0, 'm',
         'Radius of the outer edge: `r_o` = 11 m in the paper.', range=_POSITIVE)
     yield place('road.points', _DOUBLES, [], 'm',
-        'Points of the centre line of a `corridor`, in order: x and y of each. With `road.file` '
-        'they are read from a file.')
+        'Centre line of a `corridor`: x and y of each point, in order. `road.file` reads them '
+        'from a file.')
     yield place('road.half_width', _DOUBLES, [1.0], 'm',
-        'Distance from the centre line of a `corridor` to either edge: one, or one a point.',
-        range=_POSITIVE)
+        'Distance from the centre line of a `corridor` to either edge: one value, or one for each '
+        'point.', range=_POSITIVE)
     yield place('road.left_width', _DOUBLES, [], 'm',
-        'The same to the left edge only; leave it out where both are the same.',
-        range=_POSITIVE)
+        'The same to the left edge only; omit it where both are equal.', range=_POSITIVE)
     yield place('road.right_width', _DOUBLES, [], 'm',
-        'The same to the right edge only; leave it out where both are the same.',
-        range=_POSITIVE)
+        'The same to the right edge only; omit it where both are equal.', range=_POSITIVE)
     yield place('road.closed', _BOOL, False, '',
-        'Whether a `corridor` goes on from its last point to its first.')
+        'Whether the last point of a `corridor` is joined to its first.')
     yield place('obstacles.names', _STRINGS, [], '',
-        'Names of the obstacles, each with a block of its own; leave it out when there are none.')
+        'Names of the obstacles, each with a block of its own; omit it when there are none.')
     yield place('obstacles.<name>.type', _STRING, 'circle', '',
-        'Shape of this obstacle: `capsule` is all that is near a line between two points, '
+        'Shape of this obstacle: a `capsule` is all that is near a line between two points, a '
         '`polygon` is convex.', choices=('circle', 'capsule', 'polygon'))
     yield place('obstacles.<name>.center', _DOUBLES, [], 'm',
         'Centre of this `circle` (x, y).')
@@ -165,26 +158,25 @@ def _parameters() -> Iterator[Parameter]:
         'One end of the line of this `capsule` (x, y).')
     yield place('obstacles.<name>.end', _DOUBLES, [], 'm', 'Its other end (x, y).')
     yield place('obstacles.<name>.vertices', _DOUBLES, [], 'm',
-        'Corners of this `polygon`, in order, either way round: x and y of each.')
+        'Corners of this `polygon`, in order, in either direction: x and y of each.')
     yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
-        'Radius of this `circle` or `capsule`, which is more than 0.', range=_NOT_NEGATIVE)
+        'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
 
     moving = _Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',
-        'How many obstacles a plan can miss at a time that it is told of on '
-        '`moving_obstacles`; 0 means that the topic is not listened to.',
-        range=Range(0, 64), **_FIXED)
+        'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
+        'topic is not subscribed to.', range=Range(0, 64), **_FIXED)
     yield moving('moving_obstacles.timeout', _DOUBLE, 1.0, 's',
-        'Age at which an obstacle that is not told of again is forgotten.', range=_POSITIVE)
+        'Age at which an obstacle that is not seen again is forgotten.', range=_POSITIVE)
     yield moving('moving_obstacles.growth', _DOUBLE, 0.05, 'm/s',
-        'Growth of their radii, in a plan, with the time since they were seen.',
+        'Growth of their radii along a plan, with the time since they were last seen.',
         range=_NOT_NEGATIVE)
     sim_only = {'nodes': ('sim',), **_FIXED}
     yield moving('moving_obstacles.names', _STRINGS, [], '',
-        'Obstacles that the simulator moves and tells of, each with a block of its own; leave it '
-        'out when there are none.', **sim_only)
+        'Obstacles that the simulator moves and publishes, each with a block of its own; omit it '
+        'when there are none.', **sim_only)
     yield moving('moving_obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
-        'Centre of this obstacle at first (x, y).', **_POINT, **sim_only)
+        'Initial centre of this obstacle (x, y).', **_POINT, **sim_only)
     yield moving('moving_obstacles.<name>.velocity', _DOUBLES, REQUIRED, 'm/s',
         'Velocity of this obstacle (x, y), from the first command to the robot on.',
         **_POINT, **sim_only)
@@ -193,12 +185,11 @@ def _parameters() -> Iterator[Parameter]:
 
     others = _Group('Other robots', 'guidance')
     yield others('others.namespaces', _STRINGS, [], '',
-        'Namespaces of other robots, as in `[/r1, /r2]`, whose plans are heard on '
-        '`<namespace>/guidance/predicted_path` and kept clear of like obstacles that move; its own '
-        'is passed over, so that all can have one list. Leave it out when there are none.',
-        **_FIXED)
+        'Namespaces of other robots, as in `[/r1, /r2]`, whose plans on '
+        "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "
+        'is ignored, so all can share one list; omit it when there are none.', **_FIXED)
     yield others('others.radius', _DOUBLE, 0.0, 'm',
-        'Radius of the footprint of each of them.', range=_NOT_NEGATIVE)
+        "Radius of each of these robots' footprints.", range=_NOT_NEGATIVE)
 
     cost = _Group('Cost', 'guidance')
     yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',
@@ -210,37 +201,37 @@ def _parameters() -> Iterator[Parameter]:
     yield cost('weights.control_effort', _DOUBLE, 0.0, 's^2/rad^2',
         'Weight on the squared wheel speeds; not in the paper.', range=_NOT_NEGATIVE)
     yield cost('weights.control_rate', _DOUBLE, 0.0, 's^2/rad^2',
-        'Weight on the squared change of wheel speeds between control steps; not in the paper. '
-        'Above 0 it needs code of its own.', range=_NOT_NEGATIVE, **_FIXED)
+        'Weight on the squared change of wheel speeds between control steps; not in the paper. A '
+        'value above 0 uses kernels of its own.', range=_NOT_NEGATIVE, **_FIXED)
 
     solver = _Group('Solver', 'guidance')
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',
         'Iterations at each control step, warm-started from the step before.',
         range=Range(1, 100))
     yield solver('solver.initial_iterations', _INTEGER, 36, '',
-        'Iterations where there is no plan to go on with: before the robot moves. Of several plans '
-        'each has the first six, and the one that is followed has them all. The paper has no more '
-        'than at any other step.', range=Range(1, 100))
+        'Iterations at the first control step, before the robot moves: every candidate gets six, '
+        'the selected one gets the rest. In the paper as many as at any other step.',
+        range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
-        'Plans that are compared at a control step, at most, for different ways through the '
-        'obstacles of an `annulus`, and as many again that turn first where a robot that stands '
-        'finds none without a flaw; 1 follows one plan, as in the paper and on other roads.',
+        'Maximum number of candidate plans compared at a control step, one for each way past the '
+        'obstacles. A robot at rest without a feasible one tries as many again that turn first. '
+        '1 follows a single plan, as in the paper.',
         range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
-        'Name of the quadratic-programming back end.', **_FIXED)
+        'Quadratic-programming back end.', **_FIXED)
     yield solver('solver.hessian', _STRING, 'gauss_newton', '',
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
         'its positive semidefinite part.',
         choices=('gauss_newton', 'projected', 'exact'))
-    yield solver('solver.work_rate', _DOUBLE, 6e7, '1/s',
-        'Stages that the solver visits in a second on this computer, as `cmpsp warmup` tells.',
+    yield solver('solver.work_rate', _DOUBLE, 4e7, '1/s',
+        'Stages that the solver visits per second on this computer; `cmpsp warmup` measures it.',
         range=_POSITIVE)
     yield solver('solver.work_share', _DOUBLE, 0.04, '',
-        'Fraction of a control period that a control step may spend on solving, four times as much '
-        'before the robot moves; 0 means no limit. The plan that is followed comes first. Work is '
-        'counted, not timed: a replay does just as much.', range=Range(0.0, 1.0))
+        'Fraction of a control period that a control step may spend on solving, four times as '
+        'much before the robot moves; 0: no limit. The current plan comes first. Work is counted, '
+        'not timed, so a replay does the same.', range=Range(0.0, 1.0))
     yield solver('solver.heading_trust_region', _DOUBLE, 0.6, 'rad',
-        'Largest change of heading at any stage in one iteration; 0 means none.',
+        'Maximum change of heading at any stage in one iteration; 0: no limit.',
         range=_NOT_NEGATIVE)
     yield solver('initial_guess.type', _STRING, 'road', '',
         'First control history: `road` follows the centre line, `constant` holds '
@@ -250,55 +241,54 @@ def _parameters() -> Iterator[Parameter]:
 
     safety = _Group('Safety', 'guidance')
     yield safety('safety.margin', _DOUBLE, 0.0, 'm',
-        "Kept from every obstacle and road edge beside the robot's own radius.",
+        "Clearance from obstacles and road edges, beyond the robot's own radius.",
         range=_NOT_NEGATIVE)
     yield safety('safety.between_samples', _BOOL, True, '',
-        'Whether the path between two control steps must be clear as well.')
+        'Whether the path must be clear between control steps, too.')
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',
-        'Failed control steps in a row after which the warm start is thrown away.',
+        'Consecutive failed control steps after which the warm start is discarded.',
         range=Range(low=1))
 
     node = _Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',
         'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
     yield node('autostart', _BOOL, False, '',
-        'Whether the guidance node configures and activates itself; without a course it never '
-        'becomes active.', **_FIXED, **guidance_only)
+        'Whether the guidance node configures and activates itself; without a course it does not '
+        'become active.', **_FIXED, **guidance_only)
 
     yield node('recorder_timeout', _DOUBLE, 0.0, 's',
-        'How long to wait for a recorder before the run begins; 0 where none is to come.',
+        'How long to wait for a recorder before a run begins; 0: not at all.',
         range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield node('stop_with_process', _INTEGER, 0, '',
-        'Number of a process, as of `ros2 launch`: when it has ended, however, the robot is '
-        'stopped and the guidance node ends; 0 for none.',
-        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
+        'Process id, as of `ros2 launch`: when that process has ended, the robot is stopped and '
+        'the guidance node exits; 0: none.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
 
     realtime = _Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',
-        'SCHED_FIFO priority of the thread that decides, while the node is active; 0 means the '
-        "system's ordinary scheduling.", range=Range(0, 99), **_FIXED)
+        "SCHED_FIFO priority of the control thread while the node is active; 0: the system's "
+        'ordinary scheduling.', range=Range(0, 99), **_FIXED)
     yield realtime('realtime.cpu', _INTEGER, -1, '',
-        'Core that this thread stays on while the node is active; -1 means any.',
+        'Core that the control thread is bound to while the node is active; -1: any.',
         range=Range(low=-1), **_FIXED)
 
     sim = _Group('Simulator', 'sim')
     yield sim('initial_pose', _DOUBLES, [0.0, -9.25, 0.0], 'm, m, rad',
-        'Pose at the start (x, y, heading); as in the paper.', length=3, **_FIXED)
+        'Initial pose (x, y, heading); as in the paper.', length=3, **_FIXED)
     yield sim('odom_rate', _DOUBLE, 50.0, 'Hz',
-        'Odometry messages in a second of simulated time.',
+        'Odometry messages per second of simulated time.',
         range=Range(0.0, 10000.0, low_open=True), **_FIXED)
     yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
-        'Age of the last command at which the robot stops by itself; 0 means never.',
-        range=_NOT_NEGATIVE)
+        'Age of the last command at which the robot stops by itself; 0: never.',
+        range=_NOT_NEGATIVE, nodes=('guidance', 'sim'))
     yield sim('real_time_factor', _DOUBLE, 1.0, '',
-        'Simulated seconds in a second of wall time.', range=_POSITIVE, **_FIXED)
+        'Simulated seconds per second of wall time.', range=_POSITIVE, **_FIXED)
     yield sim('publish_clock', _BOOL, False, '',
         'Whether simulated time is published on `/clock`, for nodes with `use_sim_time`.',
         **_FIXED)
     yield sim('lockstep', _BOOL, False, '',
-        'Whether simulated time waits for the answer to every control step; for use with '
+        'Whether simulated time waits for the answer to every control step; needs '
         '`publish_clock`, and `use_sim_time` in the other nodes.', **_FIXED)
     yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
         'Wall time to wait for an answer in lockstep before an error is reported.',
@@ -308,16 +298,15 @@ def _parameters() -> Iterator[Parameter]:
     yield plant('actuation_delay', _DOUBLE, 0.0, 's',
         'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
     yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
-        'Longest time that a command takes beyond that, evenly distributed; none overtakes '
-        'another.', range=_NOT_NEGATIVE)
-    yield plant('wheel_lag', _DOUBLE, 0.0, 's',
-        'Time constant with which the wheels follow a command (first order).',
+        'Maximum additional delay of a command, uniformly distributed; commands stay in order.',
         range=_NOT_NEGATIVE)
+    yield plant('wheel_lag', _DOUBLE, 0.0, 's',
+        'Time constant of the wheels (first order).', range=_NOT_NEGATIVE)
     yield plant('wheel_slip', _DOUBLES, [0.0, 0.0], '',
-        'Part of its turning by which each wheel (right, left) fails to move the robot.',
-        range=Range(-1.0, 1.0), **_POINT)
+        'Slip ratio of each wheel (right, left): the fraction of its rotation that does not move '
+        'the robot.', range=Range(-1.0, 1.0), **_POINT)
     yield plant('wheel_slip_stddev', _DOUBLE, 0.0, '',
-        'Standard deviation of what is added to it at random, for each wheel and command anew.',
+        'Standard deviation of additional random slip, drawn for each wheel and command.',
         range=_NOT_NEGATIVE)
     yield plant('noise.position_stddev', _DOUBLE, 0.0, 'm',
         'Standard deviation of the noise on each measured coordinate.', range=_NOT_NEGATIVE)
@@ -326,30 +315,29 @@ def _parameters() -> Iterator[Parameter]:
     yield plant('noise.bias', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
         'Constant error of the measured pose (x, y, heading).', length=3)
     yield plant('noise.drift', _DOUBLES, [0.0, 0.0, 0.0], 'm/s, m/s, rad/s',
-        'Error of the measured pose that grows with time (x, y, heading).', length=3)
+        'Rate at which the error of the measured pose grows (x, y, heading).', length=3)
     yield plant('noise.dropout', _DOUBLE, 0.0, '',
         'Probability that an odometry message is lost.', range=Range(0.0, 1.0, high_open=True))
     yield plant('noise.dropout_windows', _DOUBLES, [], 's',
-        'Times from which on and up to which all odometry is lost, in pairs, in order, counted '
-        'from the start of the simulator or its last reset; leave it out when there are none.',
+        'Times between which all odometry is lost: begin and end of each window, in order, '
+        'counted from the start of the simulator or its last reset; omit it when there are none.',
         range=_NOT_NEGATIVE, **_FIXED)
     yield plant('noise.seed', _INTEGER, 0, '',
-        'Seed of all that is random here: the same seed gives the same numbers.',
-        range=_NOT_NEGATIVE, **_FIXED)
+        'Seed of all random numbers in the simulator.', range=_NOT_NEGATIVE, **_FIXED)
 
     physics = _Group('Physics of the simulator', 'sim')
     yield physics('plant', _STRING, 'kinematic', '',
-        'What moves: exact arcs of the commanded wheel speeds, or a robot with mass, motors and '
-        'tyres in MuJoCo (an option of its own to install).',
+        'Model of the robot: exact arcs of the commanded wheel speeds, or a body with mass, '
+        'motors and tyres in MuJoCo (installed separately).',
         choices=('kinematic', 'mujoco'), **_FIXED)
-    yield physics('physics.mass', _DOUBLE, 1.0, 'kg', 'Of the whole robot.',
-        range=_POSITIVE, **_FIXED)
+    yield physics('physics.mass', _DOUBLE, 1.0, 'kg',
+        'Mass of the whole robot.', range=_POSITIVE, **_FIXED)
     yield physics('physics.friction', _DOUBLE, 1.0, '',
-        'Sliding friction between tyres and floor.', range=_POSITIVE, **_FIXED)
-    yield physics('physics.torque', _DOUBLE, 0.2, 'N m', 'Most that one motor gives.',
-        range=_POSITIVE, **_FIXED)
+        'Coefficient of sliding friction between tyres and floor.', range=_POSITIVE, **_FIXED)
+    yield physics('physics.torque', _DOUBLE, 0.2, 'N m',
+        'Maximum motor torque.', range=_POSITIVE, **_FIXED)
     yield physics('physics.odometry', _STRING, 'truth', '',
-        'Where odometry comes from: the true pose, or what wheel encoders make of the way.',
+        'Source of odometry: the true pose, or dead reckoning from wheel encoders.',
         choices=('truth', 'encoders'), **_FIXED)
 # fmt: on
 

@@ -1,6 +1,7 @@
-"""The table of parameters for people (doc/reference/parameters.md) and for editors (JSON schema).
+"""The table of parameters: for people, as a file of all defaults, and as JSON schema for editors.
 
-``python -m cmpsp_ros.parameters.documentation`` prints it or writes it into that page.
+``python -m cmpsp_ros.parameters.documentation`` prints the table, the file or the schema, or writes
+the table into a page.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import itertools
 import json
 import math
 import sys
+import textwrap
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +21,14 @@ from cmpsp_ros.parameters.parameter import NAME, REQUIRED, Parameter, ParameterT
 from cmpsp_ros.parameters.ros_yaml import dump
 
 _HEAD: Final = '| Parameter | Default | Unit | Allowed | Live | Node | |' + '\n' + '|---' * 7 + '|'
+_DEFAULTS_HEAD: Final = """\
+# Every parameter of both nodes with its default. Copy what you change into a file of your own, as
+# the presets beside this file do: it needs a road, and a goal or follow.speed.
+#
+# Written by python -m cmpsp_ros.parameters.documentation --defaults
+
+/**:
+  ros__parameters:"""
 _JSON_TYPE: Final = {
     ParameterType.BOOL: 'boolean',
     ParameterType.INTEGER: 'integer',
@@ -62,12 +72,19 @@ def json_schema() -> dict[str, Any]:
     }
 
 
-def in_readme(text: str) -> bool:
-    """Whether a page holds the table as it is now."""
-    try:
-        return _with_table(text, 'the page') == text
-    except ParameterError:
-        return False
+def defaults_file() -> str:
+    """A parameter file for all nodes with every default; what has none is a comment."""
+    rows = [_DEFAULTS_HEAD]
+    for group, parameters in itertools.groupby(TABLE, key=lambda parameter: parameter.group):
+        rows.append(f'\n    # --- {group} ---')
+        for each in parameters:
+            unit = f' [{each.unit}]' if each.unit else ''
+            rows += ['', *(f'    # {row}' for row in textwrap.wrap(each.description + unit, 94))]
+            if each.is_block or each.default == []:
+                rows.append(f'    # {each.name}: {_default(each).strip("`")}')
+            else:
+                rows.append(dump({each.name: each.default}).splitlines()[-1])
+    return '\n'.join(rows) + '\n'
 
 
 def main() -> int:
@@ -75,15 +92,21 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, prog='documentation')
     choice = parser.add_mutually_exclusive_group()
     choice.add_argument('--write', metavar='PAGE.md', type=Path, help='replace the table in it')
-    choice.add_argument('--schema', action='store_true', help='print the JSON schema instead')
+    choice.add_argument('--defaults', action='store_true', help='print the file of defaults')
+    choice.add_argument('--schema', action='store_true', help='print the JSON schema')
     arguments = parser.parse_args()
+    if arguments.defaults:
+        sys.stdout.write(defaults_file())
+    elif arguments.schema:
+        sys.stdout.write(f'{json.dumps(json_schema(), indent=2)}\n')
+    elif arguments.write is None:
+        sys.stdout.write(f'{markdown_table()}\n')
     if arguments.write is None:
-        text = json.dumps(json_schema(), indent=2) if arguments.schema else markdown_table()
-        sys.stdout.write(f'{text}\n')
         return 0
     try:
         text = arguments.write.read_text(encoding='utf-8')
-        arguments.write.write_text(_with_table(text, str(arguments.write)), encoding='utf-8')
+        table = with_section(text, 'parameters', markdown_table(), str(arguments.write))
+        arguments.write.write_text(table, encoding='utf-8')
     except (OSError, ParameterError) as error:
         sys.stderr.write(f'{error}\n')
         return 1
@@ -109,10 +132,6 @@ def with_section(text: str, name: str, content: str, source: str) -> str:
         wanted = f'{mark_begin} and after it {mark_end}, each once'
         raise ParameterError(Problem(source, 'no place for the table', wanted))
     return f'{before}{mark_begin}\n\n{content}\n{mark_end}{after}'
-
-
-def _with_table(text: str, source: str) -> str:
-    return with_section(text, 'parameters', markdown_table(), source)
 
 
 def _row(parameter: Parameter) -> str:

@@ -15,6 +15,7 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 
 _PACKAGE: Final = 'cmpsp_ros'
 _OURS: Final = ('guidance', 'sim')
+_DEFAULTS: Final = 'defaults'
 _SECTION_OF_ROBOT: Final = re.compile(rf'/?((?:/\w+)+)/(?:\*\*?|{"|".join(_OURS)})')
 _KEYS_OF_ROBOT: Final = ('robot.', 'initial_guess.')
 _ALSO_OF_ROBOT: Final = ('command_delay', 'enable_stamped_cmd_vel')
@@ -45,7 +46,7 @@ def preset_names() -> list[str]:
     Raises:
         ParameterError: If the package was installed without them.
     """
-    return sorted(path.stem for path in config_directory().glob('*.yaml'))
+    return _names(config_directory())
 
 
 def robot_names() -> list[str]:
@@ -54,7 +55,7 @@ def robot_names() -> list[str]:
     Raises:
         ParameterError: If the package was installed without them.
     """
-    return sorted(path.stem for path in (config_directory() / 'robots').glob('*.yaml'))
+    return _names(config_directory() / 'robots')
 
 
 def robots_in(path_or_preset_name: str | os.PathLike[str]) -> tuple[str, ...]:
@@ -181,12 +182,16 @@ def _path(path_or_preset_name: str | os.PathLike[str]) -> Path:
     return _file_of(path_or_preset_name, 'preset', config_directory())
 
 
+def _names(folder: Path) -> list[str]:
+    return sorted(each.stem for each in folder.glob('*.yaml') if each.stem != _DEFAULTS)
+
+
 def _file_of(path_or_name: str, kind: str, folder: Path) -> Path:
     """The file that is meant by a path, or by a name without folder and suffix."""
     path = Path(path_or_name)
     if path.suffix or path.name != path_or_name:
         return path
-    names = sorted(each.stem for each in folder.glob('*.yaml'))
+    names = _names(folder)
     if path.name in names:
         return folder / f'{path.name}.yaml'
     nearest = difflib.get_close_matches(path.name, names, n=1)

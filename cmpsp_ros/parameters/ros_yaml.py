@@ -33,10 +33,6 @@ _FLOAT: Final = re.compile(
 def read_sections(text: str, source: str) -> Sections:
     """The parameters in the text of a parameter file.
 
-    Args:
-        text: YAML.
-        source: The file's name, for messages.
-
     Returns:
         Flat parameters of each node named; ``/ns/guidance`` may be written nested as well.
 

@@ -51,9 +51,6 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 def guidance_settings(values: Values) -> GuidanceSettings:
     """What the guidance law is told.
 
-    Args:
-        values: A set resolved by the table.
-
     Returns:
         The settings, checked against each other.
 
@@ -118,9 +115,6 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 def plant_settings(values: Values) -> PlantSettings:
     """What the simulated robot is told.
 
-    Args:
-        values: A set resolved by the table.
-
     Raises:
         ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
             asked of a robot whose tyres slip by themselves.
@@ -151,9 +145,6 @@ def plant_settings(values: Values) -> PlantSettings:
 def check_start(values: Values) -> None:
     """Refuses a start from which there is no lawful first step.
 
-    Args:
-        values: A set resolved by the table.
-
     Raises:
         ParameterError: If an obstacle cannot be made, or the initial pose is off the road or in an
             obstacle.
@@ -165,9 +156,6 @@ def check_start(values: Values) -> None:
 
 def check_pace(values: Values) -> None:
     """Refuses a simulation whose times do not fit together.
-
-    Args:
-        values: A set resolved by the table.
 
     Raises:
         ParameterError: If odometry or simulated time are too slow or too fast to be kept, or

@@ -35,9 +35,6 @@ class Access:
     def __init__(self, host: str) -> None:
         """Protect a server.
 
-        Args:
-            host: Address that it listens on.
-
         Raises:
             ViewError: The token of the environment is not fit to be one.
         """

@@ -36,11 +36,7 @@ class SharedState:
     """The latest of everything, and series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
-        """Begin with nothing.
-
-        Args:
-            series: Names of what is kept row by row.
-        """
+        """Begin with nothing."""
         self._lock = threading.Lock()
         self._latest: dict[str, Any] = {}
         self._course: Any = None

@@ -23,13 +23,7 @@ _RECORDED, _CHANGED = BAGS[:2]
 
 
 def draw_what_if(result: WhatIf, title: str, path: Path) -> None:
-    """Draw it.
-
-    Args:
-        result: What came out.
-        title: What was changed, in one line.
-        path: PNG file.
-    """
+    """Draw it."""
     figure = Figure(figsize=(13.0, 6.5), layout='constrained')
     figure.suptitle(f'{title}\nOpen loop: the robot followed the recorded commands only.')
     grid = figure.add_gridspec(2, 2)

@@ -67,10 +67,6 @@ def guard(database: sqlite3.Connection, path: Path) -> None:
 def check_tables(database: sqlite3.Connection, path: Path) -> None:
     """Make sure that reading a database's tables runs nothing that came with it.
 
-    Args:
-        database: Opened for reading.
-        path: Its file.
-
     Raises:
         ReaderError: There is a view, trigger, virtual table or computed column, or too much.
         sqlite3.Error: Not a database, damaged, or in circles.

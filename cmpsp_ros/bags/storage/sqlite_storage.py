@@ -26,9 +26,6 @@ _ROW_SIZE = 32
 class SqliteStorage(Sqlite3Writer):
     """A database that is written ahead, as rosbag2 does, and made whole when it is closed.
 
-    Args:
-        path: The new file.
-
     Raises:
         OSError: It cannot be created.
     """

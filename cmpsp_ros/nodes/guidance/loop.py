@@ -149,6 +149,7 @@ class GuidanceLoop:
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
+            *self._law.foretold,
         ]
 
     @property
@@ -192,6 +193,9 @@ class GuidanceLoop:
             self._node.get_logger().warning(decision.reason)
         else:
             self._outputs.command(decision)
+        if not self._begun:
+            for each in self._law.foretold:
+                self._node.get_logger().warning(each)
         self._begun = True
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6

@@ -23,11 +23,7 @@ def heading_of(values: Values, key: str) -> float | None:
 
 
 def waypoints_of(values: Values) -> tuple[Goal, ...]:
-    """What to pass before the goal.
-
-    Args:
-        values: A set resolved by the table.
-    """
+    """What to pass before the goal."""
     return tuple(
         Goal(
             tuple(values[f'waypoints.{name}.position']),

@@ -22,9 +22,6 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
     """The obstacles that stand still.
 
-    Args:
-        values: A set resolved by the table.
-
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
             or its vertices make no convex polygon; names the key, and the vertex.

@@ -30,9 +30,6 @@ def with_road_file(values: Mapping[str, Any]) -> dict[str, Any]:
     A line that ends where it begins is a closed road. Relative paths are taken from the working
     directory.
 
-    Args:
-        values: By key, as given.
-
     Raises:
         ParameterError: The file cannot be read, or is not what its name ends in; names the line.
     """

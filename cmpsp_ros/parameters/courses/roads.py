@@ -28,9 +28,6 @@ def lacks_road(values: Values) -> bool:
 def road_of(values: Values) -> Road:
     """The road.
 
-    Args:
-        values: A set resolved by the table.
-
     Returns:
         The road. Where it is still to come one stands in for it, which is driven on by nobody: code
         can be compiled for its kind.

@@ -51,10 +51,6 @@ Progress = Callable[[str, int], Callable[[int], None]]
 def run(order: Order, progress: Progress) -> dict[str, Any]:
     """Make whatever runs are missing, and sum all of them up.
 
-    Args:
-        order: What is asked for.
-        progress: Told how far it is.
-
     Returns:
         The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
         where pyarrow is installed, and the pictures.
@@ -126,7 +122,7 @@ def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Pr
     study, folder = order.study, order.folder
     advance = progress('pictures', 1 + len(failed))
     title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
-    settings = study.told()[0]
+    settings = None if study.kind.has_own_roads else study.told()[0]
     pictures.draw_study(folder, title, settings, outcomes, study.tolerance)
     advance(1)
     beside = folder / 'failures'

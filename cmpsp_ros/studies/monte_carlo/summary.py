@@ -74,13 +74,7 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
 def figures(
     study: Study, outcomes: Sequence[Outcome], judged: Mapping[int, Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """All figures of a study, ready for JSON.
-
-    Args:
-        study: What it is.
-        outcomes: Of its runs, by number.
-        judged: What the judge found of runs, by number.
-    """
+    """All figures of a study, ready for JSON."""
     verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
     return {

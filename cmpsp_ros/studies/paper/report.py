@@ -26,11 +26,7 @@ _CLAIM_COLUMNS = ('', 'where', 'the paper', 'here', 'verdict', 'why')
 
 
 def write(artefacts: Mapping[str, Artefact]) -> str:
-    """The report in Markdown.
-
-    Args:
-        artefacts: What was made, by name.
-    """
+    """The report in Markdown."""
     claims = [claim for artefact in artefacts.values() for claim in artefact.claims]
     parts = [_INTRODUCTION, '## Claims', _count(claims), _VERDICTS, _claims(artefacts)]
     tables = [table for artefact in artefacts.values() for table in artefact.tables]

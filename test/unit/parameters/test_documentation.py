@@ -7,10 +7,11 @@ import pytest
 
 from cmpsp_ros.parameters import documentation
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.documentation import in_readme, json_schema, markdown_table
+from cmpsp_ros.parameters.documentation import defaults_file, json_schema, markdown_table
 from cmpsp_ros.parameters.presets import config_directory, load_parameter_file, preset_names
 
 README = '# T\n<!-- parameters:begin -->\nold\n<!-- parameters:end -->\nrest\n'
+PROJECT = config_directory().parent
 TYPES = {'object': dict, 'array': list, 'string': str, 'boolean': bool, 'integer': int}
 
 
@@ -95,34 +96,43 @@ def run(monkeypatch, *arguments):
     return documentation.main()
 
 
-def test_table_is_written_into_a_readme(monkeypatch, tmp_path):
-    readme = tmp_path / 'README.md'
-    readme.write_text(README)
-    assert not in_readme(README)
+def test_table_is_written_into_a_page(monkeypatch, tmp_path):
+    page = tmp_path / 'page.md'
+    page.write_text(README)
     for _ in range(2):
-        assert run(monkeypatch, '--write', str(readme)) == 0
-        text = readme.read_text()
-        assert in_readme(text)
-        assert text.startswith('# T\n')
-        assert text.endswith('-->\nrest\n')
+        assert run(monkeypatch, '--write', str(page)) == 0
+        begin, end = '# T\n<!-- parameters:begin -->\n\n', '\n<!-- parameters:end -->\nrest\n'
+        assert page.read_text() == f'{begin}{markdown_table()}{end}'
 
 
-def test_a_readme_without_a_place_for_the_table_is_refused(monkeypatch, tmp_path, capsys):
-    readme = tmp_path / 'README.md'
-    readme.write_text('nothing')
-    assert not in_readme('nothing')
-    assert run(monkeypatch, '--write', str(readme)) == 1
+def test_a_page_without_a_place_for_the_table_is_refused(monkeypatch, tmp_path, capsys):
+    page = tmp_path / 'page.md'
+    page.write_text('nothing')
+    assert run(monkeypatch, '--write', str(page)) == 1
     assert 'found no place for the table' in capsys.readouterr().err
     assert run(monkeypatch, '--write', str(tmp_path / 'none.md')) == 1
 
 
 def test_printing(monkeypatch, capsys):
-    assert run(monkeypatch) == 0
-    assert 'frame_id' in capsys.readouterr().out
-    assert run(monkeypatch, '--schema') == 0
-    assert '2020-12' in capsys.readouterr().out
+    for arguments, expected in (
+        ([], 'frame_id'),
+        (['--schema'], '2020-12'),
+        (['--defaults'], '/**:'),
+    ):
+        assert run(monkeypatch, *arguments) == 0
+        assert expected in capsys.readouterr().out
 
 
-def test_the_readme_of_the_project_is_up_to_date():
-    readme = config_directory().parent / 'doc' / 'reference' / 'parameters.md'
-    assert in_readme(readme.read_text(encoding='utf-8'))
+def test_the_page_and_the_defaults_of_the_project_are_up_to_date():
+    page = PROJECT / 'doc' / 'reference' / 'parameters.md'
+    assert f'\n\n{markdown_table()}\n' in page.read_text(encoding='utf-8')
+    assert (config_directory() / 'defaults.yaml').read_text(encoding='utf-8') == defaults_file()
+
+
+def test_the_file_of_defaults_says_every_default_and_is_no_preset():
+    given = load_parameter_file(config_directory() / 'defaults.yaml')
+    assert given == {
+        each.name: each.default for each in TABLE if not each.is_block and each.default != []
+    }
+    assert TABLE.resolve(given) == TABLE.resolve({})
+    assert 'defaults' not in preset_names()

@@ -13,6 +13,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from recorded_drives import START, Drive, altered, odometry
 
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+
 
 @pytest.fixture
 def drive(tmp_path):
@@ -23,6 +26,26 @@ def drive(tmp_path):
 @pytest.fixture
 def bag(tmp_path):
     return tmp_path / 'bag'
+
+
+@pytest.fixture(scope='session')
+def short(tmp_path_factory):
+    """A bag of half a second, three decisions; and these."""
+    folder = tmp_path_factory.mktemp('short') / 'bag'
+    with Drive(folder) as run:
+        run.go(0.5)
+    return folder, run.decisions
+
+
+@pytest.fixture
+def replayed(short, tmp_path):
+    """Replay the short bag after a change: `replayed(change, tolerance)`."""
+
+    def replayed(change, tolerance=None, **more):
+        copy = altered(short[0], tmp_path / str(len(list(tmp_path.iterdir()))), change, **more)
+        return replay(copy, Names.under(''), tolerance)
+
+    return replayed
 
 
 @pytest.fixture

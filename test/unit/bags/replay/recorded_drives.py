@@ -265,3 +265,31 @@ def without(*keys):
         return message
 
     return change
+
+
+def editing(topic, edit, *numbers):
+    """A change of one topic's messages by `edit`, which may return None for none of it."""
+
+    def change(name, index, message):
+        return edit(message) if name == topic and (not numbers or index in numbers) else message
+
+    return change
+
+
+def dropping(topic, *numbers):
+    """A change that leaves out messages of a topic; all of them where no numbers are given."""
+    return editing(topic, lambda _: None, *numbers)
+
+
+def moving(place, distance):
+    """An edit that moves what an attribute's path leads to: `moving('pose.position.x', 0.1)`."""
+    *path, last = place.split('.')
+
+    def edit(message):
+        owner = message
+        for part in path:
+            owner = owner[int(part)] if part.lstrip('-').isdecimal() else getattr(owner, part)
+        setattr(owner, last, getattr(owner, last) + distance)
+        return message
+
+    return edit

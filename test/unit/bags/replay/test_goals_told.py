@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from recorded_drives import dropping, editing, moving
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.errors import BagError
@@ -50,21 +51,13 @@ def test_a_replay_is_told_the_same(told, bag):
 
 
 def test_a_goal_that_is_not_in_the_bag_is_missed(told, alter):
-    def lose(topic, index, message):
-        return None if topic == '/goal_pose' and index == 5 else message
-
     with pytest.raises(BagError, match='wanted all of them on goal_pose'):
-        replay(alter(lose), NAMES)
+        replay(alter(dropping('/goal_pose', 5)), NAMES)
 
 
 def test_another_goal_makes_another_drive(told, alter):
-    def move(topic, index, message):
-        if topic == '/goal_pose' and index == 4:
-            message.pose.position.x += 0.01
-        return message
-
-    outcome = replay(alter(move), NAMES)
-    assert outcome.differing > 0
+    moved = alter(editing('/goal_pose', moving('pose.position.x', 0.01), 4))
+    assert replay(moved, NAMES).differing > 0
 
 
 def test_goals_that_were_told_are_audited(told, bag):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_drives import SECOND, Drive, altered, make, odometry
+from recorded_drives import SECOND, Drive, altered, dropping, make, odometry
 
 from cmpsp_ros.bags.audit import audit
 from cmpsp_ros.bags.definitions import jazzy
@@ -88,11 +88,7 @@ def test_replayed_bit_for_bit(met):
 
 def test_a_bag_without_them_is_refused(met, tmp_path):
     bag, _ = met
-
-    def change(topic, _index, message):
-        return None if topic == TOPIC else message
-
-    lacking = altered(bag, tmp_path / 'lacking', change)
+    lacking = altered(bag, tmp_path / 'lacking', dropping(TOPIC))
     with pytest.raises(
         BagError, match=r'on obstacle 5 as it was seen at .* wanted that in /moving'
     ):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from recorded_drives import SECOND, TICK, Drive, altered, make, odometry
+from recorded_drives import SECOND, TICK, Drive, altered, dropping, make, odometry
 
 from cmpsp_ros.bags.audit import Sources, audit
 from cmpsp_ros.bags.definitions import jazzy
@@ -89,11 +89,7 @@ def test_replayed_bit_for_bit(passed):
 
 def test_a_bag_without_the_plans_is_refused(passed, tmp_path):
     bag, _ = passed
-
-    def change(topic, _index, message):
-        return None if topic == TOPIC else message
-
-    lacking = altered(bag, tmp_path / 'lacking', change)
+    lacking = altered(bag, tmp_path / 'lacking', dropping(TOPIC))
     with pytest.raises(BagError, match=r'on the plan that /r2 made at .* wanted that in /r2/guid'):
         replay(lacking, NAMES)
 
@@ -134,11 +130,7 @@ def test_the_audit_sees_a_collision(tmp_path):
 
 def test_where_the_other_drove_must_be_in_the_bag(passed, tmp_path):
     bag, _ = passed
-
-    def change(topic, _index, message):
-        return None if topic == ODOM else message
-
     with Bag(bag) as there:
         assert there.topics[ODOM].count == round(10.2 * SECOND) // TICK
-    lacking = altered(bag, tmp_path / 'lacking', change)
+    lacking = altered(bag, tmp_path / 'lacking', dropping(ODOM))
     assert finding(lacking).outcome.name == 'SKIPPED'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from recorded_drives import DECISIONS, setting, without
+from recorded_drives import DECISIONS, dropping, editing, setting, without
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
@@ -13,6 +13,11 @@ from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.writer import BagWriter
 
 NAMES = Names.under('')
+
+
+def in_another_frame(message):
+    message.header.frame_id = 'map'
+    return message
 
 
 def without_key(bag, key):
@@ -39,17 +44,6 @@ def test_a_value_that_nobody_needs_to_know_is_not_missed(drive, bag, alter):
     assert replay(copy, NAMES).differences == 0
 
 
-def test_a_recording_of_the_middle_only_is_refused(drive, alter):
-    with drive() as run:
-        run.go(1.0)
-
-    def late(topic, index, message):
-        return None if topic == DECISIONS and index == 0 else message
-
-    with pytest.raises(BagError, match=r'found 4 decisions of /guidance, wanted one that begins'):
-        replay(alter(late), NAMES)
-
-
 def test_a_bag_of_such_a_version_with_live_changes_is_refused(drive, alter):
     with drive() as run:
         run.go(0.7)
@@ -66,11 +60,8 @@ def test_a_live_change_that_was_not_recorded_is_refused(drive, alter):
         run.change(weights__road_center=20.0)
         run.go(0.7)
 
-    def change(topic, _index, message):
-        return None if topic == '/parameter_events' else message
-
     with pytest.raises(BagError, match='live change 1 of the parameters of /guidance'):
-        replay(alter(change), NAMES)
+        replay(alter(dropping('/parameter_events')), NAMES)
 
 
 @pytest.mark.parametrize(
@@ -83,11 +74,9 @@ def test_a_live_change_that_was_not_recorded_is_refused(drive, alter):
         ({'/guidance': {'final_time': 0.01}}, 'final_time: found'),
     ],
 )
-def test_parameters_that_cannot_be_used(drive, alter, parameters, reason):
-    with drive() as run:
-        run.go(0.5)
+def test_parameters_that_cannot_be_used(replayed, parameters, reason):
     with pytest.raises(BagError, match=reason):
-        replay(alter(parameters=parameters), NAMES)
+        replayed(setting(0), parameters=parameters)
 
 
 @pytest.mark.parametrize(
@@ -98,34 +87,19 @@ def test_parameters_that_cannot_be_used(drive, alter, parameters, reason):
         (setting(1, run='x'), "found run 'x'"),
         (setting(1, revision='9' * 5000), 'found revision'),
         (setting(1, revision=str(10**18)), 'wanted that change in /parameter_events'),
+        (dropping(DECISIONS, 0), 'found 2 decisions of /guidance, wanted one that begins'),
+        (editing('/odom', in_another_frame), "no usable odometry: Odometry is in frame 'map'"),
     ],
-    ids=['no step', 'stamp', 'run', 'long', 'large'],
+    ids=['no step', 'stamp', 'run', 'long', 'large', 'the middle only', 'frame'],
 )
-def test_decisions_that_are_none(drive, alter, change, reason):
-    with drive() as run:
-        run.go(0.5)
+def test_messages_that_cannot_be_replayed(replayed, change, reason):
     with pytest.raises(BagError, match=reason):
-        replay(alter(change), NAMES)
-
-
-def test_odometry_in_another_frame(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, _index, message):
-        if topic == '/odom':
-            message.header.frame_id = 'map'
-        return message
-
-    with pytest.raises(BagError, match="no usable odometry: Odometry is in frame 'map'"):
-        replay(alter(change), NAMES)
+        replayed(change)
 
 
 @pytest.mark.parametrize('missing', ['/odom', DECISIONS])
-def test_a_topic_that_is_not_there_is_named(drive, bag, tmp_path, missing):
-    with drive() as run:
-        run.go(0.5)
-    with Bag(bag) as whole, BagWriter(tmp_path / 'part') as part:
+def test_a_topic_that_is_not_there_is_named(short, tmp_path, missing):
+    with Bag(short[0]) as whole, BagWriter(tmp_path / 'part') as part:
         for topic in whole.topics.keys() - {missing}:
             part.topic(topic, whole.topics[topic].msgtype)
         part.set_parameters('/guidance', whole.parameters['/guidance'])
@@ -134,12 +108,10 @@ def test_a_topic_that_is_not_there_is_named(drive, bag, tmp_path, missing):
 
 
 @pytest.mark.parametrize('topic', ['/odom', '/cmd_vel', DECISIONS])
-def test_a_topic_of_another_type_is_refused(drive, bag, tmp_path, topic):
-    with drive() as run:
-        run.go(0.5)
+def test_a_topic_of_another_type_is_refused(short, tmp_path, topic):
     kind = 'std_msgs/msg/String'
     raw = bytes(jazzy().serialize_cdr(jazzy().types[kind]('Well.'), kind))
-    with Bag(bag) as whole, BagWriter(tmp_path / 'other') as other:
+    with Bag(short[0]) as whole, BagWriter(tmp_path / 'other') as other:
         for name, there in whole.topics.items():
             other.topic(name, kind if name == topic else there.msgtype)
             for stamp, message in whole.raw(name):

@@ -7,7 +7,7 @@ import struct
 
 import numpy as np
 import pytest
-from recorded_drives import DECISIONS, said, setting, without
+from recorded_drives import DECISIONS, dropping, editing, moving, said, setting, without
 
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
@@ -17,6 +17,7 @@ from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.parameters.settings import guidance_settings
 
 NAMES = Names.under('')
+PLAN = '/guidance/predicted_path'
 
 
 def bits(number):
@@ -62,76 +63,60 @@ def test_two_replays_are_one(faulty):
     assert replay(bag, NAMES) == replay(bag, NAMES)
 
 
-def test_the_last_bit_of_every_number_of_a_decision_counts(drive, alter, bag):
-    with drive() as run:
-        run.go(0.5)
-    keys = ('wheel_speed_right', 'wheel_speed_left', 'miss', 'margin', 'worst_margin', 'time_left')
-    for key in keys:
-        with Bag(bag) as recorded:
-            _, message = list(recorded.messages(DECISIONS))[1]
-        value = next_double(said(message, key).value)
-        copy = alter(setting(1, **{key: value}))
-        outcome = replay(copy, NAMES)
-        assert (outcome.differences, outcome.differing) == (1, 1)
-        first = outcome.first
-        assert (first.number, first.field, first.recorded) == (2, key, value)
-        assert first.stamp == run.decisions[1].stamp
-        assert bits(float(first.replayed)) == bits(float(said(message, key).value))
-        assert replay(copy, NAMES, 1e-12).differences == 0
-        for each in sorted(copy.rglob('*'), reverse=True):
-            each.unlink()
-        copy.rmdir()
+KEYS = ('wheel_speed_right', 'wheel_speed_left', 'miss', 'margin', 'worst_margin', 'time_left')
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_the_last_bit_of_every_number_of_a_decision_counts(short, replayed, key):
+    folder, decisions = short
+    with Bag(folder) as recorded:
+        _, message = list(recorded.messages(DECISIONS))[1]
+    before = said(message, key).value
+    change = setting(1, **{key: next_double(before)})
+    outcome = replayed(change)
+    assert (outcome.differences, outcome.differing) == (1, 1)
+    first = outcome.first
+    assert (first.number, first.field, first.recorded) == (2, key, next_double(before))
+    assert first.stamp == decisions[1].stamp
+    assert bits(float(first.replayed)) == bits(float(before))
+    assert replayed(change, 1e-12).differences == 0
 
 
 @pytest.mark.parametrize(
-    'facts',
+    ('key', 'value'),
     [
-        {'rung': 'elastic'},
-        {'iterations': '3'},
-        {'qp_iterations': '1000'},
-        {'active_rows': '1000'},
-        {'failures': '1'},
-        {'step': '7'},
-        {'slack': '0.1'},
-        {'finished': 'true'},
+        *(('rung', 'elastic'), ('iterations', '3'), ('qp_iterations', '1000')),
+        *(('active_rows', '1000'), ('failures', '1'), ('step', '7'), ('slack', '0.1')),
+        ('finished', 'true'),
     ],
-    ids=lambda facts: next(iter(facts)),
 )
 @pytest.mark.parametrize('tolerance', [None, 1e-6])
-def test_every_other_fact_counts_with_and_without_tolerance(drive, alter, facts, tolerance):
-    with drive() as run:
-        run.go(0.5)
-    outcome = replay(alter(setting(1, **facts)), NAMES, tolerance)
-    assert outcome.first.field == next(iter(facts))
-    assert outcome.first.number == 2
+def test_every_other_fact_counts_with_and_without_tolerance(replayed, key, value, tolerance):
+    first = replayed(setting(1, **{key: value}), tolerance).first
+    assert (first.field, first.number) == (key, 2)
 
 
-def test_a_wrong_command_is_caught(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        if topic == '/cmd_vel' and index == 2:
-            message.angular.z += 1e-9
-        return message
-
-    outcome = replay(alter(change), NAMES)
-    assert (outcome.first.number, outcome.first.field) == (3, 'command.angular.z')
-    assert outcome.differences == 1
-
-
-def test_a_wrong_plan_is_caught(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        if topic == '/guidance/predicted_path' and index == 1:
-            message.poses[5].pose.position.y += 1e-9
-        return message
-
-    outcome = replay(alter(change), NAMES)
-    assert (outcome.first.number, outcome.first.field) == (2, 'plan.poses[5].y')
-    assert outcome.differences == 1
+@pytest.mark.parametrize(
+    ('change', 'number', 'field', 'differing'),
+    [
+        (editing('/cmd_vel', moving('angular.z', 1e-9), 2), 3, 'command.angular.z', 1),
+        (editing(PLAN, moving('poses.5.pose.position.y', 1e-9), 1), 2, 'plan.poses[5].y', 1),
+        (editing('/odom', moving('pose.pose.position.x', 1e-6), 10), 2, None, 2),
+        # Not one of those that a decision answers.
+        (editing('/odom', moving('pose.pose.position.x', 1.0), 11), None, None, 0),
+        (dropping('/odom', 10), 2, 'decision', None),
+        (dropping(DECISIONS, 1), None, 'decision', None),
+        (editing('/odom', moving('pose.pose.position.x', 1e300), 0), 1, None, None),
+    ],
+    ids=['command', 'plan', 'odometry', 'unused', 'no odometry', 'no decision', 'far away'],
+)
+def test_what_is_another_is_caught_where_it_is(replayed, change, number, field, differing):
+    with np.errstate(all='ignore'):
+        outcome = replayed(change)
+    assert outcome.differing > 0 if differing is None else outcome.differing == differing
+    if outcome.first is not None:
+        assert outcome.first.field == (field or outcome.first.field)
+        assert outcome.first.number == (number or outcome.first.number)
 
 
 def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(drive, alter):
@@ -139,71 +124,15 @@ def test_a_wrong_sentence_is_caught_and_within_tolerance_only_its_words_count(dr
         run.pose = np.array([0.0, -11.5, 0.0])
         run.go(0.5)
 
-    def reword(old, new):
-        def change(topic, _index, message):
-            if topic == DECISIONS:
-                status = status_of(message)
-                status.message = status.message.replace(old, new)
-            return message
+    def reword(message):
+        status = status_of(message)
+        status.message = status.message.replace(number, f'{number}1')
+        return message
 
-        return change
-
-    reason = run.decisions[0].reason
-    assert any(character.isdigit() for character in reason)
-    number = next(word for word in reason.split() if word[0].isdigit())
-    copy = alter(reword(number, f'{number}1'))
+    number = next(word for word in run.decisions[0].reason.split() if word[0].isdigit())
+    copy = alter(editing(DECISIONS, reword))
     assert replay(copy, NAMES).first.field == 'reason'
     assert replay(copy, NAMES, 1e-6).differences == 0
-
-
-def test_a_decision_taken_out_is_missed_and_the_rest_still_compared(drive, alter):
-    with drive() as run:
-        run.go(1.0)
-
-    def change(topic, index, message):
-        return None if topic == DECISIONS and index == 2 else message
-
-    outcome = replay(alter(change), NAMES)
-    assert (outcome.first.field, outcome.first.recorded) == ('decision', 'nothing')
-    assert outcome.first.stamp == run.decisions[2].stamp
-
-
-def test_other_odometry_makes_other_decisions(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        if topic == '/odom' and index == 10:
-            message.pose.pose.position.x += 1e-6
-        return message
-
-    outcome = replay(alter(change), NAMES)
-    assert outcome.first.number == 2
-    assert outcome.differing == 2
-
-
-def test_odometry_between_two_decisions_does_not_matter(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        if topic == '/odom' and index == 11:
-            message.pose.pose.position.x += 1.0
-        return message
-
-    assert replay(alter(change), NAMES).differences == 0
-
-
-def test_a_decision_without_its_odometry_is_a_difference(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        return None if topic == '/odom' and index == 10 else message
-
-    outcome = replay(alter(change), NAMES)
-    assert outcome.first.number == 2
-    assert 'not in the bag' in outcome.first.replayed
 
 
 def test_a_robot_in_a_namespace(drive, bag):
@@ -274,10 +203,7 @@ def test_a_recording_that_begins_in_the_middle_waits_for_the_next_run(drive, alt
         run.pose = np.array([0.0, -9.25, 0.0])
         run.go(1.0)
 
-    def late(topic, index, message):
-        return None if topic == DECISIONS and index < 2 else message
-
-    outcome = replay(alter(late), NAMES)
+    outcome = replay(alter(dropping(DECISIONS, 0, 1)), NAMES)
     assert (outcome.skipped, outcome.decisions) == (3, len(run.decisions) - 5)
     assert outcome.differences == 0
     assert 'left out: 3 decisions' in str(outcome)
@@ -295,24 +221,9 @@ def test_a_bag_of_a_version_that_did_not_say_what_the_law_was_told(drive, alter)
     assert outcome.decisions == len(run.decisions)
 
 
-def test_a_robot_beyond_all_bounds_is_a_difference_and_no_crash(drive, alter):
-    with drive() as run:
-        run.go(0.5)
-
-    def change(topic, index, message):
-        if topic == '/odom' and index == 0:
-            message.pose.pose.position.x = 1e300
-        return message
-
-    with np.errstate(all='ignore'):
-        assert replay(alter(change), NAMES).first.number == 1
-
-
-def test_what_is_said_of_it(drive, alter, bag):
-    with drive() as run:
-        run.go(0.5)
-    assert str(replay(bag, NAMES)).splitlines()[0] == 'identical: 3 decisions'
-    said_of_it = str(replay(alter(setting(1, margin='0.5')), NAMES))
+def test_what_is_said_of_it(short, replayed):
+    assert str(replay(short[0], NAMES)).splitlines()[0] == 'identical: 3 decisions'
+    said_of_it = str(replayed(setting(1, margin='0.5')))
     assert 'decision 2 (stamp' in said_of_it
     assert 'margin: recorded 0.5, replayed ' in said_of_it
     assert 'different: 1 fields in 1 of 3 decisions' in said_of_it

@@ -76,7 +76,7 @@ def from_casadi(
     n = len(start)
     if p is None:
         if p_values is not None:
-            raise ProblemError('p: found none beside p_values, wanted the symbol they belong to')
+            raise ProblemError('p: found none with p_values, wanted their symbol')
         p = (casadi.MX if isinstance(x, casadi.MX) else casadi.SX).sym('p', 0)
     symbols = {'x': x, 'u': u, 'p': p}
     for name, symbol in symbols.items():

@@ -103,25 +103,26 @@ def _many_robots(count: int) -> None:
 
 def _verify(what: int | str, qp: str, workers: int, output: Path | None) -> None:
     """Check a QP back end on a number of programs, or on the one of a name."""
-    from benchmarks import verify as study  # noqa: PLC0415 (compiles kernels)
+    from benchmarks.errors import BenchError  # noqa: PLC0415
+    from benchmarks.verify import report, run  # noqa: PLC0415 (compiles kernels)
 
-    with exit_on(study.VerifyError, ProblemError, code=1):
-        file = None if output is None else study.new_file(output)
+    with exit_on(BenchError, ProblemError, code=1):
+        file = None if output is None else report.new_file(output)
         if isinstance(what, str):
-            compared = [study.verify_case(what, qp)]
-            console().print(study.describe(compared[0]), markup=False, highlight=False)
+            compared = [run.verify_case(what, qp)]
+            console().print(report.describe(compared[0]), markup=False, highlight=False)
         else:
             with progress_bar() as bar:
                 task = bar.add_task(f'QPs by {qp}', total=what)
-                compared = study.verify(what, qp, workers, lambda count: bar.advance(task, count))
-            console().print(study.table(compared, qp))
+                compared = run.verify(what, qp, workers, lambda count: bar.advance(task, count))
+            console().print(report.table(compared, qp))
     if file is not None:
-        file.write_text(study.to_json(compared, qp), encoding='utf-8')
+        file.write_text(report.to_json(compared, qp), encoding='utf-8')
         console().print(f'{file}: all findings')
-    wrong = study.mismatches(compared)
+    wrong = report.mismatches(compared)
     if wrong and not isinstance(what, str):
         for each in wrong:
-            errors().print(study.describe(each), markup=False, highlight=False, soft_wrap=True)
+            errors().print(report.describe(each), markup=False, highlight=False, soft_wrap=True)
     if wrong:
         raise typer.Exit(1)
 

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmarks.errors import BenchError
-from benchmarks.families.long_horizons import COLD, WARM
-from benchmarks.families.presets import PresetTiming
-from benchmarks.families.spread import Spread
-from benchmarks.families.timing import Ratios, Timed
 from benchmarks.pictures import pictures
 from benchmarks.results import Results
 from benchmarks.tables import tables
@@ -79,7 +76,7 @@ def write(results: Results, output: Path) -> None:
     Raises:
         BenchError: It cannot be written.
     """
-    text = json.dumps(content(results), indent=1, allow_nan=False, ensure_ascii=False) + '\n'
+    text = json.dumps(content(results), default=_plain, allow_nan=False, ensure_ascii=False) + '\n'
     try:
         if output.suffix == _SUFFIX:
             output.write_text(text, encoding='utf-8')
@@ -94,140 +91,30 @@ def write(results: Results, output: Path) -> None:
 
 
 def content(results: Results) -> dict[str, Any]:
-    """Results as JSON has them.
-
-    Args:
-        results: The results.
+    """Results as JSON has them: what is in the tables, and all samples.
 
     Returns:
         - `command`: command line that was given.
-        - `machine`: processor, cores, kernel, versions of Python and of packages, as text.
         - `targets`: a list of `what`, `at_most`, `found` and `holds`; the last two are null where
           nothing was measured.
-        - `robots_ms`: by robot spreads `first` and `every`, `steps`, `work` of each step in visits
-          of a stage, `levels` with the steps at each fallback level, and `terminal_error` [m].
-        - `long_horizons_us`: `steps`, by horizon a list of `steps`, `active`, `qp_iterations`,
-          `work`, `times` with `warm`, `cold` and other solvers, and `ratios` of warm steps to
-          those, and to their quadratic programs; `exponent_warm` and `exponent_cold`, which may be
-          null.
-        - `presets_ms`: by preset or run of the paper `first` and `every`, each a spread.
-        - `hard_ms`: by hard case `first` and `every`, each a spread, `longest`, and in how many
-          steps its plan was `elastic`.
-        - `methods`: `steps`, `runs`, and `timed` by method: spreads `first_us` and `loop_us`,
-          `first_ratio` and `loop_ratio` to the first method, and `outcome` with `cost`, `miss`
-          [m], `violation` [m] and `wheel_speed` [rad/s].
-        - `tails_us`: by method a `spread` and the `ratio` of its 99.9th percentile to its median,
-          and `spread_again` and `ratio_again` of one and the same step.
-        - `plans_us`: by number of plans `first` and `second`, each a spread.
-        - `horizons_us`: by method `steps`, `times` and the fitted `exponent`, which may be null.
-        - `general`: by size a list of `states`, `controls`, `iterations`, `active`, `time` [us]
-          and `flops`.
-        - `not_compared`: reasons by method.
-        - `latency_ms`: null, or `runs`, the samples `total` and `own`, their spreads and that of
-          the rest and without first steps, `jitter`, `miss` [m], and `starts_s`, how long the node
-          takes to be active [s].
-        - `resident_mb`: this process, and the guidance node when active and at the end.
-
-        A spread has `count`, `median`, `p99`, `p999` and `largest`; percentiles for which there
-        are too few values are null.
+        - `tables`: a list of `title`, `columns` and `rows`, whose cells are text.
+        - The fields of `Results`; what is one or more values of a kind there is a list here.
     """
-    comparison, latency, long = results.comparison, results.latency, results.long_horizons
-    resident = {'benchmark': results.resident}
-    if latency is not None:
-        resident |= {
-            'guidance_active': latency.resident_active,
-            'guidance_end': latency.resident_end,
-        }
+    shown = [
+        {'title': each.title, 'columns': each.columns, 'rows': each.rows}
+        for each in tables(results)
+    ]
     return {
         'command': results.order.command,
-        'machine': results.machine,
         'targets': [{**asdict(each), 'holds': each.holds} for each in targets(results)],
-        'robots_ms': {
-            each.name: {
-                'first': asdict(Spread.of(each.times[:, 0])),
-                'every': asdict(Spread.of(each.times)),
-                'steps': each.times.shape[1],
-                'work': each.work.tolist(),
-                'levels': each.levels,
-                'terminal_error': each.terminal_error,
-            }
-            for each in results.robots
-        },
-        'long_horizons_us': {
-            'steps': [asdict(each) for each in long.found],
-            'exponent_warm': long.exponent(WARM),
-            'exponent_cold': long.exponent(COLD),
-        },
-        'presets_ms': _of_runs(results.presets),
-        'hard_ms': {
-            each.name: {
-                'first': asdict(Spread.of(each.times[:, 0])),
-                'every': asdict(Spread.of(each.times)),
-                'longest': each.longest,
-                'elastic': each.elastic,
-            }
-            for each in results.hard
-        },
-        'methods': {
-            'steps': comparison.steps,
-            'runs': comparison.runs,
-            'timed': {each.name: _timed(each, comparison.timed[0]) for each in comparison.timed},
-        },
-        'tails_us': {
-            each.name: {
-                'spread': asdict(each.spread),
-                'ratio': each.ratio,
-                'spread_again': asdict(each.spread_again),
-                'ratio_again': each.ratio_again,
-            }
-            for each in results.tails
-        },
-        'plans_us': {
-            str(each.count): {
-                'first': asdict(Spread.of(each.first)),
-                'second': asdict(Spread.of(each.second)),
-            }
-            for each in results.plans
-        },
-        'horizons_us': {
-            each.name: {'steps': each.steps, 'times': each.times, 'exponent': each.exponent}
-            for each in results.growth
-        },
-        'general': [asdict(each) for each in results.general],
-        'not_compared': {**comparison.left_out, **results.missing, **long.missing},
-        'latency_ms': None
-        if latency is None
-        else {
-            'runs': latency.runs,
-            'miss': latency.miss,
-            'starts_s': latency.starts.tolist(),
-            'total': latency.total.tolist(),
-            'own': latency.own.tolist(),
-            'spread_total': asdict(Spread.of(latency.total)),
-            'spread_own': asdict(Spread.of(latency.own)),
-            'spread_rest': asdict(latency.rest),
-            'spread_under_way': asdict(latency.under_way),
-            'jitter': latency.jitter.tolist(),
-        },
-        'resident_mb': resident,
+        'tables': shown,
+        **asdict(results),
     }
 
 
-def _of_runs(timings: Sequence[PresetTiming]) -> dict[str, Any]:
-    return {
-        each.name: {'first': asdict(each.first), 'every': asdict(each.every)} for each in timings
-    }
-
-
-def _timed(timed: Timed, baseline: Timed) -> dict[str, Any]:
-    ratios = Ratios.of(timed.times, baseline.times)
-    return {
-        'first_us': asdict(timed.first),
-        'loop_us': asdict(timed.loop),
-        'first_ratio': ratios.first,
-        'loop_ratio': ratios.loop,
-        'outcome': asdict(timed.outcome),
-    }
+def _plain(value: object) -> object:
+    """Arrays as lists, paths as text."""
+    return value.tolist() if isinstance(value, np.ndarray) else str(value)
 
 
 def page(results: Results) -> str:

@@ -1,14 +1,10 @@
-"""Results as tables of text, for the terminal and for a page alike."""
+"""Results as tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterator
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table as RichTable
 
 from benchmarks.families.general import PROGRAMS
 from benchmarks.families.latency import Latency
@@ -17,49 +13,10 @@ from benchmarks.families.robot_drives import PRESET
 from benchmarks.families.spread import Spread
 from benchmarks.families.timing import Ratios
 from benchmarks.results import Results
+from benchmarks.table import Table
 from benchmarks.targets import PIQP, PIQP_THERE, Target, pace, targets
 
 _NONE = '–'
-
-
-@dataclass(frozen=True)
-class Table:
-    """A part of the results.
-
-    Attributes:
-        title: Its heading.
-        columns: Their names.
-        rows: Cells as text.
-        note: What a reader has to know.
-        words: How many columns, from the first on, hold words and not numbers.
-    """
-
-    title: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    note: str = ''
-    words: int = 1
-
-    def markdown(self) -> str:
-        """With its title as a heading and its note before it."""
-        lines = [
-            self.columns,
-            ['---' if place < self.words else '---:' for place in range(len(self.columns))],
-            *self.rows,
-        ]
-        body = '\n'.join('| ' + ' | '.join(line) + ' |' for line in lines)
-        return '\n\n'.join(part for part in (f'## {self.title}', self.note, body) if part)
-
-    def rich(self) -> RichTable:
-        """For the terminal, without the note."""
-        # Units stand in brackets, which is how rich marks its styles.
-        table = RichTable(title=escape(self.title))
-        for place, column in enumerate(self.columns):
-            side: Literal['left', 'right'] = 'left' if place < self.words else 'right'
-            table.add_column(escape(column), justify=side, overflow='fold')
-        for row in self.rows:
-            table.add_row(*map(escape, row))
-        return table
 
 
 def tables(results: Results) -> Iterator[Table]:
@@ -77,11 +34,7 @@ def tables(results: Results) -> Iterator[Table]:
     yield _plans(results)
     yield _growth(results)
     yield _general(results)
-    left_out = {
-        **results.comparison.left_out,
-        **results.missing,
-        **results.long_horizons.missing,
-    }
+    left_out = results.comparison.left_out | results.missing | results.long_horizons.missing
     if left_out:
         yield Table('Not compared', ('method', 'why'), list(left_out.items()), words=2)
     if results.latency is not None:
@@ -244,14 +197,9 @@ def _comparison(results: Results) -> Table:
 
 def _outcomes(results: Results) -> Table:
     rows = [
-        (
-            each.name,
-            f'{each.outcome.cost:.4f}',
-            f'{each.outcome.miss:.1e}',
-            f'{each.outcome.violation:+.1e}',
-            f'{each.outcome.wheel_speed:.4f}',
-        )
+        (each.name, f'{o.cost:.4f}', f'{o.miss:.1e}', f'{o.violation:+.1e}', f'{o.wheel_speed:.4f}')
         for each in results.comparison.timed
+        for o in (each.outcome,)
     ]
     columns = ('method', 'cost', 'miss [m]', 'violation [m]', 'fastest wheel [rad/s]')
     note = (
@@ -330,14 +278,9 @@ def _general(results: Results) -> Table:
         for each in results.general
     ]
     columns = (
-        'states, controls',
-        'iterations',
-        'active rows',
-        'time [µs]',
-        'ratio',
-        'ratio of work',
+        'states, controls', 'iterations', 'active rows', 'time [µs]', 'ratio', 'ratio of work',
         'GFLOP/s',
-    )
+    )  # fmt: skip
     note = (
         f'{PROGRAMS} random programs of 50 steps for each size, through the back end for any'
         ' problem, which fills a program up to the next size it is compiled for (8, 4 for 6, 2 and'

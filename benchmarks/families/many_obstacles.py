@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmarks.families.presets import Preset
 from benchmarks.quiet import collector_off
-from benchmarks.tables import Table
+from benchmarks.table import Table
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track

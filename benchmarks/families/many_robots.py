@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.errors import BenchError
 from benchmarks.families.memory import processor_time, resident
 from benchmarks.quiet import collector_off
-from benchmarks.tables import Table
+from benchmarks.table import Table
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child
 from cmpsp_ros.demo.run import guide, started

@@ -12,12 +12,49 @@ from numpy.typing import NDArray
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS
-from benchmarks.methods.nlp import STAGE, STATES, pack, program, unpack
+from benchmarks.methods.nlp import STAGE, STATES, Program, pack, program, unpack
 
 Array = NDArray[np.float64]
 
 
-class Sqp:
+class _CasadiSolver:
+    """A solver of nonlinear programs, made once for each horizon."""
+
+    def __init__(self, task: Task, name: str, largest: int, failure: str) -> None:
+        self.name, self.largest = name, largest
+        self._task, self._failure = task, failure
+        self._solvers: dict[int, Any] = {}
+
+    def prepare(self, steps: int) -> None:
+        """Have the solver for a horizon made."""
+        if steps not in self._solvers:
+            self._solvers[steps] = self._made(program(self._task, steps))
+
+    def begin(self, steps: int) -> None:
+        """Each call starts from the controls alone."""
+
+    def step(self, pose: Array, U: Array, durations: Array) -> Array:
+        """Solve the problem that is left, from the path rolled out.
+
+        Raises:
+            BenchError: The solver fails.
+        """
+        return unpack(self._answer(pose, U, durations)['x'].full().ravel(), U[-1])
+
+    def _answer(self, pose: Array, U: Array, durations: Array, **more: Array) -> Any:
+        steps = len(durations)
+        limits = program(self._task, steps).limits
+        w, p = pack(self._task, pose, U, durations)
+        try:
+            return self._solvers[steps](x0=w, p=p, **limits, **more)
+        except RuntimeError as error:
+            raise BenchError(self._failure) from error
+
+    def _made(self, made: Program) -> Any:
+        raise NotImplementedError
+
+
+class Sqp(_CasadiSolver):
     """Two full steps of CasADi's `sqpmethod`, its quadratic programs solved by a plug-in.
 
     The Hessian is the method's own, Gauss-Newton and the weight of the proximal term. That term's
@@ -39,19 +76,25 @@ class Sqp:
             largest: Longest horizon.
             iterations: Iterations of a step.
         """
-        self.name = f'sqpmethod + {plugin}'
-        self.largest = largest
-        self._task = task
-        self._plugin = plugin
-        self._options: dict[str, Any] = dict(options)
-        self._iterations = iterations
-        self._solvers: dict[int, Any] = {}
+        failure = f'{plugin} does not solve one of its programs'
+        super().__init__(task, f'sqpmethod + {plugin}', largest, failure)
+        self._options: dict[str, Any] = {
+            'qpsol': plugin,
+            'qpsol_options': dict(options),
+            'min_iter': iterations,
+            'max_iter': iterations,
+            'max_iter_ls': 0,
+            'print_header': False,
+            'print_iteration': False,
+            'print_status': False,
+            'print_time': False,
+        }
 
-    def prepare(self, steps: int) -> None:
-        """Have the solver for a horizon made."""
-        if steps in self._solvers:
-            return
-        made = program(self._task, steps)
+    def qp_time(self, steps: int) -> float:
+        """What the quadratic programs of the last step of so many took, as CasADi says [us]."""
+        return float(self._solvers[steps].stats()['t_proc_QP']) * 1e6
+
+    def _made(self, made: Program) -> Any:
         multipliers = casadi.SX.sym('lam_f'), casadi.SX.sym('lam_g', made.g.shape[0])
         hessian = casadi.Function(
             'hessian',
@@ -60,45 +103,12 @@ class Sqp:
             ['x', 'p', 'lam_f', 'lam_g'],
             ['hess_gamma_x_x'],
         )
-        options: dict[str, Any] = {
-            'qpsol': self._plugin,
-            'qpsol_options': self._options,
-            'hess_lag': hessian,
-            'min_iter': self._iterations,
-            'max_iter': self._iterations,
-            'max_iter_ls': 0,
-            'print_header': False,
-            'print_iteration': False,
-            'print_status': False,
-            'print_time': False,
-        }
         nlp = {'x': made.w, 'p': made.p, 'f': made.cost, 'g': made.g}
-        self._solvers[steps] = casadi.nlpsol('solver', 'sqpmethod', nlp, options)
-
-    def begin(self, steps: int) -> None:
-        """Each call starts from the controls alone."""
-
-    def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Two iterations from the path rolled out.
-
-        Raises:
-            BenchError: A quadratic program was not solved.
-        """
-        steps = len(durations)
-        limits = program(self._task, steps).limits
-        w, p = pack(self._task, pose, U, durations)
-        try:
-            answer = self._solvers[steps](x0=w, p=p, **limits)
-        except RuntimeError as error:
-            raise BenchError(f'{self._plugin} does not solve one of its programs') from error
-        return unpack(answer['x'].full().ravel(), U[-1])
-
-    def qp_time(self, steps: int) -> float:
-        """What the quadratic programs of the last step of so many took, as CasADi says [us]."""
-        return float(self._solvers[steps].stats()['t_proc_QP']) * 1e6
+        options = {**self._options, 'hess_lag': hessian}
+        return casadi.nlpsol('solver', 'sqpmethod', nlp, options)
 
 
-class Converged:
+class Converged(_CasadiSolver):
     """A solver for nonlinear programs, run until it has converged.
 
     The proximal term is measured from the warm start: without it the speeds along the road would
@@ -116,46 +126,34 @@ class Converged:
             options: For it.
             keeps_multipliers: Whether it can start from the last step's multipliers.
         """
-        self.name = f'{solver}, to convergence'
-        self.largest = 400
-        self._task = task
+        failure = f'{solver} cannot work with its program'
+        super().__init__(task, f'{solver}, to convergence', 400, failure)
         self._solver = solver
         self._options: dict[str, Any] = {'print_time': False, solver: dict(options)}
         self._keeps_multipliers = keeps_multipliers
-        self._solvers: dict[int, Any] = {}
         self._multipliers: dict[str, Array] = {}
-
-    def prepare(self, steps: int) -> None:
-        """Have the solver for a horizon made."""
-        if steps in self._solvers:
-            return
-        made = program(self._task, steps)
-        options: dict[str, Any] = dict(self._options)
-        if self._solver == 'fatrop':
-            options |= {'structure_detection': 'auto', 'equality': made.equality}
-        nlp = {'x': made.w, 'p': made.p, 'f': made.cost + made.proximal, 'g': made.g}
-        self._solvers[steps] = casadi.nlpsol('solver', self._solver, nlp, options)
 
     def begin(self, steps: int) -> None:  # noqa: ARG002 (each call is of a size of its own)
         """Forget the multipliers."""
         self._multipliers = {}
 
     def step(self, pose: Array, U: Array, durations: Array) -> Array:
-        """Solve the problem that is left.
+        """Solve the problem that is left, from the path rolled out.
 
         Raises:
             BenchError: The solver does not even begin.
         """
-        steps = len(durations)
-        limits = program(self._task, steps).limits
-        w, p = pack(self._task, pose, U, durations)
-        try:
-            answer = self._solvers[steps](x0=w, p=p, **limits, **self._multipliers)
-        except RuntimeError as error:
-            raise BenchError(f'{self._solver} cannot work with its program') from error
-        if self._keeps_multipliers and steps > 1:
+        answer = self._answer(pose, U, durations, **self._multipliers)
+        if self._keeps_multipliers and len(durations) > 1:
             self._multipliers = self._later(answer)
         return unpack(answer['x'].full().ravel(), U[-1])
+
+    def _made(self, made: Program) -> Any:
+        options = self._options
+        if self._solver == 'fatrop':
+            options = {**options, 'structure_detection': 'auto', 'equality': made.equality}
+        nlp = {'x': made.w, 'p': made.p, 'f': made.cost + made.proximal, 'g': made.g}
+        return casadi.nlpsol('solver', self._solver, nlp, options)
 
     def _later(self, answer: Any) -> dict[str, Array]:
         """Multipliers for a horizon that begins one stage later."""

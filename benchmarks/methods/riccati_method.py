@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 class RiccatiActiveSet:
     """Bare iterations along the stages, in compiled code: no line search, no audit.
 
-    The active rows of a step are the hint of the next one, as in the guidance law.
+    The active rows of a step are the warm start of the next one, as in the guidance law.
     """
 
     name = 'riccati active set'
@@ -31,12 +31,12 @@ class RiccatiActiveSet:
     def __init__(self, task: Task) -> None:
         """Take the task."""
         self._task = task
-        self._make_room(1)
+        self._allocate(1)
 
     def prepare(self, steps: int) -> None:
-        """Make room for the longest horizon."""
+        """Allocate memory for the longest horizon."""
         if steps >= len(self._driver.ws.lower):
-            self._make_room(steps)
+            self._allocate(steps)
 
     def begin(self, steps: int) -> None:
         """Forget the active rows."""
@@ -58,7 +58,7 @@ class RiccatiActiveSet:
             raise BenchError('it does not solve one of its programs')
         return ws.now.U[: steps + 1].copy()
 
-    def _make_room(self, steps: int) -> None:
+    def _allocate(self, steps: int) -> None:
         pose, durations = self._task.pose, self._task.durations(steps)
         problem = self._task.problem(pose, durations)
         size = problem.size

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.verify.errors import VerifyError
+from benchmarks.errors import BenchError
 from cmpsp_ros.mpsp.qp import Penalties
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
@@ -35,11 +35,11 @@ class Origin(NamedTuple):
         """The origin that is written so.
 
         Raises:
-            VerifyError: It is not of that form.
+            BenchError: It is not of that form.
         """
         parts = text.split('/')
         if len(parts) != 3 or not all(part.isdecimal() for part in parts[1:]):
-            raise VerifyError(f'case: found {text!r}, wanted FAMILY/SEED/NUMBER, as in loop/17/3')
+            raise BenchError(f'case: found {text!r}, wanted FAMILY/SEED/NUMBER, as in loop/17/3')
         return cls(parts[0], int(parts[1]), int(parts[2]))
 
 
@@ -62,7 +62,7 @@ class Draft(NamedTuple):
     Attributes:
         about: What it is, in words.
         program: The program.
-        before: One of the same sizes whose solution is the hint; it may be a bad one.
+        before: One of the same sizes, whose solution is the warm start; it may be a bad one.
     """
 
     about: str
@@ -70,14 +70,10 @@ class Draft(NamedTuple):
     before: Program
 
 
-@dataclass(frozen=True)
-class Case:
-    """A draft with its name.
-
-    Attributes:
-        origin: Its name.
-        draft: What was made.
-    """
+class Case(NamedTuple):
+    """A draft with the name of its origin; the other attributes are those of `Draft`."""
 
     origin: Origin
-    draft: Draft
+    about: str
+    program: Program
+    before: Program

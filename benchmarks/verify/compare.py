@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.verify.border import ROUNDING, nearly_feasible, nearly_infeasible
 from benchmarks.verify.case import Case, Origin, Program
-from benchmarks.verify.conflict import contradict
 from benchmarks.verify.contestant import Contestant
+from benchmarks.verify.feasibility import ROUNDING, contradict, nearly_feasible, nearly_infeasible
 from benchmarks.verify.measure import Accuracy, accuracy, cost, last_bit
 from benchmarks.verify.references import (
     Reference,
@@ -58,11 +57,11 @@ class Comparison:
         origin: Name of the case.
         about: What it is, in words.
         verdict: What the references say.
-        status: What the back end says, without a hint.
+        status: What the back end says, cold.
         accuracy: How good its answer is; ``inf`` where it claims no solution.
         difference: Relative difference of the objective from that of the best reference; 0 where
             there are not two to compare.
-        iterations: Of the back end, without a hint and with one; the latter 0 without hints.
+        iterations: Of the back end, cold and with a warm start; the latter 0 where there is none.
         findings: What is not as it should be.
     """
 
@@ -84,17 +83,17 @@ class Comparison:
 def compare(case: Case, contestant: Contestant) -> Comparison:
     """Solve a case in every way and compare the answers.
 
-    Whatever the back end raises goes on, with the name of the case added to it.
+    An error of the back end passes through, with the name of the case added.
     """
     try:
         return _compare(case, contestant)
     except Exception as error:
-        error.add_note(f'{contestant.name} at {case.origin}: {case.draft.about}')
+        error.add_note(f'{contestant.name} at {case.origin}: {case.about}')
         raise
 
 
 def _compare(case: Case, contestant: Contestant) -> Comparison:
-    program = case.draft.program
+    program = case.program
     answers = references(program)
     cold = contestant.cold(program)
     measured, difference = accuracy(program, cold), 0.0
@@ -108,12 +107,12 @@ def _compare(case: Case, contestant: Contestant) -> Comparison:
         findings.append(Finding('conflict', f'{len(cold.conflict)} rows that go together', ''))
     warm_iterations = 0
     if contestant.warm is not None:
-        warm = contestant.warm(program, case.draft.before)
+        warm = contestant.warm(program, case.before)
         warm_iterations = warm.iterations
         findings += _warm_findings(program, (cold, measured), warm)
     return Comparison(
         case.origin,
-        case.draft.about,
+        case.about,
         verdict(answers),
         cold.status,
         measured,
@@ -214,20 +213,20 @@ def _warm_findings(
 ) -> list[Finding]:
     cold, measured = without
     if warm.status is not cold.status:
-        found = f'{warm.status.name} with a hint, {cold.status.name} without'
+        found = f'{warm.status.name} with a warm start, {cold.status.name} cold'
         on_border = nearly_feasible(program) and nearly_infeasible(program)
         explanation = f'limits that differ by {ROUNDING:g} decide' if on_border else ''
         return [Finding('warm start', found, explanation)]
     if cold.status is not QPStatus.SOLVED:
         return []
-    hinted = accuracy(program, warm)
-    if hinted.residual > max(RESIDUAL, measured.residual):
-        explanation = _rounding(program, warm, hinted.residual)
-        return [Finding('warm start', f'residual {hinted.residual:.1e} with a hint', explanation)]
+    warmed = accuracy(program, warm)
+    if warmed.residual > max(RESIDUAL, measured.residual):
+        explanation = _rounding(program, warm, warmed.residual)
+        return [Finding('warm start', f'residual {warmed.residual:.1e} with it', explanation)]
     change = float(np.abs(warm.dU - cold.dU).max()) / (1.0 + float(np.abs(cold.dU).max()))
     if change <= _WARM_DIFFERENCE:
         return []
     explanation = ''
-    if max(abs(hinted.gap), abs(measured.gap)) <= GAP:
-        explanation = f'a flat minimum: the gaps are {hinted.gap:.1e} and {measured.gap:.1e}'
-    return [Finding('warm start', f'controls differ by {change:.1e} with a hint', explanation)]
+    if max(abs(warmed.gap), abs(measured.gap)) <= GAP:
+        explanation = f'a flat minimum: the gaps are {warmed.gap:.1e} and {measured.gap:.1e}'
+    return [Finding('warm start', f'controls differ by {change:.1e}', explanation)]

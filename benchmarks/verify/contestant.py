@@ -1,4 +1,4 @@
-"""The back end under test, asked with and without a warm."""
+"""The back end under test, asked cold and with a warm start."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Contestant:
 
     Attributes:
         name: Its name.
-        cold: Solves a program without a warm.
-        warm: Solves a program after the one that is given second, whose solution is the warm;
-            None where a warm means nothing to the back end.
+        cold: Solves a program from nothing.
+        warm: Solves a program after the one that is given second, whose solution is the warm start;
+            None for back ends without warm starts.
     """
 
     name: str

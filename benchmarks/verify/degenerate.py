@@ -45,7 +45,7 @@ def degenerate(rng: Rng) -> Iterator[Draft]:
 
 
 def hard_and_relaxed(known: Known, rng: Rng) -> Iterator[Draft]:
-    """A program in both forms, the hint from one that is disturbed."""
+    """A program in both forms, the warm start from one that is disturbed."""
     subproblem, weights = known.subproblem, random_penalties(known.subproblem, rng)
     before = disturbed(subproblem, rng)
     yield Draft(f'{known.about}, hard', Program(subproblem), Program(before))

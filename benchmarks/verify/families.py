@@ -9,9 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from benchmarks.errors import BenchError
 from benchmarks.verify.case import Case, Draft, Origin, Rng
 from benchmarks.verify.degenerate import degenerate
-from benchmarks.verify.errors import VerifyError
 from benchmarks.verify.general import general
 from benchmarks.verify.infeasible import infeasible
 from benchmarks.verify.loop import loops
@@ -43,21 +43,21 @@ def cases(family: str, seed: int) -> Iterator[Case]:
     """The programs of one seed, always the same.
 
     Raises:
-        VerifyError: There is no such family.
+        BenchError: There is no such family.
     """
     if family not in FAMILIES:
-        raise VerifyError(f'family: found {family!r}, wanted one of {", ".join(FAMILIES)}')
+        raise BenchError(f'family: found {family!r}, wanted one of {", ".join(FAMILIES)}')
     rng = np.random.default_rng([*family.encode(), seed])
     for number, draft in enumerate(islice(FAMILIES[family](rng), PROGRAMS_PER_SEED)):
-        yield Case(Origin(family, seed, number), draft)
+        yield Case(Origin(family, seed, number), *draft)
 
 
 def case(origin: Origin) -> Case:
     """The program of that name.
 
     Raises:
-        VerifyError: There is no such family, or not that many programs of one seed.
+        BenchError: There is no such family, or not that many programs of one seed.
     """
     if origin.number >= PROGRAMS_PER_SEED:
-        raise VerifyError(f'case: found number {origin.number}, wanted below {PROGRAMS_PER_SEED}')
+        raise BenchError(f'case: found number {origin.number}, wanted below {PROGRAMS_PER_SEED}')
     return next(islice(cases(origin.family, origin.seed), origin.number, None))

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 
 # Few pairs of n and r: stage-wise solvers are compiled for each.
 _SIZES = ((1, 1), (2, 1), (3, 2), (5, 2), (6, 3), (12, 4))
-_MOST_GROWTH = 1e3
-_UNRELATED_HINT = 0.2
+_MAX_GROWTH = 1e3
+_UNRELATED_START = 0.2
 
 
 class Known(NamedTuple):
@@ -105,7 +105,7 @@ def random_penalties(subproblem: Subproblem, rng: Rng) -> Penalties:
 def disturbed(subproblem: Subproblem, rng: Rng) -> Subproblem:
     """The same rows with other right-hand sides and gradients: slightly, or unrelated to these."""
     lin = subproblem.linearisation
-    size = 3.0 if rng.random() < _UNRELATED_HINT else 0.02
+    size = 3.0 if rng.random() < _UNRELATED_START else 0.02
     values = {
         name: getattr(lin, name) + size * rng.normal(size=getattr(lin, name).shape)
         for name in ('L_X', 'L_U', 'output_error', 'g')
@@ -125,7 +125,7 @@ def _dynamics(rng: Rng, N: int, n: int) -> Array:
     """Stable and unstable steps; what is unstable grows a thousandfold at most."""
     A = rng.normal(size=(n, n)) + 0.1 * rng.normal(size=(N, n, n))
     radius = np.abs(np.linalg.eigvals(A)).max(axis=1)[:, None, None]
-    fastest = min(1.5, _MOST_GROWTH ** (1.0 / N))
+    fastest = min(1.5, _MAX_GROWTH ** (1.0 / N))
     return np.ascontiguousarray(A / radius * rng.uniform(0.3, fastest))
 
 

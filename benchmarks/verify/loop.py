@@ -30,7 +30,7 @@ Visit = tuple[str, Subproblem, Subproblem]
 
 _ITERATIONS = 2
 _VISITS = 3
-_OTHER_HINT = 0.25
+_OTHER_START = 0.25
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ def _elsewhere(
     problem: OptimalControlProblem, settings: GuidanceSettings, U: Array, rng: Rng
 ) -> Subproblem:
     """The program of other controls: slightly, as after a control step, or far from these."""
-    size = 5.0 if rng.random() < _OTHER_HINT else 0.1
+    size = 5.0 if rng.random() < _OTHER_START else 0.1
     other = U + size * rng.normal(size=U.shape)
     other = np.clip(other, problem.control_lower, problem.control_upper)
     return _subproblem(problem, settings, other)

@@ -91,15 +91,15 @@ def cost(program: Program, dU: Array) -> Cost:
 def duality_gap(program: Program, solution: QPSolution) -> float:
     """Cost above the bound that an answer's own multipliers prove, relative to its terms.
 
-    No feasible point costs less than the bound, whatever the multipliers are. It is the least
+    No feasible point costs less than the bound, with any multipliers. It is the least
     Lagrangian along the dynamics, found by one sparse factorisation. A gap that is negative shows
     a point that is not feasible.
     """
     qp = sparse_qp(program.subproblem, program.penalties)
     # Beyond the weight a multiplier proves nothing, and without a limit none does.
-    least = np.where(np.isfinite(qp.lower), -qp.weight, 0.0)
-    most = np.where(np.isfinite(qp.upper), qp.weight, 0.0)
-    multipliers = np.clip(multipliers_of(qp, solution), least, most)
+    smallest = np.where(np.isfinite(qp.lower), -qp.weight, 0.0)
+    largest = np.where(np.isfinite(qp.upper), qp.weight, 0.0)
+    multipliers = np.clip(multipliers_of(qp, solution), smallest, largest)
     limit = np.where(multipliers > 0.0, qp.upper, qp.lower)
     active = multipliers != 0.0
     gradient = qp.q + qp.G.T @ multipliers

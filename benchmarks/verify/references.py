@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.dense import daqp_backend
 
 # A dense solver takes a fifth of a second for 200 steps.
-_MOST_DENSE_CONTROLS = 122
+_MAX_DENSE_CONTROLS = 122
 # Closer than the back end's own.
 _DAQP_TOLERANCE = 1e-9
 # A reference that is further from the optimum than this has not solved the program.
@@ -48,7 +48,7 @@ def references(program: Program) -> list[Reference]:
     Clarabel is always asked, and daqp where rows are hard and the program is small enough.
     """
     answers = {'clarabel': clarabel_reference.solve(program)}
-    if program.penalties is None and program.subproblem.lower.size <= _MOST_DENSE_CONTROLS:
+    if program.penalties is None and program.subproblem.lower.size <= _MAX_DENSE_CONTROLS:
         answers['daqp'] = daqp_backend.solve(program.subproblem, None, _DAQP_TOLERANCE)
     judged = [
         Reference(name, answer, accuracy(program, answer)) for name, answer in answers.items()

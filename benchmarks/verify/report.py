@@ -11,26 +11,13 @@ from typing import Any, NamedTuple
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from benchmarks.errors import BenchError
 from benchmarks.verify.compare import Comparison
-from benchmarks.verify.errors import VerifyError
 from cmpsp_ros.mpsp.qp import QPStatus
 
 
 class Line(NamedTuple):
-    """One family.
-
-    Attributes:
-        family: Its name.
-        programs: How many there were.
-        solved: How many the back end solved.
-        infeasible: How many it called infeasible.
-        agree: How many had no finding.
-        explained: How many had findings that are all explained.
-        mismatches: How many had one that nothing explains.
-        residual: Largest violation of the optimality conditions.
-        gap: Largest duality gap.
-        difference: Largest difference of the objective from that of a reference, relative.
-    """
+    """Counts of one family, and the largest errors of the programs that were solved."""
 
     family: str
     programs: int
@@ -105,7 +92,7 @@ def describe(comparison: Comparison) -> str:
         residual, gap = comparison.accuracy
         words += f', residual {residual:.1e}, gap {gap:.1e}'
     cold, warm = comparison.iterations
-    words += f', iterations {cold} and with a hint {warm}' if warm else f', iterations {cold}'
+    words += f', iterations {cold} and with a warm start {warm}' if warm else f', iterations {cold}'
     parts = [words, comparison.verdict.value]
     for finding in comparison.findings:
         because = f' (explained: {finding.explanation})' if finding.explanation else ''
@@ -117,12 +104,12 @@ def new_file(path: Path) -> Path:
     """The path, if a file can be made there and nothing is lost by it.
 
     Raises:
-        VerifyError: Says what is there, or why not.
+        BenchError: Says what is there, or why not.
     """
     if path.exists():
-        raise VerifyError(f'{path}: found something there, wanted a new file')
+        raise BenchError(f'{path}: found something there, wanted a new file')
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise VerifyError(f'{path}: {path.parent} is no folder that can be written to')
+        raise BenchError(f'{path}: {path.parent} is no folder that can be written to')
     return path
 
 

@@ -36,7 +36,7 @@ def verify(
         progress: Told how many programs were compared since it was last told.
 
     Returns:
-        A comparison of each, whatever came of it.
+        A comparison of each.
 
     Raises:
         ProblemError: No back end of that name is installed; says which are.
@@ -53,7 +53,7 @@ def verify_case(name: str, qp: str) -> Comparison:
     """Compare a back end with the references on the one program of that name.
 
     Raises:
-        VerifyError: There is no program of that name.
+        BenchError: There is no program of that name.
         ProblemError: No back end of that name is installed; says which are.
     """
     return compare(case(Origin.parse(name)), contestant(qp))

@@ -67,7 +67,10 @@ def paper(
 
 
 def study(
-    name: Annotated[str, typer.Argument(metavar='NAME', help='nominal, disturbed or realtime.')],
+    name: Annotated[
+        str,
+        typer.Argument(metavar='NAME', help='nominal, disturbed, realtime, corridors or floor.'),
+    ],
     runs: Annotated[int, typer.Option(min=1, help='How many: those numbered from 0 on.')] = 200,
     seed: Annotated[int, typer.Option(min=0, help='Of all starts, obstacles and noise.')] = 1,
     workers: Annotated[int, typer.Option(min=1, help='Processes that share the runs.')] = 1,

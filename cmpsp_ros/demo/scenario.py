@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.road_files import with_road_file
 from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.plausibility import plausibility_warnings
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
@@ -92,7 +93,7 @@ def load_scenario(
         raise ParameterError(Problem('final_time', '0.0 s', 'when to stop: a demo comes to an end'))
     check_start(values)
     check_pace(values)
-    remarks += infeasibility_warnings(settings, _start(values))
+    remarks += [*plausibility_warnings(values), *infeasibility_warnings(settings, _start(values))]
     return Scenario(name, values, settings, tuple(remarks), namespace)
 
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.encounters import encounters
 from cmpsp_ros.bags.runs.goals import Passing, mean_speed
@@ -43,6 +45,7 @@ class Summary:
         control_steps: Number of control steps.
         passings: How each goal was passed, in order, where there is more to it than one point.
         speed: Mean speed along a road that is followed [m/s].
+        reason: Of the first step on the worst rung; empty where all were nominal.
     """
 
     preset: str
@@ -56,6 +59,7 @@ class Summary:
     control_steps: int
     passings: tuple[Passing, ...] = ()
     speed: float | None = None
+    reason: str = ''
 
     @property
     def failure(self) -> str:
@@ -70,7 +74,8 @@ class Summary:
             reasons.append(f'the goal was missed by {self.miss:.3g} m')
         if self.clearance < 0.0:
             reasons.append(f'the path cut road edge or obstacle by {-self.clearance:.3g} m')
-        return ' and '.join(reasons)
+        failure = ' and '.join(reasons)
+        return f'{failure}; guidance said: {self.reason}' if failure and self.reason else failure
 
     def write(self, path: Path) -> None:
         """Write the figures as JSON, floats exactly."""
@@ -155,9 +160,19 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         clearance=min([float(clearance.min()), *nearest]),
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
-        deadline_misses=sum(time > 1e3 * settings.control_period for time in times),
+        deadline_misses=sum(
+            each.late > 0.0 or (each.step_ms or 0.0) > 1e3 * settings.control_period
+            for each in steps
+        ),
         rungs={rung.name.lower(): counts[rung.name.lower()] for rung in FallbackLevel},
         control_steps=len(steps),
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,
+        reason=_worst_reason(steps),
     )
+
+
+def _worst_reason(steps: Sequence[DecisionRecord]) -> str:
+    levels = [level.name.lower() for level in FallbackLevel]
+    worst = max(steps, key=lambda each: levels.index(each.level), default=None)
+    return '' if worst is None or worst.level == levels[0] else worst.reason

@@ -13,6 +13,7 @@ from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
@@ -135,10 +136,18 @@ class GuidanceLaw:
             else:
                 decision = self._decide(stamp, pose, context)
         decision = self._slow_down(decision, here)
+        if state.step == 0:
+            state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
+            decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
         self._decide_in_time(start, decision.plan, last)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
+
+    @property
+    def foretold(self) -> tuple[str, ...]:
+        """What no plan of the run can do, in sentences."""
+        return self._state.foretold
 
     @property
     def task(self) -> GuidanceSettings:

@@ -72,7 +72,7 @@ class SolverSettings:
     qp: str = 'riccati_active_set'
     hessian: Literal['gauss_newton', 'projected', 'exact'] = 'gauss_newton'
     heading_trust_region: float = 0.6
-    work_rate: float = 6e7
+    work_rate: float = 4e7
     work_share: float = 0.04
 
     def work_limit(self, period: float) -> int:

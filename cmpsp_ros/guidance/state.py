@@ -45,6 +45,7 @@ class LawState:
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
+        foretold: What no plan of the run can do, in sentences.
     """
 
     goals: GoalManager
@@ -67,6 +68,7 @@ class LawState:
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
+    foretold: tuple[str, ...] = ()
 
     @classmethod
     def begin(cls, settings: GuidanceSettings, run: int, revision: int) -> LawState:

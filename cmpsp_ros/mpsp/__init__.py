@@ -8,9 +8,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.analysis.convergence import Convergence, Record
+    from cmpsp_ros.mpsp.analysis.convergence import Convergence
     from cmpsp_ros.mpsp.errors import ProblemError
-    from cmpsp_ros.mpsp.iterate import Iterate, Step
+    from cmpsp_ros.mpsp.iterate import Iterate, Record, Step
     from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
     from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
     from cmpsp_ros.mpsp.models.derivative_check import DerivativeReport, check_derivatives
@@ -32,48 +32,20 @@ if TYPE_CHECKING:
     from cmpsp_ros.mpsp.status import Solution, Status, Violation
 
 __all__ = [
-    'CMPSP',
-    'CondensedQP',
-    'ControlRateProblem',
-    'Convergence',
-    'DerivativeReport',
-    'Dimensions',
-    'Evaluation',
-    'Hessian',
-    'Iterate',
-    'Linearisation',
-    'OptimalControlProblem',
-    'Options',
-    'Penalties',
-    'ProblemError',
-    'QPSolution',
-    'QPStatus',
-    'Record',
-    'Row',
-    'Solution',
-    'Status',
-    'Step',
-    'Subproblem',
-    'Violation',
-    'available',
-    'check_derivatives',
-    'condense',
-    'convexify',
-    'from_casadi',
-    'from_functions',
-    'has_closed_form',
-    'sensitivities',
-    'solve',
-    'solve_closed_form',
-    'solve_qp',
-]
+    'CMPSP', 'CondensedQP', 'ControlRateProblem', 'Convergence', 'DerivativeReport', 'Dimensions',
+    'Evaluation', 'Hessian', 'Iterate', 'Linearisation', 'OptimalControlProblem', 'Options',
+    'Penalties', 'ProblemError', 'QPSolution', 'QPStatus', 'Record', 'Row', 'Solution', 'Status',
+    'Step', 'Subproblem', 'Violation', 'available', 'check_derivatives', 'condense', 'convexify',
+    'from_casadi', 'from_functions', 'has_closed_form', 'sensitivities', 'solve',
+    'solve_closed_form', 'solve_qp',
+]  # fmt: skip
 
 _HOMES = {
     'models.casadi_functions': ('from_casadi',),
     'qp.dense.closed_form': ('has_closed_form', 'solve_closed_form'),
     'qp.dense.condensing': ('CondensedQP', 'condense', 'sensitivities'),
     'models.control_rate': ('ControlRateProblem',),
-    'analysis.convergence': ('Convergence', 'Record'),
+    'analysis.convergence': ('Convergence',),
     'qp.curvature': ('convexify',),
     'models.derivative_check': ('DerivativeReport', 'check_derivatives'),
     'errors': ('ProblemError',),
@@ -82,7 +54,7 @@ _HOMES = {
     'problem': ('Dimensions', 'Evaluation', 'Hessian', 'Linearisation', 'OptimalControlProblem'),
     'qp': ('Penalties', 'QPSolution', 'QPStatus', 'Row', 'available', 'solve_qp'),
     'sqp.cmpsp': ('CMPSP', 'solve'),
-    'iterate': ('Iterate', 'Step'),
+    'iterate': ('Iterate', 'Record', 'Step'),
     'status': ('Solution', 'Status', 'Violation'),
     'qp.subproblem': ('Subproblem',),
 }

@@ -1,14 +1,17 @@
-"""Where the iteration stands, and what its last step did."""
+"""Where the iteration stands, what its last step did, and the record that is kept of it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Evaluation, not_finite
-from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.arguments import not_finite
+from cmpsp_ros.mpsp.problem import Array, Evaluation
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
+from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 SLACK_TOLERANCE = 1e-6
 """Violation of a linearised constraint up to which it counts as met."""
@@ -98,8 +101,8 @@ class Iterate:
     X: Array
     evaluation: Evaluation
     guess_size: Size
-    previous_U: Array | None = field(default=None)
-    step: Step | None = field(default=None)
+    previous_U: Array | None = None
+    step: Step | None = None
 
     @property
     def not_finite(self) -> str:
@@ -107,3 +110,87 @@ class Iterate:
         cost = self.evaluation.cost
         in_X = not_finite('the prediction', self.X)
         return in_X or ('' if np.isfinite(cost) else f'the cost: found {cost}')
+
+
+@dataclass(frozen=True)
+class Record:
+    """What one iterate measures.
+
+    Attributes:
+        index: Iterations done, ``i``.
+        U: Controls ``U^i``, shape ``(N + 1, r)``.
+        cost: ``J``.
+        step_norm: ``|U^i - U^(i-1)|``, Euclidean; 0 at the guess.
+        step_length: Length that the line search took; 0 at the guess.
+        terminal_error: ``|Y_N - Y_N*|``.
+        violation: Largest path constraint (4), 0 where all are met.
+        kkt_residual: Violation of the optimality conditions of the problem itself at the iterate,
+            with its latest multipliers (0 at the guess): stationarity, feasibility, signs and
+            complementarity, relative to the size of the data. NaN where they are.
+        terminal_multipliers: ``lambda``, shape ``(m,)``.
+        path_multipliers: ``rho``, shape ``(N + 1, l)``.
+        bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
+        shift: What was added to the Hessian because curvature was lost.
+    """
+
+    index: int
+    U: Array
+    cost: float
+    step_norm: float
+    step_length: float
+    terminal_error: float
+    violation: float
+    kkt_residual: float
+    terminal_multipliers: Array
+    path_multipliers: Array
+    bound_multipliers: Array
+    shift: float
+
+    @property
+    def active_path(self) -> frozenset[tuple[int, int]]:
+        """Active path constraints, each as ``(stage, index)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.path_multipliers > 0.0))
+
+    @property
+    def active_bounds(self) -> frozenset[tuple[int, int]]:
+        """Active control bounds, each as ``(stage, component)``: those with a multiplier."""
+        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
+
+
+def record(at: Iterate, subproblem: Subproblem | None) -> Record:
+    """Measure an iterate.
+
+    Args:
+        at: The iterate.
+        subproblem: The subproblem there, which has the gradients; None where it is not finite.
+    """
+    step, evaluation, residual = at.step, at.evaluation, math.nan
+    g, moved = evaluation.g, 0.0 if at.previous_U is None else np.linalg.norm(at.U - at.previous_U)
+    terminal = np.zeros_like(evaluation.output_error)
+    path, bounds = np.zeros_like(g), np.zeros_like(at.U)
+    if step is not None:
+        terminal, path = step.terminal_multipliers, step.path_multipliers
+        bounds = step.bound_multipliers
+    if subproblem is not None:
+        # A point that is its own subproblem's solution, with dU = 0, meets the conditions.
+        here = replace(
+            QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
+            terminal=terminal,
+            path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
+            bounds=bounds,
+        )
+        residual = kkt_residual(subproblem, here, None)
+    return Record(
+        at.index,
+        at.U,
+        evaluation.cost,
+        float(moved),
+        0.0 if step is None else step.length,
+        float(np.linalg.norm(evaluation.output_error)),
+        float(g.max(initial=0.0)),
+        residual,
+        terminal,
+        path,
+        bounds,
+        0.0 if step is None else step.shift,
+    )

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cmpsp_ros.mpsp.arguments import numbers
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian, numbers
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, backend
 
 _TOLERANCES: Final = (
@@ -67,8 +68,8 @@ class Options:
     kkt_tolerance: float = 0.0
     growth_limit: float = 1e10
 
-    def fitted(self, size: Dimensions) -> FittedOptions:
-        """The options with arrays of a problem's dimensions.
+    def fitted(self, size: Dimensions) -> tuple[Array, Array, Array]:
+        """Penalties of outputs ``(m,)`` and paths ``(l,)``, and the trust region's radius ``(n,)``.
 
         Raises:
             ProblemError: Names the option, what was found and what was wanted, or says which QP
@@ -80,25 +81,11 @@ class Options:
             if not value >= 0.0:
                 raise ProblemError(f'{name}: found {value}, wanted a number >= 0')
         radius = np.inf if self.trust_radius is None else self.trust_radius
-        return FittedOptions(
+        return (
             _not_negative('penalty_terminal', self.penalty_terminal, size.output),
             _not_negative('penalty_path', self.penalty_path, size.path),
             _not_negative('trust_radius', radius, size.state),
         )
-
-
-class FittedOptions(NamedTuple):
-    """Options that depend on a problem's dimensions.
-
-    Attributes:
-        penalty_terminal: Shape ``(m,)``.
-        penalty_path: Shape ``(l,)``.
-        trust_radius: Shape ``(n,)``, infinite where free.
-    """
-
-    penalty_terminal: Array
-    penalty_path: Array
-    trust_radius: Array
 
 
 def _not_negative(name: str, value: ArrayLike, length: int) -> Array:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cmpsp_ros.mpsp.arguments import check_bounds, not_finite, numbers
 from cmpsp_ros.mpsp.errors import ProblemError
 
 Array = NDArray[np.float64]
@@ -47,6 +48,10 @@ class Dimensions:
             size = getattr(self, name)
             if size < least:
                 raise ProblemError(f'{name}: found {size}, wanted at least {least}')
+
+
+# Of the arrays of a `Linearisation`, with K for N + 1.
+_SHAPES = ('Nnn', 'Nnr', 'Kn', 'Kr', 'Knn', 'Krn', 'Krr', 'm', 'mn', 'mr', 'Kl', 'Kln', 'Klr')
 
 
 @dataclass(frozen=True)
@@ -125,28 +130,12 @@ class Linearisation:
         Raises:
             ProblemError: Names the array, the shape found and the one wanted.
         """
-        N, n, r, m, l = size.horizon, size.state, size.control, size.output, size.path  # noqa: E741
-        wanted = {
-            'A': (N, n, n),
-            'B': (N, n, r),
-            'L_X': (N + 1, n),
-            'L_U': (N + 1, r),
-            'L_XX': (N + 1, n, n),
-            'L_UX': (N + 1, r, n),
-            'L_UU': (N + 1, r, r),
-            'output_error': (m,),
-            'h_X': (m, n),
-            'h_U': (m, r),
-            'g': (N + 1, l),
-            'g_X': (N + 1, l, n),
-            'g_U': (N + 1, l, r),
-        }
-        for field in fields(self):
-            array = getattr(self, field.name)
-            if array.shape != wanted[field.name]:
-                raise ProblemError(
-                    f'{field.name}: found shape {array.shape}, wanted {wanted[field.name]}'
-                )
+        lengths = {'N': size.horizon, 'K': size.horizon + 1, 'n': size.state, 'r': size.control}
+        lengths |= {'m': size.output, 'l': size.path}
+        for field, letters in zip(fields(self), _SHAPES, strict=True):
+            found, wanted = getattr(self, field.name).shape, tuple(lengths[x] for x in letters)
+            if found != wanted:
+                raise ProblemError(f'{field.name}: found shape {found}, wanted {wanted}')
 
 
 @dataclass(frozen=True)
@@ -271,49 +260,13 @@ class OptimalControlProblem(ABC):
         return U
 
 
-def numbers(name: str, value: ArrayLike) -> Array:
-    """``value`` as an array of numbers, a copy.
+def check_hessian(hessian: str) -> None:
+    """Raise unless a problem knows this kind of Hessian.
 
     Raises:
-        ProblemError: Names the argument.
+        ProblemError: Says which there are.
     """
-    try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError):
-        raise ProblemError(f'{name}: found {value!r}, wanted numbers') from None
-
-
-def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
-    """The first number of an array that is not finite, and where it is; empty where all are.
-
-    Args:
-        name: What the array is called.
-        array: One row a stage, or all of the last stage.
-        at_end: Whether it is all of the last stage.
-    """
-    bad = np.argwhere(~np.isfinite(array))
-    if not len(bad):
-        return ''
-    place = bad[0].tolist()
-    stage = [] if at_end else [f'stage {place.pop(0)}']
-    where = [*stage, 'component ' + ', '.join(map(str, place))]
-    return f'{name}: found {array[tuple(bad[0])]} at {", ".join(where)}'
-
-
-def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
-    """Raise unless there is a number between every lower bound and its upper one.
-
-    Raises:
-        ProblemError: Names the bound, the stage and the control.
-    """
-    for name, bound in ((lower_name, lower), (upper_name, upper)):
-        bad = np.argwhere(np.isnan(bound))
-        if len(bad):
-            raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
-    bad = np.argwhere((lower > upper) | np.isposinf(lower) | np.isneginf(upper))
-    if len(bad):
-        place = tuple(bad[0])
+    if hessian not in get_args(Hessian):
         raise ProblemError(
-            f'{lower_name}: found {lower[place]} at {bad[0].tolist()}, '
-            f'wanted a number below {upper_name}, which is {upper[place]} there'
+            f'hessian: found {hessian!r}, wanted one of {", ".join(get_args(Hessian))}'
         )

@@ -11,8 +11,7 @@ import numpy as np
 from cmpsp_ros.mpsp.problem import Array, Evaluation
 
 if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.analysis.convergence import Record
-    from cmpsp_ros.mpsp.iterate import Iterate
+    from cmpsp_ros.mpsp.iterate import Iterate, Record
 
 _NAMED = 4
 

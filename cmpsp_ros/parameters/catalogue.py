@@ -214,8 +214,8 @@ def _parameters() -> Iterator[Parameter]:
         range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
         'Maximum number of candidate plans compared at a control step, one for each way past the '
-        'obstacles of an `annulus`. A robot at rest without a feasible one tries as many again '
-        'that turn first. 1 follows a single plan, as in the paper and on other roads.',
+        'obstacles. A robot at rest without a feasible one tries as many again that turn first. '
+        '1 follows a single plan, as in the paper.',
         range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
         'Quadratic-programming back end.', **_FIXED)
@@ -223,7 +223,7 @@ def _parameters() -> Iterator[Parameter]:
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
         'its positive semidefinite part.',
         choices=('gauss_newton', 'projected', 'exact'))
-    yield solver('solver.work_rate', _DOUBLE, 6e7, '1/s',
+    yield solver('solver.work_rate', _DOUBLE, 4e7, '1/s',
         'Stages that the solver visits per second on this computer; `cmpsp warmup` measures it.',
         range=_POSITIVE)
     yield solver('solver.work_share', _DOUBLE, 0.04, '',
@@ -281,7 +281,7 @@ def _parameters() -> Iterator[Parameter]:
         range=Range(0.0, 10000.0, low_open=True), **_FIXED)
     yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
         'Age of the last command at which the robot stops by itself; 0: never.',
-        range=_NOT_NEGATIVE)
+        range=_NOT_NEGATIVE, nodes=('guidance', 'sim'))
     yield sim('real_time_factor', _DOUBLE, 1.0, '',
         'Simulated seconds per second of wall time.', range=_POSITIVE, **_FIXED)
     yield sim('publish_clock', _BOOL, False, '',

@@ -1,4 +1,4 @@
-"""Numbers that are allowed and look as if they were of another unit."""
+"""Numbers that are allowed and are hardly meant: of another unit, or against each other."""
 
 from __future__ import annotations
 
@@ -13,15 +13,24 @@ _LARGEST_LENGTHS: Final = {
     'robot.half_track': 5.0,
     'robot.radius': 10.0,
     'safety.margin': 5.0,
+    'goal.tolerance': 5.0,
+    'others.radius': 10.0,
 }
 """Beyond what wheeled robots have [m], and far below what the smallest has in millimetres."""
 
-_ANGLES: Final = ('goal.heading', 'goal.heading_tolerance', 'start.pose', 'initial_pose')
+_ANGLES: Final = (
+    *('goal.heading', 'goal.heading_tolerance', 'start.pose', 'initial_pose'),
+    'solver.heading_trust_region',
+)
 """Angles [rad], or lists of which the last is one."""
 
 
-def unit_warnings(values: Values) -> Iterator[str]:
-    """What looks like millimetres or degrees, in sentences."""
+def plausibility_warnings(values: Values) -> Iterator[str]:
+    """What looks like millimetres or degrees, or stops the robot between commands, in sentences.
+
+    Args:
+        values: A set resolved by the table.
+    """
     for key, largest in _LARGEST_LENGTHS.items():
         if values[key] > largest:
             yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'
@@ -31,3 +40,9 @@ def unit_warnings(values: Values) -> Iterator[str]:
         angle = (value[-1] if value else 0.0) if isinstance(value, list) else value
         if abs(angle) > math.tau:
             yield f'{key} = {angle:g} looks like degrees: it is in radians.'
+    timeout, period = values['cmd_vel_timeout'], values['control_period']
+    if 0.0 < timeout <= period:
+        yield (
+            f'control_period = {period:g} s is not shorter than cmd_vel_timeout = {timeout:g} s:'
+            ' the robot stops by itself between two commands.'
+        )

@@ -14,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
-from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.lifecycle import guard_change_state
 from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
 pytestmark = pytest.mark.integration
 
@@ -62,7 +62,7 @@ class Attentive(Node):
         self.create_timer(0.05, self.on_timer)
 
     def on_timer(self):
-        catch_up(self.commands)
+        drain_queue(self.commands)
         print('timer', flush=True)
 
     def on_command(self, message):

@@ -160,17 +160,10 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
+    _linearise_motion(data, X, U, stages)
     progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
         stage = stages[k]
-        if k < N:
-            A, B = stage.A, stage.B
-            A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
-                X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
-            )
-            for i in range(3):
-                A[i, i] = 1.0
-            B[2, 0], B[2, 1] = turn, -turn
         progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
@@ -210,6 +203,20 @@ def linearise(
         terminal[0].X[0] = terminal[1].X[1] = 1.0
     if outputs == TerminalConstraint.POSE:
         terminal[2].X[2] = HEADING_SCALE
+
+
+@allocation_free
+def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -> None:
+    """Fill `A` and `B`, in a loop of its own: together with the rest both take longer."""
+    p = data.parameters[0]
+    for k in range(data.durations.shape[0]):
+        A, B = stages[k].A, stages[k].B
+        A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
+            X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
+        )
+        for i in range(3):
+            A[i, i] = 1.0
+        B[2, 0], B[2, 1] = turn, -turn
 
 
 @allocation_free

@@ -1,8 +1,7 @@
-"""What no plan can do, checked before a run: a goal too far, a gap too narrow.
+"""What no plan can do, checked before a run: a goal too far, a road that is closed.
 
 Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
-and of a gap only its width counts. On other roads than an annulus the shortest path is the straight
-one, and gaps are not checked; nor are they next to polygons, lines and moving obstacles.
+and of a gap only its width counts. On open floor gaps are not checked, nor beside moving obstacles.
 """
 
 from __future__ import annotations
@@ -10,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.road import Point
 
@@ -30,7 +30,7 @@ def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str
     begin = 0.0
     for goal in settings.goals:
         leg, to = settings.towards(goal, begin), f'On the way to {goal.name}: '
-        found = (*_too_far(leg, start), *_too_narrow(leg, start))
+        found = (*_too_far(leg, start), *_closed(leg, start))
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time
     return said
@@ -53,15 +53,15 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
         )
 
 
-def _too_narrow(settings: GuidanceSettings, start: Point) -> Iterator[str]:
+def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
-    for obstacle in settings.obstacles:
-        if len(obstacle.corners) > 1:
-            continue
-        gap = settings.road.gap_beside(obstacle.center, obstacle.radius, start, settings.goal)
-        if gap < wanted or gap <= 0.0:
-            yield (
-                f'There is no way past obstacle {obstacle.name}: the wider gap beside it is'
-                f' {max(gap, 0.0):.3f} m, and this robot needs {wanted:.3f} m'
-                ' (twice robot.radius and safety.margin).'
-            )
+    for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
+        what = (
+            f'There is no way past obstacle {names[0]}: the wider gap beside it'
+            if len(names) == 1
+            else f'There is no way past obstacles {", ".join(names)}: the widest gap'
+        )
+        yield (
+            f'{what} is {gap:.3f} m, and this robot needs {wanted:.3f} m'
+            ' (twice robot.radius and safety.margin).'
+        )

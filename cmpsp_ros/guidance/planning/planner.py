@@ -32,7 +32,7 @@ from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
+from cmpsp_ros.mpsp.sqp.driver import Driver, Entries, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
@@ -210,9 +210,9 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     return np.array(target.position, dtype=float), heading
 
 
-def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions:
+def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions | Entries:
     if isinstance(data, ControlRateData):
-        return with_control_rate(FUNCTIONS.entries(data.inner, ws))
+        return with_control_rate(FUNCTIONS.machine_code(data.inner, ws))
     return FUNCTIONS.entries(data, ws)
 
 

@@ -1,21 +1,16 @@
-"""How fast the iteration converges, measured: records of iterates, and the rate (60) of a tail."""
+"""How fast the iteration converges: the rate (60), measured on the tail of a run."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-
-if TYPE_CHECKING:
-    from cmpsp_ros.mpsp.iterate import Iterate
 
 _LEAST_POINTS = 4
 _TAIL = 20
@@ -23,94 +18,6 @@ _TAIL = 20
 _MARGIN = 10.0
 # Rounding of a control that went through a whole iteration, relative to the control history.
 _ROUNDING = 1e-12
-
-
-@dataclass(frozen=True)
-class Record:
-    """What one iterate measures.
-
-    Attributes:
-        index: Iterations done, ``i``.
-        U: Controls ``U^i``, shape ``(N + 1, r)``.
-        cost: ``J``.
-        step_norm: ``|U^i - U^(i-1)|``, Euclidean; 0 at the guess.
-        step_length: Length that the line search took; 0 at the guess.
-        terminal_error: ``|Y_N - Y_N*|``.
-        violation: Largest path constraint (4), 0 where all are met.
-        kkt_residual: Violation of the optimality conditions of the problem itself at the iterate,
-            with its latest multipliers (0 at the guess): stationarity, feasibility, signs and
-            complementarity, relative to the size of the data. Not a number where they are not.
-        terminal_multipliers: ``lambda``, shape ``(m,)``.
-        path_multipliers: ``rho``, shape ``(N + 1, l)``.
-        bound_multipliers: ``beta``, shape ``(N + 1, r)``, positive at the upper bound.
-        shift: What was added to the Hessian because curvature was lost.
-    """
-
-    index: int
-    U: Array
-    cost: float
-    step_norm: float
-    step_length: float
-    terminal_error: float
-    violation: float
-    kkt_residual: float
-    terminal_multipliers: Array
-    path_multipliers: Array
-    bound_multipliers: Array
-    shift: float
-
-    @property
-    def active_path(self) -> frozenset[tuple[int, int]]:
-        """Active path constraints, each as ``(stage, index)``: those with a multiplier."""
-        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.path_multipliers > 0.0))
-
-    @property
-    def active_bounds(self) -> frozenset[tuple[int, int]]:
-        """Active control bounds, each as ``(stage, component)``: those with a multiplier."""
-        return frozenset((int(k), int(j)) for k, j in np.argwhere(self.bound_multipliers))
-
-
-def record(at: Iterate, subproblem: Subproblem | None) -> Record:
-    """Measure an iterate.
-
-    Args:
-        at: The iterate.
-        subproblem: The subproblem there, which has the gradients; None where it is not finite.
-    """
-    step, evaluation = at.step, at.evaluation
-    terminal = np.zeros_like(evaluation.output_error)
-    path, bounds = np.zeros_like(evaluation.g), np.zeros_like(at.U)
-    if step is not None:
-        terminal, path = step.terminal_multipliers, step.path_multipliers
-        bounds = step.bound_multipliers
-    moved = 0.0 if at.previous_U is None else float(np.linalg.norm(at.U - at.previous_U))
-    return Record(
-        at.index,
-        at.U,
-        evaluation.cost,
-        moved,
-        0.0 if step is None else step.length,
-        float(np.linalg.norm(evaluation.output_error)),
-        float(evaluation.g.max(initial=0.0)),
-        _residual(subproblem, terminal, path, bounds),
-        terminal,
-        path,
-        bounds,
-        0.0 if step is None else step.shift,
-    )
-
-
-def _residual(subproblem: Subproblem | None, terminal: Array, path: Array, bounds: Array) -> float:
-    if subproblem is None:
-        return math.nan
-    # A point that is its own subproblem's solution, with dU = 0, meets the problem's conditions.
-    here = replace(
-        QPSolution.unsolved(subproblem.size, QPStatus.SOLVED),
-        terminal=terminal,
-        path=np.where(subproblem.linearisation.g == -np.inf, 0.0, path),
-        bounds=bounds,
-    )
-    return kkt_residual(subproblem, here, None)
 
 
 class HasControls(Protocol):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from enum import Enum
 from typing import NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.mpsp.models.differences import central_differences
 from cmpsp_ros.mpsp.problem import Array, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.status import Solution, Status
@@ -30,8 +30,7 @@ class Verdict(Enum):
     CANNOT_TELL = 'cannot tell'
 
 
-@dataclass(frozen=True)
-class Condition:
+class Condition(NamedTuple):
     """One condition of Theorem 2.
 
     Attributes:
@@ -47,8 +46,7 @@ class Condition:
     remark: str
 
 
-@dataclass(frozen=True)
-class Theorem2:
+class Theorem2(NamedTuple):
     """The five conditions; `str` gives them as a table.
 
     Attributes:
@@ -68,18 +66,12 @@ class Theorem2:
     @property
     def conditions(self) -> tuple[Condition, ...]:
         """All five, in the theorem's order."""
-        return (
-            self.smooth,
-            self.convex_cost,
-            self.strict_complementarity,
-            self.regular,
-            self.second_order,
-        )
+        return tuple(self)
 
     @property
     def verdict(self) -> Verdict:
         """Whether all hold: no where one does not, yes where each does."""
-        verdicts = {condition.verdict for condition in self.conditions}
+        verdicts = {condition.verdict for condition in self}
         if Verdict.NO in verdicts:
             return Verdict.NO
         return Verdict.YES if verdicts == {Verdict.YES} else Verdict.CANNOT_TELL
@@ -87,11 +79,9 @@ class Theorem2:
     def __str__(self) -> str:
         """One line for each condition: number, verdict, figure, remark."""
         lines = []
-        for condition in self.conditions:
-            figure = '' if condition.figure is None else f'{condition.figure:.3g}'
-            lines.append(
-                f'{condition.name:<10}{condition.verdict.value:<13}{figure:>10}  {condition.remark}'
-            )
+        for name, verdict, figure, remark in self:
+            shown = '' if figure is None else f'{figure:.3g}'
+            lines.append(f'{name:<10}{verdict.value:<13}{shown:>10}  {remark}')
         return '\n'.join(lines)
 
 
@@ -136,7 +126,7 @@ def check(
     ]
     if solution.status is not Status.CONVERGED:
         parts = [
-            replace(part, verdict=Verdict.CANNOT_TELL, remark=f'not converged; {part.remark}')
+            part._replace(verdict=Verdict.CANNOT_TELL, remark=f'not converged; {part.remark}')
             for part in parts
         ]
     return Theorem2(_smooth(smooth), _convex_cost(qp, hessian), *parts)
@@ -154,13 +144,11 @@ def lagrangian_gradient(problem: OptimalControlProblem, U: Array, solution: Solu
         Shape ``(q,)``, without the multipliers of the control bounds: these are constant.
     """
     lin = problem.linearise(problem.predict(U), U)
-    applies = lin.g != -np.inf
-    stage, rho = np.nonzero(applies)[0], solution.path_multipliers[applies]
-    by_state, by_control = lin.L_X.copy(), lin.L_U.copy()
+    applies, rho = (lin.g != -np.inf)[..., None], solution.path_multipliers[..., None]
+    by_state = lin.L_X + np.where(applies, rho * lin.g_X, 0.0).sum(axis=1)
+    by_control = lin.L_U + np.where(applies, rho * lin.g_U, 0.0).sum(axis=1)
     by_state[-1] += solution.terminal_multipliers @ lin.h_X
     by_control[-1] += solution.terminal_multipliers @ lin.h_U
-    np.add.at(by_state, stage, rho[:, None] * lin.g_X[applies])
-    np.add.at(by_control, stage, rho[:, None] * lin.g_U[applies])
     return gradient(lin.A, lin.B, by_state, by_control).ravel()
 
 
@@ -174,18 +162,7 @@ def lagrangian_hessian(problem: OptimalControlProblem, solution: Solution) -> Ar
     Returns:
         Symmetric, shape ``(q, q)``.
     """
-    U = solution.iterate.U
-    rows = []
-    for place in np.ndindex(U.shape):
-        step = np.cbrt(np.finfo(np.float64).eps) * (1.0 + abs(U[place]))
-        ahead, behind = U.copy(), U.copy()
-        ahead[place] += step
-        behind[place] -= step
-        difference = lagrangian_gradient(problem, ahead, solution) - lagrangian_gradient(
-            problem, behind, solution
-        )
-        rows.append(difference / (ahead[place] - behind[place]))
-    H = np.array(rows)
+    H = central_differences(lambda U: lagrangian_gradient(problem, U, solution), solution.iterate.U)
     return 0.5 * (H + H.T)
 
 

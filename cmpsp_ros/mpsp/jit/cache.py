@@ -164,7 +164,7 @@ def _try(path: Path, lock: Path) -> bool:
     file = lock.open('ab')
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        # Whoever had it before has removed the file: it then locks nothing.
+        # The process that had it before has removed the file: it then locks nothing.
         if os.fstat(file.fileno()).st_ino == lock.stat().st_ino:
             _held[path] = file
             return True

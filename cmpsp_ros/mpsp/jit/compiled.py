@@ -25,8 +25,8 @@ _R = TypeVar('_R')
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile ``function`` with numba, cached on disk, keeping its type for the type checker.
 
-    No fast-math: a replay must give the same bits as the run, whatever the vector length of the
-    loop that was compiled.
+    No fast-math: a replay must give the same bits as the run, on processors with other vector
+    lengths, too.
     """
     return _compile(function)
 

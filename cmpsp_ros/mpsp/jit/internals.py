@@ -26,6 +26,12 @@ def set_cache(dispatcher: Any, cache: object) -> None:
     dispatcher._cache = cache  # noqa: SLF001
 
 
+def address(overload: Any) -> int:
+    """Where the machine code of one signature is, as other machine code calls it."""
+    library, name = overload.library, overload.fndesc.llvm_func_name
+    return int(library.get_pointer_to_function(name))
+
+
 def cache_of(dispatcher: Any) -> object:
     """The cache of a dispatcher."""
     return getattr(dispatcher, '_cache', None)

@@ -1,4 +1,4 @@
-"""Notices when kernels are compiled, so that whoever waits for it can be told."""
+"""Notices when kernels are compiled, and shows progress."""
 
 from __future__ import annotations
 

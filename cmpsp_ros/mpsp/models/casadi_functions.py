@@ -8,24 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cmpsp_ros.mpsp.arguments import control_bounds, numbers, terminal_target, vector, whole_number
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.models.arguments import (
-    check_hessian,
-    control_bounds,
-    terminal_target,
-    vector,
-    whole_number,
-)
-from cmpsp_ros.mpsp.problem import (
-    Array,
-    Dimensions,
-    Evaluation,
-    Hessian,
-    Linearisation,
-    OptimalControlProblem,
-    numbers,
-)
-from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite, project_stages
+from cmpsp_ros.mpsp.models.stage_problem import StageProblem
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Evaluation, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -229,7 +216,7 @@ class _Expressions:
             raise ProblemError(f'{name}: found a symbol other than x, u and p: {error}') from error
 
 
-class _CasadiProblem(OptimalControlProblem):
+class _CasadiProblem(StageProblem):
     def __init__(
         self,
         size: Dimensions,
@@ -240,17 +227,10 @@ class _CasadiProblem(OptimalControlProblem):
         p_values: Array,
         applies: NDArray[np.bool_],
     ) -> None:
-        self.size = size
-        self.control_lower, self.control_upper = bounds
-        self.target = target
-        self.check()
-        self._start = start
-        self._expressions = expressions
-        self._p = p_values
-        self._applies = applies
+        super().__init__(size, start, target, bounds)
+        self._expressions, self._p, self._applies = expressions, p_values, applies
         self._roll_out = expressions.step.mapaccum(size.horizon)
         self._mapped: dict[str, Any] = {}
-        self._checked = False
 
     def predict(self, U: Array) -> Array:
         ahead = self._roll_out(self._start, U[:-1].T, self._p[:-1].T).full()
@@ -258,44 +238,27 @@ class _CasadiProblem(OptimalControlProblem):
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         cost, h, g = self._over_horizon('value', X, U)
-        return Evaluation(float(cost.sum()), h[-1, :, 0] - self.target, self._masked(g))
+        g = np.where(self._applies, g[:, :, 0], -np.inf)
+        return Evaluation(float(cost.sum()), h[-1, :, 0] - self.target, g)
 
-    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        check_hessian(hessian)
-        n = self.size.state
-        _, h, g = self._over_horizon('value', X, U)
+    def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
         F_Z, h_Z, g_Z, L_Z = self._over_horizon('first', X, U)
-        g_Z[~self._applies] = 0.0
         if hessian == 'gauss_newton':
             of_L, of_residuals = self._over_horizon('gauss_newton', X, U)
             L_ZZ = nearest_positive_semidefinite(of_L) + of_residuals
         else:
             (L_ZZ,) = self._over_horizon('exact', X, U)
-        L_XX, L_UX, L_UU = L_ZZ[:, :n, :n], L_ZZ[:, n:, :n], L_ZZ[:, n:, n:]
-        if hessian == 'projected':
-            L_XX, L_UX, L_UU = project_stages(L_XX, L_UX, L_UU)
-        arrays = (
-            F_Z[:-1, :, :n], F_Z[:-1, :, n:],
-            L_Z[:, 0, :n], L_Z[:, 0, n:], L_XX, L_UX, L_UU,
-            h[-1, :, 0] - self.target, h_Z[-1, :, :n], h_Z[-1, :, n:],
-            self._masked(g), g_Z[:, :, :n], g_Z[:, :, n:],
-        )  # fmt: skip
-        result = Linearisation(*map(np.ascontiguousarray, arrays))
-        if not self._checked:
-            result.check(self.size)
-            self._checked = True
-        return result
+        return F_Z, L_Z[:, 0], L_ZZ, h_Z[-1], g_Z
 
-    def constraint_curvature(
+    def _curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
-    ) -> tuple[Array, Array, Array]:
+    ) -> Array:
         n, N = self.size.state, self.size.horizon
         weights = np.zeros((N + 1, n + self.size.output + self.size.path))
         weights[:N, :n] = costates
         weights[N, n : n + self.size.output] = terminal
         weights[:, n + self.size.output :] = path
-        (second,) = self._over_horizon('curvature', X, U, weights)
-        return second[:, :n, :n], second[:, n:, :n], second[:, n:, n:]
+        return self._over_horizon('curvature', X, U, weights)[0]
 
     def _over_horizon(self, name: str, X: Array, U: Array, *more: Array) -> list[Array]:
         """Outputs of a function at all stages, each of shape ``(N + 1, rows, columns)``.
@@ -311,6 +274,3 @@ class _CasadiProblem(OptimalControlProblem):
             output.full().reshape(output.shape[0], stages, output.shape[1] // stages).swapaxes(0, 1)
             for output in outputs
         ]
-
-    def _masked(self, g: Array) -> Array:
-        return np.where(self._applies, g[:, :, 0], -np.inf)

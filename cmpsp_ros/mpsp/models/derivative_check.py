@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.models.arguments import check_hessian
-from cmpsp_ros.mpsp.problem import Array, Hessian, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.models.differences import STEP, central_differences
+from cmpsp_ros.mpsp.problem import (
+    Array,
+    Hessian,
+    Linearisation,
+    OptimalControlProblem,
+    check_hessian,
+)
 
-_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 # Directions of the state that controls reach by less than this, next to the one they reach most,
 # cannot be told from rounding.
@@ -127,8 +132,9 @@ _Pair = tuple[str, Array, float]
 def _of_predict(problem: OptimalControlProblem, U: Array, lin: Linearisation) -> Iterator[_Pair]:
     N, n, r = lin.B.shape
     # dX_k/dU_j, shape (N + 1, n, N + 1, r).
-    reach, noise = _differences(problem.predict, U, [(j, b) for j in range(N) for b in range(r)])
-    reach = reach.reshape(N + 1, n, N, r)
+    places = [(j, b) for j in range(N) for b in range(r)]
+    reach = central_differences(problem.predict, U, places=places).reshape(N + 1, n, N, r)
+    noise = _noise(problem.predict(U))
     stages = np.arange(N)
     yield 'B', reach[stages + 1, :, stages], noise
     A = lin.A.copy()
@@ -151,13 +157,12 @@ def _of_evaluate(
         return np.concatenate([[at.cost], at.output_error, np.where(applies, at.g, 0.0).ravel()])
 
     Z = np.hstack([X, U])
-    places = [(k, i) for k in range(N + 1) for i in range(n + r)]
-    found, noise = _differences(values, Z, places)
+    found, noise = central_differences(values, Z), _noise(values(Z))
     m, path = problem.size.output, problem.size.path
     L_Z = found[0].reshape(N + 1, n + r)
     h_Z = found[1 : 1 + m].reshape(m, N + 1, n + r)[:, N]
     g_Z = found[1 + m :].reshape(N + 1, path, N + 1, n + r)[range(N + 1), :, range(N + 1)]
-    # Rows that do not apply are not used, whatever they hold.
+    # Rows that do not apply are not used.
     g_Z = np.where(applies[:, :, None], g_Z, np.concatenate([lin.g_X, lin.g_U], axis=2))
     for name, Z_part in (('L', L_Z), ('h', h_Z), ('g', g_Z)):
         yield f'{name}_X', Z_part[..., :n], noise
@@ -173,7 +178,7 @@ def _of_gradients(
     Z = np.hstack([X, U])
     for i in range(n + r):
         # A gradient depends on its own stage alone: all stages are moved at once.
-        ahead, behind, steps = Z.copy(), Z.copy(), _STEP * (1.0 + np.abs(Z[:, i]))
+        ahead, behind, steps = Z.copy(), Z.copy(), STEP * (1.0 + np.abs(Z[:, i]))
         ahead[:, i] += steps
         behind[:, i] -= steps
         there, here = (
@@ -182,27 +187,15 @@ def _of_gradients(
         )
         with np.errstate(invalid='ignore'):
             second[:, :, i] = (there - here) / (ahead - behind)[:, i, None]
-        noise = max(noise, _ROUNDING * np.abs(there).max() / _STEP)
+        noise = max(noise, _noise(there))
     yield 'L_XX', second[:, :n, :n], noise
     yield 'L_UX', second[:, n:, :n], noise
     yield 'L_UU', second[:, n:, n:] + proximal * np.eye(r), noise
 
 
-def _differences(
-    function: Callable[[Array], Array], at: Array, places: list[tuple[int, int]]
-) -> tuple[Array, float]:
-    """Central differences along a last axis, one column a place, and their rounding."""
-    columns, largest = [], 0.0
-    for place in places:
-        ahead, behind = at.copy(), at.copy()
-        step = _STEP * (1.0 + abs(at[place]))
-        ahead[place] += step
-        behind[place] -= step
-        there, here = function(ahead), function(behind)
-        largest = max(largest, np.abs(there).max())
-        with np.errstate(invalid='ignore'):
-            columns.append((there - here) / (ahead[place] - behind[place]))
-    return np.stack(columns, axis=-1), _ROUNDING * largest / _STEP
+def _noise(values: Array) -> float:
+    """Rounding of differences of such values."""
+    return _ROUNDING / STEP * float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def _worst(name: str, found: Array, expected: Array, noise: float, horizon: int) -> Entry:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ Scheme = Literal['complex_step', 'central']
 
 _COMPLEX_STEP = 1e-30
 # Least sum of truncation and rounding: of a first difference, and of a difference of differences.
-_STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
+STEP = float(np.finfo(float).eps ** (1.0 / 3.0))
 _TWICE = float(np.finfo(float).eps ** (1.0 / 4.0))
 _AGREEMENT = 1e-5
 
@@ -42,7 +43,7 @@ class StageFunction:
         self._states = states
 
     def __call__(self, k: int, Z: NDArray[Any]) -> NDArray[Any]:
-        """The value, not a number where Python's arithmetic gives up, complex where ``Z`` is.
+        """The value: NaN where Python's arithmetic raises, complex where ``Z`` is.
 
         Raises:
             ProblemError: The value has the wrong shape or is no number.
@@ -70,14 +71,15 @@ class StageFunction:
         """First derivatives, shape ``shape + (n + r,)``."""
         if self.scheme == 'complex_step':
             return _complex_step(self, k, Z)
-        return _central(self, k, Z, _STEP)
+        return central_differences(partial(self, k), Z)
 
     def hessian(self, k: int, Z: Array) -> Array:
         """Second derivatives of a scalar function by differences of its gradient, symmetric."""
         if self.scheme == 'complex_step':
-            second = _central(lambda k, Z: _complex_step(self, k, Z), k, Z, _STEP)
+            second = central_differences(partial(_complex_step, self, k), Z)
         else:
-            second = _central(lambda k, Z: _central(self, k, Z, _TWICE), k, Z, _TWICE)
+            gradient = partial(central_differences, partial(self, k), relative_step=_TWICE)
+            second = central_differences(gradient, Z, _TWICE)
         return 0.5 * (second + second.T)
 
     def choose_scheme(self, probes: Iterable[tuple[int, Array]]) -> None:
@@ -89,14 +91,14 @@ class StageFunction:
         self.scheme = 'central'
         agreed = False
         for k, Z in probes:
-            expected = _central(self, k, Z, _STEP)
+            expected = central_differences(partial(self, k), Z)
             if not np.isfinite(expected).all():
                 continue
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter('error', np.exceptions.ComplexWarning)
                     found = _complex_step(self, k, Z)
-            # Whatever it is that a function raises on complex numbers: it does not take them.
+            # Any error on complex numbers means that the function does not take them.
             except Exception:
                 return
             if not np.allclose(found, expected, rtol=_AGREEMENT, atol=_AGREEMENT):
@@ -116,19 +118,31 @@ def _complex_step(function: Callable[[int, NDArray[Any]], NDArray[Any]], k: int,
     return np.stack(columns, axis=-1)
 
 
-def _central(
-    function: Callable[[int, Array], NDArray[Any]], k: int, Z: Array, relative_step: float
+def central_differences(
+    function: Callable[[Array], NDArray[Any]],
+    at: Array,
+    relative_step: float = STEP,
+    places: Iterable[tuple[int, ...]] | None = None,
 ) -> Array:
+    """Derivatives by components of ``at``, along a last axis.
+
+    Args:
+        function: What is differentiated.
+        at: Where.
+        relative_step: Step, relative to 1 plus the size of the component.
+        places: Which components; None for all.
+    """
     columns = []
-    for j in range(len(Z)):
-        ahead, behind = Z.copy(), Z.copy()
-        step = relative_step * (1.0 + abs(Z[j]))
-        ahead[j] += step
-        behind[j] -= step
-        here, there = function(k, behind), function(k, ahead)
+    for place in np.ndindex(at.shape) if places is None else places:
+        ahead, behind = at.copy(), at.copy()
+        step = relative_step * (1.0 + abs(at[place]))
+        ahead[place] += step
+        behind[place] -= step
+        here, there = function(behind), function(ahead)
         # A constraint that does not apply is -inf on both sides: nothing changes.
         applies = ~(np.isneginf(here) & np.isneginf(there))
-        change = np.subtract(there, here, out=np.zeros_like(here), where=applies)
-        # Not `2 step`: what was added is what counts, after rounding.
-        columns.append(change / (ahead[j] - behind[j]))
+        with np.errstate(invalid='ignore'):
+            change = np.subtract(there, here, out=np.zeros_like(here), where=applies)
+            # Not `2 step`: what was added is what counts, after rounding.
+            columns.append(change / (ahead[place] - behind[place]))
     return np.stack(columns, axis=-1)

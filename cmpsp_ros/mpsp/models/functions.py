@@ -3,30 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cmpsp_ros.mpsp.arguments import control_bounds, terminal_target, vector, whole_number
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.models.arguments import (
-    check_hessian,
-    control_bounds,
-    terminal_target,
-    vector,
-    whole_number,
-)
 from cmpsp_ros.mpsp.models.differences import Scheme, StageFunction
-from cmpsp_ros.mpsp.problem import (
-    Array,
-    Dimensions,
-    Evaluation,
-    Hessian,
-    Linearisation,
-    OptimalControlProblem,
-)
-from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite, project_stages
+from cmpsp_ros.mpsp.models.stage_problem import StageProblem
+from cmpsp_ros.mpsp.problem import Array, Dimensions, Evaluation, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 Derivatives = Literal['auto', Scheme]
 
@@ -58,7 +45,7 @@ def from_functions(
     has no such structure, contributes the positive semi-definite part of its second derivative.
 
     A path constraint does not apply where ``g`` returns ``-inf``. Nor do those at stage 0 that
-    have the same value whatever the control: the state there is known, nothing can change them.
+    no control changes: the state there is known.
 
     Args:
         horizon: ``N``, at least 1.
@@ -119,8 +106,9 @@ def from_functions(
         None if h is None else stage('h', lambda _, x, u: h(x, u), None),
         None if g is None else stage('g', g, None),
     )
-    outputs = None if functions.h is None else functions.h.shape[0]
-    return _FunctionsProblem(N, start, r, functions, terminal_target(target, outputs), bounds)
+    reach = terminal_target(target, None if functions.h is None else functions.h.shape[0])
+    size = Dimensions(N, n, r, len(reach), 0 if functions.g is None else functions.g.shape[0])
+    return _FunctionsProblem(size, start, functions, reach, bounds)
 
 
 def _probes(start: Array, lower: Array, upper: Array) -> list[Array]:
@@ -133,8 +121,7 @@ def _probes(start: Array, lower: Array, upper: Array) -> list[Array]:
     return list(np.hstack([X, np.clip(U, lower[0], upper[0])]))
 
 
-@dataclass(frozen=True)
-class _Functions:
+class _Functions(NamedTuple):
     F: StageFunction
     L: StageFunction | None
     residuals: StageFunction | None
@@ -142,32 +129,25 @@ class _Functions:
     g: StageFunction | None
 
 
-class _FunctionsProblem(OptimalControlProblem):
+class _FunctionsProblem(StageProblem):
     def __init__(
         self,
-        horizon: int,
+        size: Dimensions,
         start: Array,
-        controls: int,
         functions: _Functions,
         target: Array,
         bounds: tuple[Array, Array],
     ) -> None:
-        path = 0 if functions.g is None else functions.g.shape[0]
-        self.size = Dimensions(horizon, len(start), controls, len(target), path)
-        self.control_lower, self.control_upper = bounds
-        self.target = target
-        self.check()
-        self._start = start
+        super().__init__(size, start, target, bounds)
         self._functions = functions
         self._fixed = self._fixed_at_start()
-        self._checked = False
 
     def _fixed_at_start(self) -> NDArray[np.bool_]:
         """Which path constraints at stage 0 no control changes, shape ``(l,)``."""
         if self._functions.g is None:
             return np.empty(0, dtype=bool)
         values = [
-            self._functions.g(0, np.concatenate([self._start, probe[len(self._start) :]]))
+            self._functions.g(0, np.concatenate([self._start, probe[self.size.state :]]))
             for probe in _probes(self._start, self.control_lower, self.control_upper)
         ]
         fixed: NDArray[np.bool_] = np.all([value == values[0] for value in values], axis=0)
@@ -181,91 +161,56 @@ class _FunctionsProblem(OptimalControlProblem):
         return X
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
-        Z = np.hstack([X, U])
-        cost = 0.0
+        Z, f = np.hstack([X, U]), self._functions
+        cost, g = 0.0, np.empty((len(Z), self.size.path))
         for k in range(len(Z)):
-            if self._functions.L is not None:
-                cost += float(self._functions.L(k, Z[k]))
-            if self._functions.residuals is not None:
-                residuals = self._functions.residuals(k, Z[k])
+            if f.L is not None:
+                cost += float(f.L(k, Z[k]))
+            if f.residuals is not None:
+                residuals = f.residuals(k, Z[k])
                 cost += 0.5 * float(residuals @ residuals)
-        return Evaluation(cost, self._output_error(Z), self._g(Z))
+            if f.g is not None:
+                g[k] = f.g(k, Z[k])
+        g[0, self._fixed] = -np.inf
+        output = np.empty(0) if f.h is None else f.h(self.size.horizon, Z[-1])
+        return Evaluation(cost, output - self.target, g)
 
-    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        check_hessian(hessian)
-        N, n = self.size.horizon, self.size.state
-        Z = np.hstack([X, U])
-        F_Z = np.array([self._functions.F.jacobian(k, Z[k]) for k in range(N)])
-        L_Z, L_ZZ = self._cost_derivatives(Z, hessian)
-        h_Z = np.zeros((self.size.output, Z.shape[1]))
-        if self._functions.h is not None:
-            h_Z = self._functions.h.jacobian(N, Z[N])
-        g, g_Z = self._g(Z), np.zeros((N + 1, self.size.path, Z.shape[1]))
-        if self._functions.g is not None:
-            for k in range(N + 1):
-                g_Z[k] = self._functions.g.jacobian(k, Z[k])
-        g_Z[g == -np.inf] = 0.0
-        L_XX, L_UX, L_UU = L_ZZ[:, :n, :n], L_ZZ[:, n:, :n], L_ZZ[:, n:, n:]
-        if hessian == 'projected':
-            L_XX, L_UX, L_UU = project_stages(L_XX, L_UX, L_UU)
-        arrays = (
-            F_Z[:, :, :n], F_Z[:, :, n:],
-            L_Z[:, :n], L_Z[:, n:], L_XX, L_UX, L_UU,
-            self._output_error(Z), h_Z[:, :n], h_Z[:, n:],
-            g, g_Z[:, :, :n], g_Z[:, :, n:],
-        )  # fmt: skip
-        result = Linearisation(*map(np.ascontiguousarray, arrays))
-        if not self._checked:
-            result.check(self.size)
-            self._checked = True
-        return result
-
-    def _cost_derivatives(self, Z: Array, hessian: Hessian) -> tuple[Array, Array]:
+    def _derivatives(self, X: Array, U: Array, hessian: Hessian) -> tuple[Array, ...]:
+        Z, f, N = np.hstack([X, U]), self._functions, self.size.horizon
         stages, d = Z.shape
-        gradient, second = np.zeros((stages, d)), np.zeros((stages, d, d))
-        L, residuals = self._functions.L, self._functions.residuals
+        F_Z = np.array([f.F.jacobian(k, Z[k]) for k in range(N)])
+        L_Z, L_ZZ = np.zeros((stages, d)), np.zeros((stages, d, d))
+        h_Z = np.zeros((0, d)) if f.h is None else f.h.jacobian(N, Z[N])
+        g_Z = np.zeros((stages, self.size.path, d))
         for k in range(stages):
-            if L is not None:
-                gradient[k] += L.jacobian(k, Z[k])
-                L_ZZ = L.hessian(k, Z[k])
-                if hessian == 'gauss_newton':
-                    L_ZZ = nearest_positive_semidefinite(L_ZZ)
-                second[k] += L_ZZ
-            if residuals is not None:
-                value, R = residuals(k, Z[k]), residuals.jacobian(k, Z[k])
-                gradient[k] += value @ R
-                second[k] += R.T @ R
+            if f.L is not None:
+                L_Z[k] += f.L.jacobian(k, Z[k])
+                of_L = f.L.hessian(k, Z[k])
+                is_gauss_newton = hessian == 'gauss_newton'
+                L_ZZ[k] += nearest_positive_semidefinite(of_L) if is_gauss_newton else of_L
+            if f.residuals is not None:
+                value, R = f.residuals(k, Z[k]), f.residuals.jacobian(k, Z[k])
+                L_Z[k] += value @ R
+                L_ZZ[k] += R.T @ R
                 if hessian != 'gauss_newton':
-                    second[k] += _weighted(residuals, value).hessian(k, Z[k])
-        return gradient, second
+                    L_ZZ[k] += _weighted(f.residuals, value).hessian(k, Z[k])
+            if f.g is not None:
+                g_Z[k] = f.g.jacobian(k, Z[k])
+        return F_Z, L_Z, L_ZZ, h_Z, g_Z
 
-    def constraint_curvature(
+    def _curvature(
         self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
-    ) -> tuple[Array, Array, Array]:
-        Z, n, N = np.hstack([X, U]), self.size.state, self.size.horizon
+    ) -> Array:
+        Z, f, N = np.hstack([X, U]), self._functions, self.size.horizon
         second = np.zeros((N + 1, Z.shape[1], Z.shape[1]))
         for k in range(N):
-            second[k] = _weighted(self._functions.F, costates[k]).hessian(k, Z[k])
-        if self._functions.h is not None:
-            second[N] += _weighted(self._functions.h, terminal).hessian(N, Z[N])
-        if self._functions.g is not None:
+            second[k] = _weighted(f.F, costates[k]).hessian(k, Z[k])
+        if f.h is not None:
+            second[N] += _weighted(f.h, terminal).hessian(N, Z[N])
+        if f.g is not None:
             for k in np.flatnonzero(path.any(axis=1)).tolist():
-                second[k] += _weighted(self._functions.g, path[k]).hessian(k, Z[k])
-        return second[:, :n, :n], second[:, n:, :n], second[:, n:, n:]
-
-    def _output_error(self, Z: Array) -> Array:
-        if self._functions.h is None:
-            return np.empty(0)
-        output: Array = self._functions.h(self.size.horizon, Z[-1])
-        return output - self.target
-
-    def _g(self, Z: Array) -> Array:
-        g = np.empty((len(Z), self.size.path))
-        if self._functions.g is not None:
-            for k in range(len(Z)):
-                g[k] = self._functions.g(k, Z[k])
-            g[0, self._fixed] = -np.inf
-        return g
+                second[k] += _weighted(f.g, path[k]).hessian(k, Z[k])
+        return second
 
 
 def _weighted(function: StageFunction, weights: Array) -> StageFunction:

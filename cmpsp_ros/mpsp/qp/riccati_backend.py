@@ -61,7 +61,7 @@ def solve_from(subproblem: Subproblem, penalties: Penalties | None, warm: Indice
 
 
 def _named(space: Space, numbers: Iterable[int]) -> tuple[Row, ...]:
-    """Rows by their numbers, in the order of these; a bound with both its sides once."""
+    """Rows by their numbers, in that order; a bound with both its sides once."""
     return tuple(dict.fromkeys(_row(space, number) for number in sorted(numbers)))
 
 

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cmpsp_ros.mpsp.analysis.convergence import Record, record
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Size, Step
+from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Size, Step, record
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
@@ -34,7 +33,7 @@ class CMPSP:
         fitted = options.fitted(size)
         self._problem = problem
         self._options = options
-        self._trust_radius = fitted.trust_radius
+        self._trust_radius = fitted[-1]
         self._driver = Driver(
             size,
             *fitted,

@@ -8,14 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.mpsp.jit.addresses import address_of
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
-from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.riccati.correction import correct
 from cmpsp_ros.mpsp.qp.riccati.fill import Space, compiled_size
 from cmpsp_ros.mpsp.qp.riccati.solver import solve
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
+from cmpsp_ros.mpsp.sqp.run import run
 from cmpsp_ros.mpsp.sqp.workspace import (
     ADD_CURVATURE,
     CORRECT,
@@ -48,14 +50,53 @@ class Functions(NamedTuple):
     evaluate: Callable[[Any, Array, Array, Array, Array], float]
     linearise: Callable[..., None]
 
-    def entries(self, data: Any, ws: Workspace) -> Functions:
-        """The machine code of compiled functions, for data of this type."""
-        at, p = ws.trial, ws.program
+    def machine_code(self, data: Any, ws: Workspace) -> Functions:
+        """The machine code of compiled functions, for data of this type, called one by one."""
+        predict, evaluate, linearise = _arguments(data, ws)
         return Functions(
-            entry_for(self.predict, data, at.U, at.X),
-            entry_for(self.evaluate, data, at.X, at.U, at.output_error, at.g),
-            entry_for(self.linearise, data, at.X, at.U, p.stages, p.path, p.terminal),
+            entry_for(self.predict, *predict),
+            entry_for(self.evaluate, *evaluate),
+            entry_for(self.linearise, *linearise),
         )
+
+    def entries(self, data: Any, ws: Workspace) -> Entries:
+        """Compiled functions in one piece with the iteration, for data of this type."""
+        predict, evaluate, linearise = _arguments(data, ws)
+        addresses = np.array(
+            [
+                address_of(None, self.predict, *predict),
+                address_of(float, self.evaluate, *evaluate),
+                address_of(None, self.linearise, *linearise),
+            ]
+        )
+        n, r = ws.program.stages['B'].shape[1:]
+        active, warm = empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
+        whole = entry_for(run, ws, active, warm, warm, addresses, addresses, data)
+        return Entries(self.machine_code(data, ws), addresses, whole)
+
+
+def _arguments(data: Any, ws: Workspace) -> tuple[tuple[Any, ...], ...]:
+    """Of each of the functions."""
+    at, p = ws.trial, ws.program
+    return (
+        (data, at.U, at.X),
+        (data, at.X, at.U, at.output_error, at.g),
+        (data, at.X, at.U, p.stages, p.path, p.terminal),
+    )
+
+
+class Entries(NamedTuple):
+    """A compiled problem.
+
+    Attributes:
+        functions: To be called one by one, where a QP back end solves the subproblems.
+        addresses: Of all three.
+        run: The whole iteration: `cmpsp_ros.mpsp.sqp.run.run`.
+    """
+
+    functions: Functions
+    addresses: Indices
+    run: Callable[..., None]
 
 
 class Driver:
@@ -111,7 +152,16 @@ class Driver:
         self._correct = entry_for(correct, ws.program, self._active, at.output_error, at.g)
         self.back_end = None
         if back_end is None:
-            self._solve = entry_for(solve, ws.program, self._active, self._warm_hard)
+            of_solve = ws.program, self._active, self._warm_hard
+            self._solve = entry_for(solve, *of_solve)
+            of_correct = ws.program, self._active, at.output_error, at.g
+            self._addresses = np.array(
+                [
+                    address_of(int, advance, ws),
+                    address_of(int, solve, *of_solve),
+                    address_of(None, correct, *of_correct),
+                ]
+            )
         else:
             space = Space(size, ws.program, self._active, self._warm_hard)
             self.back_end = BackEnd(*back_end, space)
@@ -123,7 +173,7 @@ class Driver:
         """Begin the next plan without what is known of the last one."""
         self._warm_hard[0] = self._warm_relaxed[0] = 0
 
-    def improve(self, functions: Functions, data: Any, steps: int, over: int) -> None:
+    def improve(self, functions: Functions | Entries, data: Any, steps: int, over: int) -> None:
         """Improve the plan in ``ws.trial.U``; the result is in ``ws.now`` and ``ws.run``.
 
         Where the condensed Hessian is not positive definite the compiled solver ends.
@@ -139,8 +189,14 @@ class Driver:
         self._phase[0] = START
         self.go_on(functions, data)
 
-    def go_on(self, functions: Functions, data: Any) -> None:
+    def go_on(self, functions: Functions | Entries, data: Any) -> None:
         """Go on from the phase that the workspace is in; arguments as of `improve`."""
+        if isinstance(functions, Entries):
+            if self.back_end is None:
+                memory = self.ws, self._active, self._warm_hard, self._warm_relaxed
+                functions.run(*memory, self._addresses, functions.addresses, data)
+                return
+            functions = functions.functions
         ws, trial, now, program = self.ws, self.ws.trial, self.ws.now, self.ws.program
         predict, evaluate, linearise = functions
         advance, outcome, cost = self._advance, self._outcome, self._cost

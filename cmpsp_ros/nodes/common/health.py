@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from cmpsp_ros.nodes.common.status import status_message
+from cmpsp_ros.guidance.key_values import exact_repr
 from cmpsp_ros.nodes.common.topics import HEALTH
 
 if TYPE_CHECKING:
@@ -73,6 +73,24 @@ class Health:
     def _publish_change(self) -> None:
         if self._look().marks != self._shown:
             self.publish()
+
+
+def hardware_id(node: Node) -> str:
+    """Name of the robot that a node belongs to: its namespace."""
+    return str(node.get_namespace().strip('/')) or 'robot'
+
+
+def status_message(
+    level: bytes, node: Node, kind: str, message: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    """A diagnostic status; floats are written so that they read back bit for bit."""
+    return DiagnosticStatus(
+        level=level,
+        name=f'{node.get_fully_qualified_name()}: {kind}',
+        hardware_id=hardware_id(node),
+        message=message,
+        values=[KeyValue(key=key, value=exact_repr(value)) for key, value in values.items()],
+    )
 
 
 class StepTimes:

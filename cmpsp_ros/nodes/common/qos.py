@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
     from rclpy.duration import Duration
 
-_DEPTH, _MOST_DEPTH = 10, 10_000
+_DEPTH, _MAX_DEPTH = 10, 10_000
 
 
 def hearing_all(offered: Iterable[QoSProfile], *, depth: int) -> QoSProfile:
-    """Return the most a subscription can ask for and still hear every publisher.
+    """Return the strictest request of a subscription that still hears every publisher.
 
     Args:
         offered: What the publishers offer.
@@ -59,7 +59,7 @@ def for_bag(profile: QoSProfile) -> Qos:
 
 
 def offering(recorded: Iterable[Qos]) -> QoSProfile:
-    """Return an offer that reaches whoever the recorded publishers of a topic reached.
+    """Return an offer that reaches all subscribers that the recorded publishers reached.
 
     Args:
         recorded: What they offered.
@@ -74,7 +74,7 @@ def offering(recorded: Iterable[Qos]) -> QoSProfile:
     latched = any(each.durability == QosDurability.TRANSIENT_LOCAL for each in profiles)
     depth = max((each.depth for each in profiles), default=_DEPTH)
     return QoSProfile(
-        depth=min(max(depth, 1), _MOST_DEPTH),
+        depth=min(max(depth, 1), _MAX_DEPTH),
         reliability=ReliabilityPolicy.RELIABLE
         if reliable or not profiles
         else ReliabilityPolicy.BEST_EFFORT,

@@ -7,6 +7,8 @@ and a bag is really closed.
 
 from __future__ import annotations
 
+import os
+import select
 import signal
 import threading
 import time
@@ -15,6 +17,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -35,6 +38,9 @@ WAKE_PERIOD = 0.05
 
 DELIVERY_LIMIT = 0.5
 """Longest wait at the end for subscribers to confirm what was published last [s]."""
+
+
+_WATCH_PERIOD = 0.1
 
 
 class StartupError(ValueError):
@@ -116,7 +122,7 @@ def _live(
     _ignore_signals()
     stop = getattr(node, 'stop', None)
     ends = (stop, partial(_deliver, node), executor.shutdown, node.destroy_node)
-    # Each is tried, whatever became of the one before.
+    # Each is tried, even where the one before has failed.
     failed = [end for end in ends if end is not None and not _ends_well(end, logger)]
     return 0 if healthy and not failed else 1
 
@@ -171,3 +177,32 @@ def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -
     text = ' '.join(str(error).split())
     logger.fatal(f'{type(error).__name__}: {text}' if typed or not text else text)
     logger.debug(''.join(traceback.format_exception(error)))
+
+
+class ProcessWatch:
+    """Asks this process to end, in good order, once another one has ended (Linux only)."""
+
+    def __init__(self, node: Node, process: int) -> None:
+        """Begin to watch.
+
+        Args:
+            node: The node that is to end.
+            process: Number of the other process; 0 for none.
+        """
+        self._node, self._process = node, process
+        if process:
+            try:
+                self._handle: int | None = os.pidfd_open(process)
+            except ProcessLookupError:
+                self._handle = None
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self._timer = node.create_timer(_WATCH_PERIOD, self._look, clock=steady)
+            self._look()
+
+    def _look(self) -> None:
+        # It can be read once the process has ended, waited for or not.
+        if self._handle is not None and not select.select([self._handle], [], [], 0.0)[0]:
+            return
+        self._timer.cancel()
+        self._node.get_logger().error(f'process {self._process} has ended, and so does this node')
+        os.kill(os.getpid(), signal.SIGTERM)

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
-from cmpsp_ros.nodes.common.drain_queue import catch_up, take_newest
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
@@ -23,6 +22,7 @@ from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
     from geometry_msgs.msg import PoseStamped
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.guidance.decision import Decision
     from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.nodes.common.garbage import GarbageCollection
+    from cmpsp_ros.nodes.timing.garbage import GarbageCollection
     from cmpsp_ros.parameters.table import Values
 
 _WATCH_PERIOD = 0.025
@@ -149,6 +149,7 @@ class GuidanceLoop:
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
+            *self._law.foretold,
         ]
 
     @property
@@ -192,6 +193,9 @@ class GuidanceLoop:
             self._node.get_logger().warning(decision.reason)
         else:
             self._outputs.command(decision)
+        if not self._begun:
+            for each in self._law.foretold:
+                self._node.get_logger().warning(each)
         self._begun = True
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
@@ -220,7 +224,7 @@ class GuidanceLoop:
     def _on_end(self) -> None:
         self._end_timer.cancel()
         # Odometry of that instant comes first where it is there; in lockstep it always is.
-        catch_up(self._odometry)
+        drain_queue(self._odometry)
         now, end = self._now(), self._law.ends_at
         if self.active and end is not None and now > end and not self._is_finished:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
@@ -264,7 +268,7 @@ class GuidanceLoop:
             self._use_slack()
         timeout = self._settings.odom_timeout
         if self.silence.is_longer_than(timeout, self._now()):
-            catch_up(self._odometry)
+            drain_queue(self._odometry)
         if self.silence.goes_on(timeout, self._now()):
             self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
 

@@ -8,8 +8,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from cmpsp_ros.nodes.common.compiling import LateCompilations, prepare_aloud
-from cmpsp_ros.nodes.common.garbage import GarbageCollection
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.lifecycle import (
     ACTIVE,
@@ -19,18 +18,19 @@ from cmpsp_ros.nodes.common.lifecycle import (
     guard_change_state,
 )
 from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
-from cmpsp_ros.nodes.common.process_watch import ProcessWatch
-from cmpsp_ros.nodes.common.realtime import Scheduling, check_cpu
-from cmpsp_ros.nodes.common.runtime import run
+from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
+from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
+from cmpsp_ros.nodes.timing.garbage import GarbageCollection
+from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.course import course_problems
 from cmpsp_ros.parameters.courses.roads import lacks_road
 from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.plausibility import unit_warnings
+from cmpsp_ros.parameters.plausibility import plausibility_warnings
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import is_of_ros
 from cmpsp_ros.quick_exit import quick_exit
@@ -109,6 +109,8 @@ class GuidanceNode(LifecycleNode):
         except Exception as error:  # rclpy would swallow it
             return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
+        start = settings.start_pose
+        self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
         self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
@@ -119,7 +121,7 @@ class GuidanceNode(LifecycleNode):
         self.get_logger().info('configured')
         self._garbage.settle()
         self._state = INACTIVE
-        for each in (*self._missing(), *unit_warnings(self._values)):
+        for each in self._remarks():
             self.get_logger().warning(each)
         return super().on_configure(state)
 
@@ -195,6 +197,10 @@ class GuidanceNode(LifecycleNode):
             return []
         return [f'No course: {each}' for each in course_problems(self._values, self._given)]
 
+    def _remarks(self) -> list[str]:
+        """What is to be said of the parameters before the run, in sentences."""
+        return [*self._missing(), *plausibility_warnings(self._values or {}), *self._foretold]
+
     def _give_way(self, rival: str) -> None:
         """Leave the robot to a node that began before and had not been heard."""
         if self._state == ACTIVE:
@@ -237,9 +243,9 @@ class GuidanceNode(LifecycleNode):
         if not self._is_configured:
             return report_on(self._state, self._refusal, None)
         if self._state == INACTIVE:
-            said = [*self._missing(), *unit_warnings(self._values or {})]
-            return report_on(self._state, self._refusal, self._loop, said)
-        warnings, errors = self._rivals.warnings(), self._late.errors()
+            return report_on(self._state, self._refusal, self._loop, self._remarks())
+        warnings = [*self._rivals.warnings(), *plausibility_warnings(self._values or {})]
+        errors = self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
 
     @property

@@ -9,8 +9,8 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
 from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age, tracks_of
-from cmpsp_ros.nodes.common.drain_queue import catch_up
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
+from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Path
@@ -57,7 +57,7 @@ class ObstacleInput:
         if not self._subscriptions:
             return ()
         for each in self._subscriptions:
-            catch_up(each)
+            drain_queue(each)
         timeout = self.settings.moving_obstacles.timeout
         return (*self._tracks.at(stamp, timeout), *self._plans.at(stamp, timeout))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from sensor_msgs.msg import JointState
 
-from cmpsp_ros.nodes.common.status import hardware_id
+from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.topics import (
     COMMAND,
     DECISION,

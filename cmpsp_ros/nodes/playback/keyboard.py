@@ -21,7 +21,7 @@ class Keyboard:
             tty.setcbreak(sys.stdin)
 
     def pressed(self) -> str:
-        """Whatever has been pressed since the last call."""
+        """Keys pressed since the last call."""
         keys = ''
         while self._before is not None and select.select([sys.stdin], [], [], 0.0)[0]:
             key = os.read(sys.stdin.fileno(), 1).decode(errors='replace')

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 
-class Pace:
+class PlaybackRate:
     """Bag time from wall time.
 
     It reads no clock: `now` is the time of a clock that never jumps [ns].

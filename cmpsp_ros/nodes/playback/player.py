@@ -20,7 +20,7 @@ from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topics import CLOCK
 from cmpsp_ros.nodes.playback.keyboard import Keyboard
-from cmpsp_ros.nodes.playback.playback_rate import Pace
+from cmpsp_ros.nodes.playback.playback_rate import PlaybackRate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -87,7 +87,8 @@ class Player(Node):
             for name in topics
         }
         self._clock_output = None if CLOCK.name in topics else CLOCK.publish_on(self)
-        self._pace, self._keyboard, self._count = Pace(playback.rate), Keyboard(), 0
+        self._playback_rate = PlaybackRate(playback.rate)
+        self._keyboard, self._count = Keyboard(), 0
         for name, answer in (
             ('pause', self._pause),
             ('resume', self._resume),
@@ -114,7 +115,7 @@ class Player(Node):
         self._end = self._bag.end if length is None else self._begin + round(length * 1e9)
         self._messages = self._chosen()
         self._next = next(self._messages, None)
-        self._pace.go_to(self._begin, time.monotonic_ns())
+        self._playback_rate.go_to(self._begin, time.monotonic_ns())
 
     def _chosen(self) -> Iterator[tuple[str, int, bytes]]:
         for topic, stamp, raw in self._bag.raw_together(self._topics_played):
@@ -126,9 +127,9 @@ class Player(Node):
     def _go_on(self) -> None:
         """Publish what is due, and see when to look again."""
         now = time.monotonic_ns()
-        if self._pace.paused:
+        if self._playback_rate.paused:
             return
-        reached = self._pace.stamp(now)
+        reached = self._playback_rate.stamp(now)
         for _ in range(_BATCH):
             if self._next is None or self._next[1] > reached:
                 break
@@ -142,7 +143,7 @@ class Player(Node):
             return
         coming = self._end if self._next is None else self._next[1]
         self._tell_time(min(reached, coming))
-        self._look_again(min(self._pace.until(coming, now), _CLOCK_PERIOD))
+        self._look_again(min(self._playback_rate.until(coming, now), _CLOCK_PERIOD))
 
     def _look_again(self, wait: int) -> None:
         self._timer.timer_period_ns = max(wait, _SHORTEST_WAIT)
@@ -166,17 +167,17 @@ class Player(Node):
             self.get_logger().info(self._toggle())
 
     def _pause(self) -> str:
-        self._pace.pause(time.monotonic_ns())
+        self._playback_rate.pause(time.monotonic_ns())
         return 'paused'
 
     def _resume(self) -> str:
-        if self._pace.paused:
-            self._pace.resume(time.monotonic_ns())
+        if self._playback_rate.paused:
+            self._playback_rate.resume(time.monotonic_ns())
             self._look_again(0)
         return 'playing'
 
     def _toggle(self) -> str:
-        return self._resume() if self._pace.paused else self._pause()
+        return self._resume() if self._playback_rate.paused else self._pause()
 
     @staticmethod
     def _service(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-class FirstValues:
+class InitialParameters:
     """What is known of the parameters of one node, from its start to its end.
 
     The order of calls is that of hearing: `asked`, `answered`, and in between and for a while after
@@ -63,7 +63,7 @@ class FirstValues:
             return
         for key, value in self._answer.items():
             after = [repr(each) for each in self._changed.get(key, ())]
-            # One of these values may be that of before a change, or that of after it.
+            # It may be the value before a change, or the one after it.
             if key in self._lost or repr(value) in after:
                 self._lost.add(key)
             else:

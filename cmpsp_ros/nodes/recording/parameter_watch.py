@@ -12,7 +12,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 from rclpy.serialization import deserialize_message
 
-from cmpsp_ros.nodes.recording.initial_parameters import FirstValues
+from cmpsp_ros.nodes.recording.initial_parameters import InitialParameters
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -65,7 +65,7 @@ class _Life:
         before: What a reader of the bag would take its values for, if nothing more were said.
     """
 
-    values: FirstValues = field(default_factory=FirstValues)
+    values: InitialParameters = field(default_factory=InitialParameters)
     since: int = 0
     before: Mapping[str, Any] | None = None
 

@@ -50,7 +50,7 @@ class _Unattended(CallbackGroup):
         """Nothing begins, so nothing ends."""
 
 
-class Inbox:
+class RawSubscriptions:
     """The queues of subscriptions that no executor serves.
 
     They are gone through one after the other. A message that comes meanwhile may so be found
@@ -75,7 +75,7 @@ class Inbox:
         """Take what has come since the last round, in the order in which it came.
 
         Args:
-            only: Of these topics; None for all.
+            only: Names of topics; None for all.
             all_: There is no next round.
         """
         begun = time.time_ns()

@@ -26,7 +26,7 @@ from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
 from cmpsp_ros.nodes.recording.parameter_watch import ParameterWatch
-from cmpsp_ros.nodes.recording.raw_subscriptions import Inbox
+from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
 from cmpsp_ros.nodes.recording.simulated_time import TOPIC, SimulatedTime
 from cmpsp_ros.nodes.recording.written import ByTopic, Written, to_values
 from cmpsp_ros.quick_exit import quick_exit
@@ -85,7 +85,7 @@ class Recorder(Node):
         self._topics: dict[str, _Recorded] = {}
         self._written: ByTopic = defaultdict(Written)
         self._left_out: set[str] = set()
-        self._inbox = Inbox()
+        self._queues = RawSubscriptions()
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
@@ -184,12 +184,12 @@ class Recorder(Node):
             name,
             lambda _: None,
             hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
-            callback_group=self._inbox.group,
+            callback_group=self._queues.group,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
             raw=True,
         )
         self._topics[name] = _Recorded(subscription, count)
-        self._inbox.add(name, subscription)
+        self._queues.add(name, subscription)
 
     def _check_publishers(self, name: str, subscription: Subscription) -> None:
         for each in self.get_publishers_info_by_topic(name):
@@ -213,7 +213,7 @@ class Recorder(Node):
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
         waits = simulated and not self._simulated.begun and not ending
-        came = self._inbox.take((TOPIC,) if waits else None, all_=ending)
+        came = self._queues.take((TOPIC,) if waits else None, all_=ending)
         if simulated:
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:
@@ -282,7 +282,7 @@ def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
 
 
 def _run(make_node: Callable[[], Recorder], args: Sequence[str] | None = None) -> int:
-    # The default one would call back for every message, in spite of the inbox.
+    # The default one would call back for every message, in spite of the queues.
     return run(make_node, name='recorder', args=args, make_executor=SingleThreadedExecutor)
 
 

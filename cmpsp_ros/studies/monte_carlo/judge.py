@@ -24,10 +24,12 @@ from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
-from cmpsp_ros.studies.monte_carlo.slalom import slalom
+from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
+from cmpsp_ros.studies.monte_carlo.slalom import at_constant_speed, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge
+from cmpsp_ros.world.roads.road_space import ANNULUS
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,9 @@ NAME: Final = 'judged.json'
 
 _OFFSETS: Final = (0.0, 0.5, -0.5, 0.8, -0.8)
 """Parts of the road's half width beside its centre, where guesses lead [1]."""
+
+_SPARE: Final = (0.15, 0.3, 0.08, 0.02)
+"""Beside the margin kept from everything, where guesses lead on other roads [m]."""
 
 _MISS, _ROUNDING, _UNGUARDED_MARGIN = 1e-4, 1e-6, 0.02
 
@@ -58,7 +63,7 @@ def judged(task: Task) -> dict[str, Any]:
         StudyError: CasADi is not installed.
     """
     pose = np.array(task.scenario.pose)
-    way = task.settings.annulus.shortest_length(task.scenario.pose[:2], task.settings.goal)
+    way = task.settings.road.shortest_length(task.scenario.pose[:2], task.settings.goal)
     if way > farthest(task):
         return {'answer': OUT_OF_REACH}
     # First what the guidance law keeps to, then samples alone with a little to spare.
@@ -123,6 +128,12 @@ def _slowed(task: Task) -> DifferentialDrive:
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
     """Where to start from decides on which side obstacles are passed: where most room is, first."""
+    if settings.road.space(0.0).kind != ANNULUS:
+        for spare in _SPARE:
+            points = grid_path(settings, pose, spare)
+            if len(points):
+                yield at_constant_speed(settings, pose, points)
+        return
     road = settings.annulus
     half = (road.outer_radius - road.inner_radius) / 2.0
     steps = round(settings.final_time / settings.control_period)

@@ -18,6 +18,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
 from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
 from cmpsp_ros.view.palette import LEVEL_COLORS
+from cmpsp_ros.world.obstacles.shapes import outline
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -32,7 +33,7 @@ _FAILED: Final = ('tab:red', 1.2)
 
 
 def draw_study(
-    folder: Path, title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome],
+    folder: Path, title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome],
     tolerance: float,
 ) -> list[Path]:  # fmt: skip
     """Draw all paths into one picture, and the spread of miss and clearance into another.
@@ -40,7 +41,7 @@ def draw_study(
     Args:
         folder: Where to.
         title: Of both.
-        settings: Road and goal.
+        settings: Road and goal, where all runs have the same.
         outcomes: Of all runs.
         tolerance: Miss up to which a run has arrived [m].
     """
@@ -63,11 +64,13 @@ def draw_run(path: Path, title: str, driven: Driven) -> Path:
 
 
 def _paths(
-    title: str, settings: GuidanceSettings, outcomes: Sequence[Outcome], tolerance: float
+    title: str, settings: GuidanceSettings | None, outcomes: Sequence[Outcome], tolerance: float
 ) -> Figure:
     figure = Figure(figsize=(WIDTH, WIDTH), layout='constrained')
     axes = figure.add_subplot()
-    _draw_place(axes, settings)
+    if settings is not None:
+        _draw_place(axes, settings)
+        axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
     named = set[Verdict]()
     # What went wrong is drawn last, on top.
     for each in sorted(outcomes, key=lambda each: each.failed(tolerance)):
@@ -76,7 +79,7 @@ def _paths(
         label = None if verdict in named else verdict.value
         named.add(verdict)
         axes.plot(each.x, each.y, color=color, lw=width, alpha=0.8, label=label)
-    axes.plot(*settings.goal, '*', color='white', mec='black', ms=9, zorder=6)
+    axes.set_aspect('equal')
     figure.legend(loc='outside lower center', ncols=len(named))
     axes.set_title(title)
     return figure
@@ -123,7 +126,7 @@ def _draw_way(axes: Axes, driven: Driven) -> None:
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
-    boxes = [np.add(each.center, [[-each.radius], [each.radius]]) for each in shapes]
+    boxes = [outline(each, each.radius) for each in shapes]
     show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 
@@ -135,7 +138,8 @@ def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
 def _draw_clearance(axes: Axes, driven: Driven) -> None:
     clearance = driven.clearance()
     times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
-    names = ('outer edge', 'inner edge', *(each.name for each in driven.task.settings.obstacles))
+    settings = driven.task.settings
+    names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
     for level, color in LEVEL_COLORS.items():

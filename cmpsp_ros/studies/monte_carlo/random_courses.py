@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any, Final
+from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -27,12 +27,22 @@ _HALF_WIDTHS: Final = (0.6, 1.4)
 _APART: Final = (1.6, 2.6)
 _FROM_END: Final = 1.2
 _THIN: Final = 0.05
-_HEADINGS: Final = math.pi / 4.0
+_HEADINGS: Final = math.pi / 2.0
 # Fraction of the top speed that is needed for the straight way, and what is added to it [m].
-_PACE: Final = 0.6
+_PACE: Final = (0.5, 0.75)
 _DETOUR: Final = 3.0
 _CLEAR: Final = 0.4
 _ATTEMPTS: Final = 1000
+
+
+class _Course(NamedTuple):
+    """A road, where it is driven from and to, what lies on it, and about how long it is [m]."""
+
+    road: Road
+    pose: tuple[float, float, float]
+    goal: Point
+    obstacles: Sequence[Shape]
+    length: float
 
 
 def corridor_scenario(
@@ -46,18 +56,17 @@ def corridor_scenario(
     plant_seed = int(random.integers(2**31))
     road = _corridor(random)
     needed, length = GAP + 2.0 * settings.robot_radius, road.length
-    pose, _ = _place(road, 0.5)
-    goal, _ = _place(road, length - 0.5)
+    (x, y, heading), _ = _place(road, 0.5)
+    (*goal, _), _ = _place(road, length - 0.5)
     obstacles, at = list[Shape](), 0.5 + _FROM_END
     for index in range(int(random.integers(1, max(most_obstacles, 1) + 1))):
         at += random.uniform(0.0, 1.0) if index == 0 else random.uniform(*_APART)
         if at > length - 0.5 - _FROM_END:
             break
         obstacles.append(_across(random, road, at, needed, f'o{index + 1}'))
-    heading = pose[2] + random.uniform(-_HEADINGS, _HEADINGS)
-    return _scenario(
-        settings, number, plant_seed, road, (pose[0], pose[1], heading), goal[:2], obstacles, length
-    )
+    pose = (x, y, heading + random.uniform(-_HEADINGS, _HEADINGS))
+    course = _Course(road, pose, (goal[0], goal[1]), obstacles, length)
+    return _scenario(settings, number, random, plant_seed, course)
 
 
 def floor_scenario(
@@ -73,35 +82,31 @@ def floor_scenario(
     goal = (distance * math.cos(course), distance * math.sin(course))
     pose = (0.0, 0.0, course + random.uniform(-_HEADINGS, _HEADINGS))
     obstacles: list[Shape] = []
+    ends = np.array([[*pose], [*goal, 0.0]])
     for index in range(int(random.integers(1, max(most_obstacles, 1) + 1))):
         for _ in range(_ATTEMPTS):
             along, across = random.uniform(1.0, distance - 1.0), random.normal(0.0, 0.6)
             center = _moved((0.0, 0.0), course, along, across)
-            drawn = _shape(random, center, random.uniform(-math.pi, math.pi), f'o{index + 1}')
-            ends = np.array([[*pose], [*goal, 0.0]])
-            away = FreeSpace.of(OpenFloor(), [drawn], settings.robot_radius).at(ends)[:, 2]
+            drawn = _shapes(random, center, course, f'o{index + 1}')
+            away = FreeSpace.of(OpenFloor(), drawn, settings.robot_radius).at(ends)[:, 2:]
             if away.min() >= _CLEAR:
-                obstacles.append(drawn)
+                obstacles += drawn
                 break
-    return _scenario(
-        settings, number, plant_seed, OpenFloor(), pose, goal, obstacles, distance + _DETOUR
-    )
+    whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
+    return _scenario(settings, number, random, plant_seed, whole)
 
 
 def _scenario(
     settings: GuidanceSettings,
     number: int,
+    random: _Random,
     plant_seed: int,
-    road: Road,
-    pose: tuple[float, float, float],
-    goal: Point,
-    obstacles: Sequence[Shape],
-    length: float,
+    course: _Course,
 ) -> Scenario:
-    period = settings.control_period
-    time = math.ceil(length / _PACE / settings.robot.max_speed / period) * period
-    changes: dict[str, Any] = {'road': road, 'goal': goal, 'final_time': round(time, 6)}
-    return Scenario(number, pose, tuple(obstacles), plant_seed, changes)
+    pace, period = random.uniform(*_PACE) * settings.robot.max_speed, settings.control_period
+    time = round(math.ceil(course.length / pace / period) * period, 6)
+    changes = {'road': course.road, 'goal': course.goal, 'final_time': time}
+    return Scenario(number, course.pose, tuple(course.obstacles), plant_seed, changes)
 
 
 def _corridor(random: _Random) -> Corridor:
@@ -146,13 +151,24 @@ def _across(random: _Random, road: Corridor, at: float, gap: float, name: str) -
     return _box((x, y), tilted if size < 0.6 else heading, deep, size, name)
 
 
-def _shape(random: _Random, center: Point, heading: float, name: str) -> Shape:
-    kind = int(random.integers(3))
+def _shapes(random: _Random, center: Point, course: float, name: str) -> list[Shape]:
+    """A post, a wall, a crate, or three walls around a pocket that opens towards the start."""
+    kind, heading = int(random.integers(4)), random.uniform(-math.pi, math.pi)
     if kind == 0:
-        return Obstacle(name, center, float(random.uniform(0.1, 0.8)))
+        return [Obstacle(name, center, float(random.uniform(0.1, 0.8)))]
     if kind == 1:
-        return _box(center, heading, _THIN, random.uniform(0.5, 3.0), name)
-    return _box(center, heading, random.uniform(0.3, 1.2), random.uniform(0.3, 1.2), name)
+        return [_box(center, heading, _THIN, random.uniform(0.5, 3.0), name)]
+    if kind == 2:
+        deep, wide = random.uniform(0.3, 1.2, 2).tolist()
+        return [_box(center, heading, deep, wide, name)]
+    wide, deep = random.uniform(0.6, 2.0), random.uniform(0.3, 1.0)
+    heading = course + random.uniform(-0.5, 0.5)
+    sides = [_moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
+    return [
+        _box(center, heading, _THIN, wide, f'{name}_back'),
+        _box(sides[0], heading + math.pi / 2.0, _THIN, deep, f'{name}_right'),
+        _box(sides[1], heading + math.pi / 2.0, _THIN, deep, f'{name}_left'),
+    ]
 
 
 def _box(center: Point, heading: float, deep: float, wide: float, name: str) -> Shape:
@@ -170,10 +186,3 @@ def _box(center: Point, heading: float, deep: float, wide: float, name: str) -> 
 def _moved(point: Point, heading: float, along: float, left: float) -> Point:
     cosine, sine = math.cos(heading), math.sin(heading)
     return point[0] + along * cosine - left * sine, point[1] + along * sine + left * cosine
-
-
-DRAW: Final[dict[str, Callable[[GuidanceSettings, int, int, int], Scenario]]] = {
-    'corridors': corridor_scenario,
-    'floor': floor_scenario,
-}
-"""By the name of the study."""

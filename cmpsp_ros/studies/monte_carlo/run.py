@@ -122,7 +122,7 @@ def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Pr
     study, folder = order.study, order.folder
     advance = progress('pictures', 1 + len(failed))
     title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
-    settings = study.told()[0]
+    settings = None if study.kind.has_own_roads else study.told()[0]
     pictures.draw_study(folder, title, settings, outcomes, study.tolerance)
     advance(1)
     beside = folder / 'failures'

@@ -27,7 +27,7 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
         Poses along it and wheel speeds that nearly lead from one to the next; no robot could
         follow its corners.
     """
-    road, robot = settings.annulus, settings.robot
+    road = settings.annulus
     start = (float(pose[0]), float(pose[1]))
     ahead = road.angle_between(start, settings.goal)
     knots = [(0.0, math.dist(start, road.center))]
@@ -42,6 +42,18 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
     bearings = bearing + math.copysign(1.0, ahead) * turned
     away = np.interp(turned, angles, distances)[:, None]
     fine = road.center + away * np.column_stack([np.cos(bearings), np.sin(bearings)])
+    return at_constant_speed(settings, pose, fine)
+
+
+def at_constant_speed(settings: GuidanceSettings, pose: Array, fine: Array) -> Path:
+    """A line as a path from a pose, at a constant speed.
+
+    Args:
+        settings: Robot and time.
+        pose: Shape ``(3,)`` [m, m, rad].
+        fine: Points of the line, shape ``(K, 2)`` [m].
+    """
+    robot = settings.robot
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1))])
     steps = round(settings.final_time / settings.control_period)
     at = np.linspace(0.0, length[-1], steps + 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
@@ -15,8 +15,8 @@ from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.errors import StudyError
+from cmpsp_ros.studies.monte_carlo.random_courses import corridor_scenario, floor_scenario
 from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
-from cmpsp_ros.world.roads.annulus import Annulus
 
 PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4
@@ -29,6 +29,9 @@ _ALWAYS: Final = {
 }
 
 
+_WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
+
+
 @dataclass(frozen=True)
 class Kind:
     """What makes one study differ from another.
@@ -36,12 +39,19 @@ class Kind:
     Attributes:
         changes: Parameters that differ from those of the preset.
         tolerance: Miss up to which a run has arrived [m].
+        draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
         lateness: Longest time that a control step takes, in control periods.
     """
 
     changes: Mapping[str, Any]
     tolerance: float
+    draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
     lateness: float = 0.0
+
+    @property
+    def has_own_roads(self) -> bool:
+        """Whether each run has another road."""
+        return self.draw is not scenario
 
 
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
@@ -67,6 +77,8 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             0.05,
             lateness=1.5,
         ),
+        'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
+        'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
     }
 )
 
@@ -90,7 +102,12 @@ class Study:
     @property
     def tolerance(self) -> float:
         """Miss up to which a run has arrived [m]."""
-        return KINDS[self.name].tolerance
+        return self.kind.tolerance
+
+    @property
+    def kind(self) -> Kind:
+        """What makes it differ from other studies."""
+        return KINDS[self.name]
 
     def values(self) -> dict[str, Any]:
         """All parameters, without obstacles.
@@ -104,12 +121,12 @@ class Study:
         given = load_parameter_file(PRESET)
         for name in given['obstacles.names']:
             given = {k: v for k, v in given.items() if not k.startswith(f'obstacles.{name}.')}
-        given |= {**_ALWAYS, **KINDS[self.name].changes}
+        given |= {**_ALWAYS, **self.kind.changes}
         given.update(parse_assignment(each) for each in self.assignments)
         values = TABLE.resolve(given)
         settings = guidance_settings(values)
         plant_settings(values)
-        if not isinstance(settings.road, Annulus):
+        if values['road.type'] != 'annulus':
             raise StudyError(f'road.type: found {values["road.type"]}, wanted annulus')
         width = settings.road.width
         needed = max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
@@ -126,12 +143,12 @@ class Study:
     def run(self, number: int) -> Task:
         """What the run of that number is."""
         settings, plant = self.told()
-        drawn = scenario(settings, self.seed, number, self.most_obstacles)
+        drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
         return Task(
             drawn,
-            replace(settings, obstacles=drawn.obstacles),
+            replace(settings, obstacles=drawn.obstacles, **drawn.changes),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
-            KINDS[self.name].lateness,
+            self.kind.lateness,
         )
 
     def command(self, number: int) -> str:

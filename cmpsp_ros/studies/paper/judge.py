@@ -17,6 +17,7 @@ from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sam
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.studies.paper.judge_space import JudgeSpace
 
 Array = NDArray[np.float64]
 
@@ -57,12 +58,13 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
             'casadi: not installed, wanted for the judge; pip install casadi'
         ) from error
     steps = round(settings.final_time / settings.control_period)
-    robot, road, space = settings.robot, settings.annulus, sample_space(settings)
+    robot, space = settings.robot, sample_space(settings)
     end = goal_space(settings, settings.target) or space
     opti = casadi.Opti()
     U, X = opti.variable(2, steps), opti.variable(3, steps + 1)
     opti.subject_to(X[:, 0] == pose)
-    cost: Any = (np.linalg.norm(pose[:2] - np.array(road.center)) - road.center_radius) ** 2
+    kept_to = JudgeSpace(casadi, opti, settings, start)
+    cost: Any = kept_to.off_center(X[:2, 0], 0, space) ** 2
     for k in range(steps):
         length = (U[0, k] + U[1, k]) * robot.wheel_radius / 2.0 * settings.control_period
         turn = (U[0, k] - U[1, k]) * robot.wheel_radius / (2.0 * robot.half_track)
@@ -75,19 +77,16 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
             length * sinc * casadi.cos(course), length * sinc * casadi.sin(course), 2.0 * half
         )
         opti.subject_to(X[:, k + 1] == X[:, k] + moved)
-        away = X[:2, k + 1] - np.array(road.center)
-        radius = casadi.sqrt(casadi.sumsqr(away))
-        cost += (radius - road.center_radius) ** 2
         here = end if k + 1 == steps else space
-        edges = here.annulus
-        opti.subject_to(opti.bounded(float(edges.inner[0]), radius, float(edges.outer[0])))
-        for center, kept in zip(here.centers, here.radii, strict=True):
-            opti.subject_to(casadi.sumsqr(X[:2, k + 1] - center) >= float(kept) ** 2)
+        cost += kept_to.off_center(X[:2, k + 1], k + 1, here) ** 2
+        kept_to.keep_clear(X[:2, k + 1], k + 1, here)
     opti.subject_to(X[:2, steps] == np.array(settings.goal))
     if np.isfinite(robot.max_wheel_speed):
         limit = robot.max_wheel_speed
         opti.subject_to(opti.bounded(-limit, casadi.vec(U), limit))
-    opti.minimize(0.5 * settings.weights.road_center * cost)
+    cost = 0.5 * settings.weights.road_center * cost
+    # Without a centre line the least turning of the wheels.
+    opti.minimize(cost if settings.road.has_center_line else casadi.sumsqr(U))
     opti.set_initial(U, start.wheel_speeds.T)
     opti.set_initial(X, start.poses.T)
     quiet: dict[str, Any] = {'print_level': 0, 'sb': 'yes', 'max_iter': 500}
@@ -99,6 +98,6 @@ def judge(settings: GuidanceSettings, pose: Array, start: Path) -> Judgement:
     return Judgement(
         feasible=status in {'Solve_Succeeded', 'Solved_To_Acceptable_Level'},
         status=status,
-        cost=float(opti.debug.value(opti.f)),
+        cost=float(opti.debug.value(cost)),
         wheel_speeds=np.asarray(opti.debug.value(U)).T,
     )

@@ -88,14 +88,6 @@ class Annulus(Road):
         tangents = math.sqrt(near**2 - radius**2) + math.sqrt(far**2 - radius**2)
         return tangents + radius * (turned - free)
 
-    def gap_beside(self, center: Point, radius: float, start: Point, goal: Point) -> float:
-        """Between the disc and an edge; infinite where the way does not lead past it [m]."""
-        turned, whole = self.angle_between(start, center), self.angle_between(start, goal)
-        if not 0.0 < turned / (whole or math.inf) < 1.0:
-            return math.inf
-        away = math.dist(center, self.center)
-        return max(self.outer_radius - away - radius, away - radius - self.inner_radius)
-
     def angle_between(self, start: Point, goal: Point) -> float:
         """Angle about the centre from start to goal the shorter way round, to the left [rad]."""
         x_0, y_0 = self.center

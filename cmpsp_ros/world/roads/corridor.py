@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.world.roads.center_line import CenterLine, Samples, fit, sample
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road import Point, Road
 from cmpsp_ros.world.roads.road_space import CORRIDOR, PIECE, RoadSpace, road_space
 
 Array = NDArray[np.float64]
@@ -138,6 +138,32 @@ class Corridor(Road):
         along = (point[0] - at.x[nearest]) * at.cosine[nearest]
         along += (point[1] - at.y[nearest]) * at.sine[nearest]
         return max(0.0, float(-along if nearest == 0 else along))
+
+    def shortest_length(self, start: Point, goal: Point, distance: float = 0.0) -> float:
+        """Along the inner edges of all curves between start and goal, the shorter way round.
+
+        Where the road crosses itself, from whichever part of it to whichever is nearer.
+        """
+        at, step = self._samples, np.diff(self._samples.progress, append=self.length)
+        inside = np.maximum(at.curvature * at.widths[0, 0], -at.curvature * at.widths[1, 0])
+        beside = np.maximum(inside - distance * np.abs(at.curvature), 0.0)
+        driven = np.cumsum(step * (1.0 - beside)) - step
+        here, there = (driven[self._nearest(each)] for each in (start, goal))
+        lengths = np.abs(here[:, None] - there)
+        if self.closed:
+            lengths = np.minimum(lengths, float(driven[-1]) - lengths)
+        # Start and goal are beside points between two samples.
+        return max(float(lengths.min() - 2.0 * step.max()), math.dist(start, goal))
+
+    def _nearest(self, point: Point) -> NDArray[np.int64]:
+        """Numbers of the samples that are nearest to a point, one for each part of the road."""
+        away = np.hypot(self._samples.x - point[0], self._samples.y - point[1])
+        before, after = np.roll(away, 1), np.roll(away, -1)
+        if not self.closed:
+            before[0] = after[-1] = math.inf
+        nearest = (away <= before) & (away <= after) & (away <= self.width)
+        nearest[away.argmin()] = True
+        return np.flatnonzero(nearest)
 
     @cached_property
     def _line(self) -> CenterLine:

@@ -71,7 +71,3 @@ class Road(ABC):
     def shortest_length(self, start: Point, goal: Point, distance: float = 0.0) -> float:  # noqa: ARG002
         """A length that no path is shorter than that keeps the distance from both edges [m]."""
         return math.dist(start, goal)
-
-    def gap_beside(self, center: Point, radius: float, start: Point, goal: Point) -> float:  # noqa: ARG002
-        """Width of the wider gap beside a disc between start and goal, where it is known [m]."""
-        return math.inf

@@ -49,3 +49,14 @@ def test_the_clock_stops_the_robot_and_odometry_judges_the_goal(
     assert (decision['finished'], decision['halted']) == ('true', 'false')
     assert 'm from the goal' in decision['reason']
     assert command == (0.0, 0.0)
+
+
+def test_what_cannot_be_done_is_foretold_by_the_node(start_node, client, make_odometry):
+    start_node('guidance_node', {'final_time': 5.0, 'cmd_vel_timeout': 0.1})
+    client.connect()
+    client.until_health(state='active')
+    decision, _ = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
+    assert 'The goal is out of reach by ' in decision['reason']
+    health = client.until_health(said='The goal is out of reach by ')
+    assert 'control_period = 0.2 s is not shorter than cmd_vel_timeout = 0.1 s' in health['said']
+    assert health['level'] != b'\x00'

@@ -114,4 +114,4 @@ def test_the_command_writes_and_tells(tmp_path):
         'written',
     ):
         assert said in done.stdout
-    assert json.loads(path.read_text())['presets_ms'].keys() == {'case1'}
+    assert json.loads(path.read_text())['presets'][0]['name'] == 'case1'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,6 +169,9 @@ def test_the_two_failures_are_both_told():
     assert summary.failure == (
         'the goal was missed by 0.5 m and the path cut road edge or obstacle by 0.1 m'
     )
+    said = replace(summary, clearance=0.1, reason='The robot waits.').failure
+    assert said == 'the goal was missed by 0.5 m; guidance said: The robot waits.'
+    assert replace(summary, clearance=0.1, reached=True, reason='The robot waits.').failure == ''
 
 
 def test_pictures_are_drawn_without_plans_obstacles_or_limit(write_bag, tmp_path):

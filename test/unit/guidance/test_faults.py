@@ -202,7 +202,8 @@ def shortest_way(start, goal, inner):
 def test_goal_out_of_reach(fault):
     given = replace(EMPTY, final_time=5.0)
     run = closed_loop(given, steps=25)
-    for decision in run.moves:
+    assert 'The goal is out of reach by' in run.moves[0].reason
+    for decision in run.moves[1:]:
         assert_is(fault, decision)
         assert f'ends {decision.miss:.3g} m from the goal.' in decision.reason
     assert_safe(run, given)

@@ -1,11 +1,13 @@
-"""Small optimal control problems for the tests of the method, and a judge of derivatives."""
+"""Small optimal control problems for the tests of the method, and a check of derivatives."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 
+from cmpsp_ros.mpsp.models.derivative_check import check_derivatives
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import (
     Dimensions,
@@ -174,69 +176,41 @@ def differences(function, at, step=1e-6):
 
 
 def assert_derivatives(problem, U, hessian=None, proximal=0.0, atol=1e-6):
-    """Every array of a linearisation against differences of `predict` and `evaluate`.
+    """Every array of a linearisation is that of `predict` and `evaluate`.
 
     Args:
         problem: The problem.
         U: Where, shape ``(N + 1, r)``.
         hessian: Kind whose second derivatives of the cost are to be compared; None for none.
         proximal: What the linearisation adds to the diagonal of ``L_UU`` by intent.
-        atol: Absolute tolerance.
+        atol: Largest error.
     """
     X = problem.predict(U)
-    lin = problem.linearise(X, U, hessian or 'gauss_newton')
+    lin, here = problem.linearise(X, U), problem.evaluate(X, U)
     lin.check(problem.size)
-    size = problem.size
-    same = {'atol': atol, 'rtol': 1e-6}
-    np.testing.assert_allclose(
-        lin.L_X, differences(lambda x: np.array(problem.evaluate(x, U).cost), X), **same
-    )
-    np.testing.assert_allclose(
-        lin.L_U, differences(lambda u: np.array(problem.evaluate(X, u).cost), U), **same
-    )
-    here = problem.evaluate(X, U)
     np.testing.assert_array_equal(lin.output_error, here.output_error)
     np.testing.assert_array_equal(lin.g, here.g)
+    report = check_derivatives(problem, U, atol, hessian, proximal)
+    assert report.is_right, report
 
-    applies = np.isfinite(lin.g)
-    state = differences(lambda x: np.where(applies, problem.evaluate(x, U).g, 0.0), X)
-    control = differences(lambda u: np.where(applies, problem.evaluate(X, u).g, 0.0), U)
-    miss_X = differences(lambda x: problem.evaluate(x, U).output_error, X)
-    miss_U = differences(lambda u: problem.evaluate(X, u).output_error, U)
-    for k in range(size.horizon + 1):
-        rows = applies[k]
-        np.testing.assert_allclose(lin.g_X[k, rows], state[k, rows, k], **same)
-        np.testing.assert_allclose(lin.g_U[k, rows], control[k, rows, k], **same)
-        # What a stage's constraint depends on is that stage alone.
-        assert not np.delete(state[k], k, axis=1).any()
-        assert not np.delete(control[k], k, axis=1).any()
-    np.testing.assert_allclose(lin.h_X, miss_X[:, -1], **same)
-    np.testing.assert_allclose(lin.h_U, miss_U[:, -1], **same)
-    assert not miss_X[:, :-1].any()
-    assert not miss_U[:, :-1].any()
 
-    roll_out = differences(problem.predict, U)
-    for j in range(size.horizon):
-        np.testing.assert_allclose(lin.B[j], roll_out[j + 1, :, j], **same)
-        for k in range(j + 1, size.horizon):
-            np.testing.assert_allclose(lin.A[k] @ roll_out[k, :, j], roll_out[k + 1, :, j], **same)
-    if hessian is None:
-        return
-
-    def slope(x, u):
-        at = problem.linearise(x, u, hessian)
-        return np.hstack([at.L_X, at.L_U])
-
-    by_state = differences(lambda x: slope(x, U), X)
-    by_control = differences(lambda u: slope(X, u), U)
-    n = size.state
-    for k in range(size.horizon + 1):
-        np.testing.assert_allclose(lin.L_XX[k], by_state[k, :n, k], **same)
-        np.testing.assert_allclose(lin.L_UX[k], by_state[k, n:, k], **same)
-        np.testing.assert_allclose(lin.L_UX[k].T, by_control[k, :n, k], **same)
-        np.testing.assert_allclose(
-            lin.L_UU[k], by_control[k, n:, k] + proximal * np.eye(size.control), **same
-        )
+def assert_same_problem(found, wanted, U, kinds, atol):
+    """Prediction, value and derivatives with each kind of Hessian are the same."""
+    X = wanted.predict(U)
+    np.testing.assert_allclose(found.predict(U), X, atol=1e-12)
+    here, there = found.evaluate(X, U), wanted.evaluate(X, U)
+    assert here.cost == pytest.approx(there.cost, rel=1e-12)
+    np.testing.assert_allclose(here.output_error, there.output_error, atol=1e-12)
+    np.testing.assert_allclose(here.g, there.g, atol=1e-12)
+    applies = np.isfinite(there.g)
+    for kind in kinds:
+        lin, reference = found.linearise(X, U, kind), wanted.linearise(X, U, kind)
+        lin.check(found.size)
+        for name, array in vars(reference).items():
+            mask = applies if name in {'g_X', 'g_U'} else ...
+            pair = getattr(lin, name)[mask], array[mask]
+            np.testing.assert_allclose(*pair, atol=atol, err_msg=f'{name} {kind}')
+            assert getattr(lin, name).flags.c_contiguous
 
 
 def options_for(problem, **changes):

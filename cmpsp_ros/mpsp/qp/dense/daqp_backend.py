@@ -15,7 +15,7 @@ _EQUALITY = 5
 _SOFT = 8
 _INFEASIBLE = -1
 _UNBOUNDED = 1e30
-# daqp adds slack^2 / (2 rho) to the linear penalty, which is negligible for any of these. Large
+# daqp adds slack^2 / (2 rho) to the linear penalty, which is negligible for both. Large
 # ones lose the pull between contradicting rows to rounding; the next one is then tried.
 _RECIPROCAL_QUADRATIC_WEIGHTS = (1e7, 1e5)
 

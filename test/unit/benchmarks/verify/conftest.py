@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.verify import clarabel_reference
-from benchmarks.verify.case import Case, Draft, Origin, Program
+from benchmarks.verify.case import Case, Origin, Program
 from benchmarks.verify.contestant import Contestant
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
@@ -44,27 +44,27 @@ def scalar():
 
 @pytest.fixture
 def case_of():
-    """Makes a case of one program, with the hint from that program itself."""
+    """Makes a case of one program, with the warm start from that program itself."""
 
     def make(subproblem, penalties=None, before=None):
         program = Program(subproblem, penalties)
-        return Case(Origin('test', 0, 0), Draft('a test', program, before or program))
+        return Case(Origin('test', 0, 0), 'a test', program, before or program)
 
     return make
 
 
 @pytest.fixture
 def erring():
-    """Makes a back end: Clarabel's answer, changed; with a hint, changed otherwise."""
+    """Makes a back end: Clarabel's answer, changed; with a warm start, changed otherwise."""
 
-    def make(change=lambda answer: answer, hinted=None):
+    def make(change=lambda answer: answer, warmed=None):
         def cold(program):
             return change(clarabel_reference.solve(program))
 
         def warm(program, before):
-            return hinted(clarabel_reference.solve(program))
+            return warmed(clarabel_reference.solve(program))
 
-        return Contestant('erring', cold, None if hinted is None else warm)
+        return Contestant('erring', cold, None if warmed is None else warm)
 
     return make
 

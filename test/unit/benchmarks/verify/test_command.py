@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks import verify as study
+from benchmarks.verify import run
 from benchmarks.verify.families import cases
 from benchmarks.verify.run import batches, compare_batch
 from cmpsp_ros.cli import app
@@ -30,7 +30,7 @@ def test_wrong_answers_are_named_and_exit_code_1(monkeypatch, erring, moved):
     wrong = erring(moved(1e-3))
     (batch,) = batches(1)
     compared = compare_batch(batch, wrong)
-    monkeypatch.setattr(study, 'verify', lambda *_: compared)
+    monkeypatch.setattr(run, 'verify', lambda *_: compared)
     result = bench('--verify', 1)
     assert result.exit_code == 1
     assert f'{compared[0].origin}: ' in result.output

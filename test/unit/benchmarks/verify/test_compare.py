@@ -24,7 +24,7 @@ def relaxed(subproblem, terminal=10.0, path=1.0):
 
 
 def hard_cases(family, seed):
-    return [each for each in cases(family, seed) if each.draft.program.penalties is None]
+    return [each for each in cases(family, seed) if each.program.penalties is None]
 
 
 @pytest.mark.parametrize('family', FAMILIES)
@@ -117,25 +117,25 @@ def test_failing_on_the_border_is_found_where_references_agree(scalar, case_of, 
     assert checks(compare(case_of(scalar(limit=2.0)), erring(fail))) == {'status'}
 
 
-def test_hints_that_change_the_answer_are_found(scalar, case_of, erring, moved):
+def test_warm_starts_that_change_the_answer_are_found(scalar, case_of, erring, moved):
     case = case_of(scalar(), relaxed(scalar()))
-    right = compare(case, erring(hinted=lambda answer: answer))
+    right = compare(case, erring(warmed=lambda answer: answer))
     assert right.findings == ()
-    off = compare(case, erring(hinted=moved(1e-4)))
+    off = compare(case, erring(warmed=moved(1e-4)))
     assert checks(off) == {'warm start'}
     assert 'residual' in off.findings[0].found
 
     def deny(answer):
         return replace(answer, status=QPStatus.INFEASIBLE)
 
-    denied = compare(case, erring(hinted=deny))
+    denied = compare(case, erring(warmed=deny))
     assert [finding.found for finding in denied.findings] == [
-        'INFEASIBLE with a hint, SOLVED without'
+        'INFEASIBLE with a warm start, SOLVED cold'
     ]
     assert denied.is_mismatch
 
 
-def test_the_hint_comes_from_the_program_before(scalar, case_of, erring):
+def test_the_warm_start_comes_from_the_program_before(scalar, case_of, erring):
     asked = []
 
     def warm(program, before):
@@ -145,14 +145,14 @@ def test_the_hint_comes_from_the_program_before(scalar, case_of, erring):
     before = Program(scalar(limit=1.0))
     case = case_of(scalar(), before=before)
     assert compare(case, replace(erring(), warm=warm)).findings == ()
-    ((program, hint),) = asked
-    assert program is case.draft.program
-    assert hint is before
+    ((program, first),) = asked
+    assert program is case.program
+    assert first is before
 
 
 # Not the families of many sizes: it is compiled for each.
 @pytest.mark.parametrize('family', ['loop', 'crowded', 'flat'])
-def test_active_set_is_right_with_and_without_hints(family):
+def test_active_set_is_right_cold_and_warm(family):
     chosen = contestant('riccati_active_set')
     assert chosen.warm is not None
     for each in cases(family, 2):

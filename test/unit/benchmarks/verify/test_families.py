@@ -5,9 +5,9 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from benchmarks.errors import BenchError
 from benchmarks.verify import clarabel_reference, degenerate, infeasible
 from benchmarks.verify.case import Origin, Program
-from benchmarks.verify.errors import VerifyError
 from benchmarks.verify.families import FAMILIES, PROGRAMS_PER_SEED, SHARES, case, cases
 from benchmarks.verify.general import random_program, row_values
 from benchmarks.verify.loop import subproblems
@@ -26,7 +26,7 @@ def sizes(subproblem):
 def test_programs_are_sound_and_of_both_kinds(family):
     relaxed = []
     for each in [*cases(family, 0), *cases(family, 1)]:
-        program, before = each.draft.program, each.draft.before
+        program, before = each.program, each.before
         size = sizes(program.subproblem)
         program.subproblem.linearisation.check(size)
         before.subproblem.linearisation.check(size)
@@ -46,15 +46,15 @@ def arrays(subproblem):
 def test_a_program_is_made_again_from_its_name(family):
     first = list(cases(family, 3))
     again = case(Origin.parse(str(first[7].origin)))
-    assert again.draft.about == first[7].draft.about
+    assert again.about == first[7].about
     for part in ('program', 'before'):
-        one, other = (getattr(each.draft, part).subproblem for each in (first[7], again))
+        one, other = (getattr(each, part).subproblem for each in (first[7], again))
         np.testing.assert_equal(arrays(one), arrays(other))
 
 
 def test_seeds_and_families_differ():
     a, b, c = (
-        next(cases(family, seed)).draft.program.subproblem.linearisation.L_X
+        next(cases(family, seed)).program.subproblem.linearisation.L_X
         for family, seed in (('general', 0), ('general', 1), ('degenerate', 0))
     )
     assert not np.array_equal(a, b)
@@ -70,14 +70,14 @@ def test_shares_are_of_all_families():
     'text', ['', 'loop', 'loop/1', 'loop/1/x', 'loop/-1/0', 'loop/1/2/3', 'loop/1.0/2']
 )
 def test_a_name_of_another_form_is_refused(text):
-    with pytest.raises(VerifyError, match='wanted FAMILY/SEED/NUMBER'):
+    with pytest.raises(BenchError, match='wanted FAMILY/SEED/NUMBER'):
         Origin.parse(text)
 
 
 def test_a_name_of_no_program_is_refused():
-    with pytest.raises(VerifyError, match="found 'lop', wanted one of loop"):
+    with pytest.raises(BenchError, match="found 'lop', wanted one of loop"):
         case(Origin('lop', 0, 0))
-    with pytest.raises(VerifyError, match='found number 10, wanted below 10'):
+    with pytest.raises(BenchError, match='found number 10, wanted below 10'):
         case(Origin('loop', 0, 10))
 
 
@@ -94,8 +94,8 @@ def test_loops_visit_later_steps_second_iterations_and_both_trust_regions():
     about, trusted = [], set()
     for seed in range(12):
         for each in cases('loop', seed):
-            about.append(each.draft.about)
-            trusted.add(bool(np.isfinite(each.draft.program.subproblem.trust_radius).any()))
+            about.append(each.about)
+            trusted.add(bool(np.isfinite(each.program.subproblem.trust_radius).any()))
     assert trusted == {True, False}
     assert any('iteration 2' in text for text in about)
     assert any(', step 0,' not in text for text in about)
@@ -175,7 +175,7 @@ def test_obstacles_touch_an_edge():
 def test_crowded_programs_have_many_active_rows():
     counts = []
     for each in islice((c for seed in range(4) for c in cases('crowded', seed)), 40):
-        answer = clarabel_reference.solve(each.draft.program)
+        answer = clarabel_reference.solve(each.program)
         if answer.status is not QPStatus.SOLVED:
             continue
         parts = answer.path, answer.trust, answer.bounds
@@ -186,7 +186,7 @@ def test_crowded_programs_have_many_active_rows():
 
 def test_flat_programs_have_little_curvature():
     for each in cases('flat', 0):
-        lin = each.draft.program.subproblem.linearisation
+        lin = each.program.subproblem.linearisation
         assert (
             np.abs(lin.L_UU).max()
             <= 2e-5 * np.abs(lin.L_XX).max() + 1.0 * bool(lin.L_UX.any()) * np.abs(lin.L_UX).max()

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from benchmarks.verify import clarabel_reference
-from benchmarks.verify.border import nearly_feasible, nearly_infeasible
 from benchmarks.verify.case import Program
 from benchmarks.verify.families import cases
+from benchmarks.verify.feasibility import nearly_feasible, nearly_infeasible
 from benchmarks.verify.general import random_program
 from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
 from benchmarks.verify.references import Verdict, references, verdict
@@ -136,7 +136,7 @@ def test_references_agree_on_random_programs(seed):
 @pytest.mark.parametrize('family', ['loop', 'crowded', 'degenerate'])
 def test_clarabel_is_exact_on_relaxed_programs(family):
     for each in cases(family, 5):
-        program = each.draft.program
+        program = each.program
         answer = clarabel_reference.solve(program)
         if answer.status is QPStatus.SOLVED:
             measured = accuracy(program, answer)

@@ -6,7 +6,7 @@ from itertools import islice
 
 import pytest
 
-from benchmarks.verify.errors import VerifyError
+from benchmarks.errors import BenchError
 from benchmarks.verify.families import SHARES
 from benchmarks.verify.report import lines, mismatches, to_json
 from benchmarks.verify.run import Batch, batches, compare_batch, verify, verify_case
@@ -76,5 +76,5 @@ def test_findings_are_written_with_the_names_of_their_cases(erring, moved):
 def test_what_does_not_exist_is_refused():
     with pytest.raises(ProblemError, match="qp: found 'newton'"):
         verify(1, 'newton')
-    with pytest.raises(VerifyError, match='wanted FAMILY/SEED/NUMBER'):
+    with pytest.raises(BenchError, match='wanted FAMILY/SEED/NUMBER'):
         verify_case('loop', 'daqp')

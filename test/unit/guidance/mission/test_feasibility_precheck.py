@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
 from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.corridor import Corridor
 
 START = (0.0, -9.25)
 ROCK = Obstacle('rock', (8.0, -6.0), 0.7)
@@ -63,3 +65,65 @@ def test_an_obstacle_that_fills_the_road_stops_even_a_point():
 def test_obstacles_before_the_start_and_behind_the_goal_are_not_in_the_way():
     beside = [replace(ROCK, center=center) for center in ((-8.0, -6.0), (8.0, 6.0))]
     assert infeasibility_warnings(settings(obstacles=tuple(beside), robot_radius=0.2), START) == []
+
+
+def test_obstacles_that_close_the_road_together_are_told_and_those_that_leave_a_gap_are_not():
+    inner = Obstacle('inner', (6.7, -6.7), 0.3)
+    middle, outer = Obstacle('middle', (7.1, -7.1), 0.1), Obstacle('outer', (7.6, -7.6), 0.1)
+    given = settings(obstacles=(outer, inner, middle), robot_radius=0.15, final_time=20.0)
+    gaps = [
+        11.0 - math.hypot(*outer.center) - 0.1,
+        math.dist(outer.center, middle.center) - 0.2,
+        math.dist(middle.center, inner.center) - 0.4,
+        math.hypot(*inner.center) - 9.0 - 0.3,
+    ]
+    (said,) = infeasibility_warnings(replace(given, robot_radius=0.5001 * max(gaps)), START)
+    assert said.startswith('There is no way past obstacles outer, middle, inner: the widest gap is')
+    assert f' is {max(gaps):.3f} m, ' in said
+    assert infeasibility_warnings(replace(given, robot_radius=0.4999 * max(gaps)), START) == []
+
+
+def test_walls_close_a_road_too():
+    across = Capsule('wall', (6.3, -6.3), (7.8, -7.8), 0.05)
+    box = Polygon('box', ((6.3, -6.3), (7.8, -7.8), (7.9, -7.7), (6.4, -6.2)))
+    for shape in (across, box):
+        (said,) = infeasibility_warnings(settings(obstacles=(shape,), final_time=20.0), START)
+        assert said.startswith(f'There is no way past obstacle {shape.name}: ')
+
+
+@pytest.fixture
+def bend():
+    """A corridor round a corner, 2 m wide."""
+    points = ((0.0, 0.0), (10.0, 0.0), (14.0, 4.0), (14.0, 14.0))
+    corridor = Corridor(points, (1.0,) * 4, (1.0,) * 4)
+    return replace(settings(), road=corridor, goal=(14.0, 14.0), final_time=60.0)
+
+
+def test_a_corridor_is_closed_by_two_beside_each_other_and_not_by_two_one_after_the_other(bend):
+    straight = Corridor(((0.0, 0.0), (20.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+    given = replace(bend, road=straight, goal=(20.0, 0.0), robot_radius=0.3)
+    left, right = Obstacle('left', (5.0, 0.6), 0.3), Obstacle('right', (5.2, -0.5), 0.3)
+    given = replace(given, obstacles=(left, right))
+    (said,) = infeasibility_warnings(given, (0.0, 0.0))
+    assert said.startswith('There is no way past obstacles ')
+    later = replace(right, center=(8.0, -0.5))
+    assert infeasibility_warnings(replace(given, obstacles=(left, later)), (0.0, 0.0)) == []
+
+
+def test_the_length_of_a_corridor_is_that_of_the_road_and_never_too_long(bend):
+    """No path is longer than it is said to be: not even one along the inner edge of the curve."""
+    length = bend.road.shortest_length((0.0, 0.0), (14.0, 14.0))
+    inner = bend.road.edges()[0]
+    driven = float(np.hypot(*np.diff(inner, axis=0).T).sum())
+    assert math.dist((0.0, 0.0), (14.0, 14.0)) + 0.5 < length <= driven
+    needed = shortest_time(bend, (0.0, 0.0))
+    assert infeasibility_warnings(replace(bend, final_time=needed + 0.1), (0.0, 0.0)) == []
+    (said,) = infeasibility_warnings(replace(bend, final_time=needed - 0.1), (0.0, 0.0))
+    assert said.startswith('The goal is out of reach by ')
+
+
+def test_the_shorter_way_round_a_closed_corridor_counts():
+    points = tuple((5.0 * math.cos(a), 5.0 * math.sin(a)) for a in np.arange(12) * math.tau / 12)
+    ring = Corridor(points, (0.5,) * 12, (0.5,) * 12, closed=True)
+    quarter = ring.shortest_length((5.0, 0.0), (0.0, -5.0))
+    assert math.dist((5.0, 0.0), (0.0, -5.0)) <= quarter <= 5.0 * math.pi / 2.0

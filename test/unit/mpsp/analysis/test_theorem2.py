@@ -205,7 +205,7 @@ def test_what_is_no_solution_is_not_judged():
 def test_all_told():
     problem = VanDerPol(passes=False)
     found = check(problem, solved(problem), smooth=True)
-    certain = replace(found, convex_cost=replace(found.convex_cost, verdict=YES))
+    certain = found._replace(convex_cost=found.convex_cost._replace(verdict=YES))
     assert certain.verdict is YES
     assert check(problem, solved(problem), smooth=False).verdict is NO
 

@@ -1,4 +1,4 @@
-"""Puts the judge of the examples where they can import it."""
+"""Puts the reference solver of the examples where they can import it."""
 
 import sys
 from pathlib import Path

@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
@@ -39,5 +39,5 @@ def test_turns_at_least_cost(hessian):
     U = np.zeros((N + 1, 1))
     assert problem.linearise(problem.predict(U), U, hessian).L_UX.any()
     options = options_for(problem, hessian=hessian)
-    solution = assert_judged(problem, stated, U, options)
+    solution = assert_agrees(problem, stated, U, options)
     assert len(solution.history[-1].active_path) > 3

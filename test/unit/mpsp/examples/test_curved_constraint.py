@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
@@ -36,7 +36,7 @@ def inequality():
 def test_full_steps_are_kept(state, rate, penalty):
     problem = from_casadi(**state())
     options = options_for(problem, penalty=penalty)
-    solution = assert_judged(problem, state(), FIRST, options, 120)
+    solution = assert_agrees(problem, state(), FIRST, options, 120)
     np.testing.assert_allclose(solution.iterate.U[0], [1.0, 0.0], atol=1e-6)
     assert {record.step_length for record in solution.history[20:]} == {1.0}
     steps = np.array([record.step_norm for record in solution.history[-6:]])

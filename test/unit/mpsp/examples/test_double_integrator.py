@@ -1,7 +1,7 @@
 """Minimum-effort double integrator from rest to rest: the control falls along a straight line."""
 
 import numpy as np
-from judge import options_for
+from reference_solution import options_for
 
 from cmpsp_ros.mpsp.models.functions import from_functions
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP

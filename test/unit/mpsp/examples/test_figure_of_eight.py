@@ -2,7 +2,7 @@
 
 import casadi
 import numpy as np
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
@@ -36,7 +36,7 @@ def test_follows_within_its_limits():
     stated = tracking()
     problem = from_casadi(**stated)
     guess = np.tile([1.0, 0.0], (N + 1, 1))
-    solution = assert_judged(problem, stated, guess, options_for(problem))
+    solution = assert_agrees(problem, stated, guess, options_for(problem))
     U = solution.iterate.U
     assert (U[:, 0] == MAX_SPEED).sum() > 5
     assert (np.abs(U[:, 1]) == MAX_TURN).sum() > 2

@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from judge import options_for
+from reference_solution import options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
@@ -53,7 +53,7 @@ def test_an_important_goal_breaks_the_limit():
 
 
 def test_a_curved_gap_that_is_too_narrow():
-    """A unicycle between two discs that overlap: whatever it does, one of the two is in the way."""
+    """A unicycle between two discs that overlap: one of the two is always in the way."""
     x, u = casadi.SX.sym('x', 3), casadi.SX.sym('u')
     discs = [casadi.sqrt((x[0] - 1.0) ** 2 + (x[1] - side) ** 2) for side in (0.5, -0.5)]
     problem = from_casadi(

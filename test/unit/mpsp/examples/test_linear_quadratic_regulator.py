@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from judge import options_for
+from reference_solution import options_for
 
 from cmpsp_ros.mpsp.models.functions import from_functions
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve

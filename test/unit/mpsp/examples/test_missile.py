@@ -7,7 +7,7 @@ iteration is the closed form (35). Lengths in units of the range, time in units 
 import casadi
 import numpy as np
 import pytest
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.analysis.convergence import Convergence
 from cmpsp_ros.mpsp.analysis.theorem2 import Verdict, check, lagrangian_hessian
@@ -43,7 +43,7 @@ def test_hits_at_the_angle(impact_angle, turn):
     guess = np.full((N + 1, 1), turn)
     # Poor: it ends a third of the range off the target or more.
     assert np.linalg.norm(problem.predict(guess)[-1, :2] - (1.0, 0.0)) > 0.3
-    solution = assert_judged(problem, stated, guess, options_for(problem, penalty=1e3))
+    solution = assert_agrees(problem, stated, guess, options_for(problem, penalty=1e3))
     assert solution.iterate.index <= 25
     assert {record.step_length for record in solution.history[1:][-5:]} == {1.0}
     assert np.abs(solution.iterate.evaluation.output_error).max() < 1e-9
@@ -54,7 +54,7 @@ def test_theorem_2_holds_and_the_rate_is_linear():
     stated = engagement(-60.0)
     problem = from_casadi(**stated)
     options = options_for(problem, penalty=1e3, control_tolerance=1e-12)
-    solution = assert_judged(problem, stated, np.zeros((N + 1, 1)), options)
+    solution = assert_agrees(problem, stated, np.zeros((N + 1, 1)), options)
     conditions = check(problem, solution, smooth=True)
     assert conditions.strict_complementarity.verdict is Verdict.YES
     assert conditions.regular.verdict is Verdict.YES

@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
@@ -34,7 +34,7 @@ def test_swings_up(hessian):
     stated = swing_up()
     problem = from_casadi(**stated)
     guess = -0.3 * np.cos(DT * np.arange(N + 1))[:, None]
-    solution = assert_judged(problem, stated, guess, options_for(problem, hessian=hessian))
+    solution = assert_agrees(problem, stated, guess, options_for(problem, hessian=hessian))
     X = solution.iterate.X
     np.testing.assert_allclose(X[-1], [np.pi, 0.0], atol=1e-8)
     # It has to swing back first.

@@ -3,7 +3,7 @@
 import casadi
 import numpy as np
 import pytest
-from judge import assert_judged, options_for
+from reference_solution import assert_agrees, options_for
 
 from cmpsp_ros.mpsp.models.casadi_functions import from_casadi
 
@@ -37,7 +37,7 @@ def test_comes_to_rest(hessian):
     stated = oscillator()
     problem = from_casadi(**stated)
     options = options_for(problem, hessian=hessian)
-    solution = assert_judged(problem, stated, np.zeros((N + 1, 1)), options)
+    solution = assert_agrees(problem, stated, np.zeros((N + 1, 1)), options)
     last = solution.history[-1]
     assert len(last.active_path) > 2
     assert len(last.active_bounds) > 2

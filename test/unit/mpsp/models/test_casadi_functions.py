@@ -5,13 +5,12 @@ import builtins
 import casadi
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol, assert_derivatives
+from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
 
 from cmpsp_ros.mpsp import (
     Options,
     ProblemError,
     Status,
-    check_derivatives,
     from_casadi,
     from_functions,
     solve,
@@ -87,38 +86,19 @@ def linear_quadratic(hand, kind):
     )
 
 
-def assert_same(found, wanted, U, kinds, atol):
-    X = wanted.predict(U)
-    np.testing.assert_allclose(found.predict(U), X, atol=1e-12)
-    here, there = found.evaluate(X, U), wanted.evaluate(X, U)
-    assert here.cost == pytest.approx(there.cost, rel=1e-12)
-    np.testing.assert_allclose(here.output_error, there.output_error, atol=1e-12)
-    np.testing.assert_allclose(here.g, there.g, atol=1e-12)
-    applies = np.isfinite(there.g)
-    for kind in kinds:
-        lin, reference = found.linearise(X, U, kind), wanted.linearise(X, U, kind)
-        lin.check(found.size)
-        for name, array in vars(reference).items():
-            mask = applies if name in {'g_X', 'g_U'} else ...
-            pair = getattr(lin, name)[mask], array[mask]
-            np.testing.assert_allclose(*pair, atol=atol, err_msg=f'{name} {kind}')
-            assert getattr(lin, name).flags.c_contiguous
-
-
 @pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
 def test_nonlinear_problem_is_the_one_written_by_hand(kind):
     U = 0.3 * np.random.default_rng(0).normal(size=(9, 1))
     found = van_der_pol(kind)
-    assert_same(found, VanDerPol(horizon=8, floor=-0.5, mixed=2.0), U, KINDS, 1e-12)
+    assert_same_problem(found, VanDerPol(horizon=8, floor=-0.5, mixed=2.0), U, KINDS, 1e-12)
     assert_derivatives(found, U, 'exact')
-    assert check_derivatives(found, U).is_right
 
 
 @pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
 def test_time_varying_problem_with_cross_terms_is_the_one_written_by_hand(kind):
     rng = np.random.default_rng(1)
     hand = LinearQuadratic(rng)
-    assert_same(linear_quadratic(hand, kind), hand, rng.normal(size=(6, 2)), KINDS, 1e-11)
+    assert_same_problem(linear_quadratic(hand, kind), hand, rng.normal(size=(6, 2)), KINDS, 1e-11)
 
 
 @pytest.mark.parametrize('kind', [casadi.SX, casadi.MX])
@@ -167,7 +147,7 @@ def test_residuals_and_cost_are_those_of_plain_functions(kind):
     np.testing.assert_array_equal(symbolic.control_lower, plain.control_lower)
     np.testing.assert_array_equal(symbolic.control_upper, plain.control_upper)
     U = np.random.default_rng(2).normal(size=(8, 2))
-    assert_same(symbolic, plain, U, KINDS, 1e-7)
+    assert_same_problem(symbolic, plain, U, KINDS, 1e-7)
     assert (symbolic.evaluate(symbolic.predict(U), U).g[0] == -np.inf).tolist() == [
         True,
         False,

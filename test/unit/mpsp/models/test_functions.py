@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol, assert_derivatives
+from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
 
-from cmpsp_ros.mpsp import Options, ProblemError, Status, check_derivatives, from_functions, solve
+from cmpsp_ros.mpsp import Options, ProblemError, Status, from_functions, solve
 from cmpsp_ros.mpsp.models.differences import StageFunction
 
 SCHEMES = ('auto', 'complex_step', 'central')
@@ -56,34 +56,15 @@ def linear_quadratic(hand, **changes):
     return from_functions(**given | changes)
 
 
-def assert_same(found, wanted, U, kinds=('exact',), atol=1e-7):
-    X = wanted.predict(U)
-    np.testing.assert_allclose(found.predict(U), X, atol=1e-12)
-    here, there = found.evaluate(X, U), wanted.evaluate(X, U)
-    assert here.cost == pytest.approx(there.cost, rel=1e-12)
-    np.testing.assert_allclose(here.output_error, there.output_error, atol=1e-12)
-    np.testing.assert_allclose(here.g, there.g, atol=1e-12)
-    applies = np.isfinite(there.g)
-    for kind in kinds:
-        lin, reference = found.linearise(X, U, kind), wanted.linearise(X, U, kind)
-        lin.check(found.size)
-        for name, array in vars(reference).items():
-            if name in {'g_X', 'g_U'}:
-                np.testing.assert_allclose(getattr(lin, name)[applies], array[applies], atol=atol)
-            else:
-                np.testing.assert_allclose(getattr(lin, name), array, atol=atol, err_msg=name)
-
-
 @pytest.mark.parametrize('derivatives', SCHEMES)
 def test_nonlinear_problem_is_the_one_written_by_hand(derivatives):
     U = 0.3 * np.random.default_rng(0).normal(size=(9, 1))
     hand = VanDerPol(horizon=8, floor=-0.5, mixed=2.0)
     found = van_der_pol(derivatives=derivatives)
-    assert_same(found, hand, U, ('exact', 'projected', 'gauss_newton'))
-    # What judges the Hessian differences gradients, which may be differences themselves.
-    judge = 1e-4 if derivatives == 'central' else 1e-6
-    assert_derivatives(found, U, 'exact', atol=judge)
-    assert check_derivatives(found, U, tolerance=judge).is_right
+    assert_same_problem(found, hand, U, ('exact', 'projected', 'gauss_newton'), 1e-7)
+    # Gradients, which are differenced for the Hessian, may be differences themselves.
+    atol = 1e-4 if derivatives == 'central' else 1e-6
+    assert_derivatives(found, U, 'exact', atol=atol)
 
 
 @pytest.mark.parametrize('derivatives', SCHEMES)
@@ -91,7 +72,8 @@ def test_time_varying_problem_with_cross_terms_is_the_one_written_by_hand(deriva
     rng = np.random.default_rng(1)
     hand = LinearQuadratic(rng)
     U = rng.normal(size=(6, 2))
-    assert_same(linear_quadratic(hand, derivatives=derivatives), hand, U, atol=1e-6)
+    found = linear_quadratic(hand, derivatives=derivatives)
+    assert_same_problem(found, hand, U, ('exact',), 1e-6)
 
 
 def test_complex_step_is_exact_to_rounding():

@@ -7,7 +7,7 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
-from cmpsp_ros.mpsp.analysis.convergence import record
+from cmpsp_ros.mpsp.iterate import record
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (

@@ -235,7 +235,7 @@ def test_a_cost_on_changes_of_control():
     data = ControlRateData(inner.data, 20, 0.7, previous)
     options, guess = robot_options(problem), guesses(20, 3.0)
     driver = driver_for(problem, options)
-    functions = with_control_rate(FUNCTIONS.entries(inner.data, driver.ws))
+    functions = with_control_rate(FUNCTIONS.machine_code(inner.data, driver.ws))
     for iterate in iterates(problem, options, guess, 5)[1:]:
         ws = improve(driver, data, guess, iterate.index, functions=functions)
         assert_same(ws, iterate)

@@ -112,9 +112,9 @@ def test_contradicting_subproblems_are_solved_relaxed(goal, floor):
         subproblem = iteration.subproblem(iterate)
         if solve_qp(subproblem, 'daqp').status is not QPStatus.SOLVED:
             needed += 1
-            found, judge = (solve_qp(subproblem, name, weights) for name in ('daqp', 'clarabel'))
-            assert found.status is judge.status is QPStatus.SOLVED
-            np.testing.assert_allclose(found.dU, judge.dU, atol=1e-4)
+            found, other = (solve_qp(subproblem, name, weights) for name in ('daqp', 'clarabel'))
+            assert found.status is other.status is QPStatus.SOLVED
+            np.testing.assert_allclose(found.dU, other.dU, atol=1e-4)
         iterate = iteration.step(iterate)
         assert iterate.step.qp_status is QPStatus.SOLVED
     assert needed

@@ -7,12 +7,12 @@ import math
 
 import pytest
 
-from cmpsp_ros.nodes.recording.initial_parameters import FirstValues
+from cmpsp_ros.nodes.recording.initial_parameters import InitialParameters
 
 
 @pytest.fixture
 def values():
-    return FirstValues()
+    return InitialParameters()
 
 
 def test_an_answer_alone(values):
@@ -92,7 +92,7 @@ def test_in_every_order_what_is_known_is_right():
     for changes, asked, answers, heard in itertools.product(range(4), *[range(5)] * 2, range(3)):
         if asked > answers:
             continue
-        values = FirstValues()
+        values = InitialParameters()
         log = [(k + heard, 2, ('changed', 'gain', k + 1)) for k in range(changes)]
         log.append((asked, 0, ('asked',)))
         # At time t as many changes have been made as fit before it.

@@ -1,23 +1,14 @@
-"""The condensed program against the paper's formulas written out, and against one that keeps
-the states as variables.
+"""The condensed program against the paper's formulas written out.
+
+That it has the solution of the program with the states kept is tested in `test_clarabel.py`.
 """
 
-import casadi
 import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.dense import condensing
 from cmpsp_ros.mpsp.qp.dense.condensing import condense, sensitivities
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
 
 SHAPES = [(1, 3, 2, 2, 2), (2, 2, 1, 1, 3), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 
@@ -126,84 +117,6 @@ def test_no_terminal_output_and_no_path_rows():
     _, qp = random_program(7, (3, 2, 1, 0, 0))
     assert qp.S_N.shape == qp.B_C.shape == (0, 4)
     assert qp.output_error.shape == qp.g.shape == (0,)
-
-
-def uncondensed(lin, lower, upper, radius=None):
-    """Solution ``dU`` of the same program with ``dX`` as variables, by an interior-point solver."""
-    steps, n, r = lin.B.shape
-    opti = casadi.Opti()
-    dX, dU = opti.variable(n, steps + 1), opti.variable(r, steps + 1)
-    cost = 0
-    opti.subject_to(dX[:, 0] == 0)
-    for k in range(steps + 1):
-        x, u = dX[:, k], dU[:, k]
-        cost += casadi.dot(lin.L_X[k], x) + casadi.dot(lin.L_U[k], u)
-        cost += (x.T @ lin.L_XX[k] @ x + u.T @ lin.L_UU[k] @ u) / 2 + u.T @ lin.L_UX[k] @ x
-        if k < steps:
-            opti.subject_to(dX[:, k + 1] == lin.A[k] @ x + lin.B[k] @ u)
-        for index in np.flatnonzero(np.isfinite(lin.g[k])):
-            row = casadi.dot(lin.g_X[k, index], x) + casadi.dot(lin.g_U[k, index], u)
-            opti.subject_to(row <= -lin.g[k, index])
-        for i in range(r):
-            if np.isfinite(upper[k, i]):
-                opti.subject_to(opti.bounded(lower[k, i], u[i], upper[k, i]))
-        if radius is not None and k:
-            for i in np.flatnonzero(np.isfinite(radius)):
-                opti.subject_to(opti.bounded(-radius[i], x[i], radius[i]))
-    if len(lin.output_error):
-        opti.subject_to(lin.h_X @ dX[:, -1] + lin.h_U @ dU[:, -1] == -lin.output_error)
-    opti.minimize(cost)
-    quiet = {
-        'print_level': 0,
-        'tol': 1e-12,
-        'acceptable_tol': 1e-12,
-        'sb': 'yes',
-        'bound_relax_factor': 0.0,
-    }
-    opti.solver('ipopt', {'print_time': False}, quiet)
-    return np.atleast_2d(opti.solve().value(dU)).reshape(r, steps + 1).T
-
-
-@pytest.mark.parametrize('shape', SHAPES)
-@pytest.mark.parametrize('seed', [10, 11, 12])
-def test_condensing_does_not_change_the_solution(shape, seed):
-    lin, qp = random_program(seed, shape)
-    lower, upper = qp.lower.reshape(-1, shape[2]), qp.upper.reshape(-1, shape[2])
-    free = np.full(shape[1], np.inf)
-    solution = solve_qp(Subproblem(lin, lower, upper, free), 'daqp')
-    if solution.status is not QPStatus.SOLVED:
-        with pytest.raises(RuntimeError, match=r'Infeasible|Restoration'):
-            uncondensed(lin, lower, upper)
-        return
-    expected = uncondensed(lin, lower, upper)
-    np.testing.assert_allclose(solution.dU, expected, atol=1e-6)
-
-
-@pytest.mark.parametrize('hessian', ['gauss_newton', 'exact'])
-@pytest.mark.parametrize(('steps', 'goal'), [(1, (0.2, -9.5)), (2, (0.4, -9.5)), (25, (10.0, 0.0))])
-def test_condensing_does_not_change_the_solution_for_the_robot(hessian, steps, goal):
-    robot = DifferentialDrive(max_wheel_speed=55.0)
-    obstacles = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
-    problem = GuidanceProblem(
-        robot,
-        FreeSpace.of(Annulus(), obstacles, 0.0),
-        Cost(15.0, 1.0, 0.1),
-        np.array([0.0, -9.5, 0.1]),
-        np.array(goal),
-        np.full(steps, 0.4 if steps == 25 else 0.2),
-    )
-    radius = np.array([np.inf, np.inf, 0.6])
-    options = Options(np.full(2, 1e3), np.full(4, 1e4), trust_radius=radius, hessian=hessian)
-    iteration = CMPSP(problem, options)
-    iterate = iteration.init(np.tile([45.13, 44.63], (steps + 1, 1)))
-    for _ in range(4):
-        iterate = iteration.step(iterate)
-    lin = problem.linearise(iterate.X, iterate.U, hessian)
-    lower, upper = problem.control_lower - iterate.U, problem.control_upper - iterate.U
-    solution = solve_qp(Subproblem(lin, lower, upper, radius), 'daqp')
-    assert solution.status is QPStatus.SOLVED
-    expected = uncondensed(lin, lower, upper, radius)
-    np.testing.assert_allclose(solution.dU, expected, atol=1e-6)
 
 
 def test_kernels_are_what_their_source_says(monkeypatch):

@@ -2,13 +2,60 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Array, Hessian, check_bounds, numbers
+
+Array = NDArray[np.float64]
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """``value`` as an array of numbers, a copy.
+
+    Raises:
+        ProblemError: Names the argument.
+    """
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ProblemError(f'{name}: found {value!r}, wanted numbers') from None
+
+
+def not_finite(name: str, array: Array, *, at_end: bool = False) -> str:
+    """The first number of an array that is not finite, and where it is; empty where all are.
+
+    Args:
+        name: What the array is called.
+        array: One row a stage, or all of the last stage.
+        at_end: Whether it is all of the last stage.
+    """
+    bad = np.argwhere(~np.isfinite(array))
+    if not len(bad):
+        return ''
+    place = bad[0].tolist()
+    stage = [] if at_end else [f'stage {place.pop(0)}']
+    where = [*stage, 'component ' + ', '.join(map(str, place))]
+    return f'{name}: found {array[tuple(bad[0])]} at {", ".join(where)}'
+
+
+def check_bounds(lower_name: str, lower: Array, upper_name: str, upper: Array) -> None:
+    """Raise unless there is a number between every lower bound and its upper one.
+
+    Raises:
+        ProblemError: Names the bound, the stage and the control.
+    """
+    for name, bound in ((lower_name, lower), (upper_name, upper)):
+        bad = np.argwhere(np.isnan(bound))
+        if len(bad):
+            raise ProblemError(f'{name}: found nan at {bad[0].tolist()}, wanted a number')
+    bad = np.argwhere((lower > upper) | np.isposinf(lower) | np.isneginf(upper))
+    if len(bad):
+        place = tuple(bad[0])
+        raise ProblemError(
+            f'{lower_name}: found {lower[place]} at {bad[0].tolist()}, '
+            f'wanted a number below {upper_name}, which is {upper[place]} there'
+        )
 
 
 def whole_number(name: str, value: object) -> int:
@@ -82,15 +129,3 @@ def terminal_target(target: ArrayLike | None, outputs: int | None) -> Array:
     if target is None:
         raise ProblemError(f'target: found none beside an h, wanted shape {(outputs,)}')
     return vector('target', target, outputs)
-
-
-def check_hessian(hessian: str) -> None:
-    """Raise unless a problem knows this kind of Hessian.
-
-    Raises:
-        ProblemError: Says which there are.
-    """
-    if hessian not in get_args(Hessian):
-        raise ProblemError(
-            f'hessian: found {hessian!r}, wanted one of {", ".join(get_args(Hessian))}'
-        )

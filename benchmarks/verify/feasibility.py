@@ -1,13 +1,15 @@
-"""Whether a program is so near the border of feasibility that rounding decides."""
+"""Whether a program has a feasible point, by how much, and which rows leave it none."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.verify.case import Program
 from benchmarks.verify.clarabel_reference import least_violation
+from cmpsp_ros.mpsp.qp import Penalties, Row
 
 ROUNDING = 1e-7
 """Change of the limits that is taken for rounding."""
@@ -41,3 +43,19 @@ def _tightened(program: Program, side: float) -> Program:
         trust_radius=np.maximum(subproblem.trust_radius - ROUNDING, 0.0),
     )
     return replace(program, subproblem=tight)
+
+
+def contradict(program: Program, rows: Sequence[Row]) -> bool:
+    """Whether the named rows alone have no solution, or the whole program all but has one."""
+    alone, outputs = (
+        program.subproblem.only(rows),
+        [row.index for row in rows if row.kind == 'terminal'],
+    )
+    lin, weights = alone.linearisation, program.penalties
+    left = replace(
+        lin, output_error=lin.output_error[outputs], h_X=lin.h_X[outputs], h_U=lin.h_U[outputs]
+    )
+    if weights is not None:
+        weights = Penalties(weights.terminal[outputs], weights.path)
+    named = Program(replace(alone, linearisation=left), weights)
+    return least_violation(named) > _NOTICED * ROUNDING or nearly_feasible(program)

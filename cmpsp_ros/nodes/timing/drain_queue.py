@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
 
-def catch_up(subscription: Subscription) -> None:
+def drain_queue(subscription: Subscription) -> None:
     """Call back now for all messages of a subscription that wait.
 
     Its executor, when it comes to them, finds them taken.

@@ -61,10 +61,10 @@ class Scheduling:
                 os.sched_setscheduler(0, wanted, os.sched_param(self._priority))
                 self._policy_before = policy
             except OSError as error:
-                most, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+                limit, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
                 refused.append(
                     f'realtime.priority = {self._priority} was refused ({error.strerror}; the'
-                    f' limit is {most}). A line "USER - rtprio {self._priority}" in'
+                    f' limit is {limit}). A line "USER - rtprio {self._priority}" in'
                     ' /etc/security/limits.conf and a new login permit it, or CAP_SYS_NICE.'
                 )
         return refused

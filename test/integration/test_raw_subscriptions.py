@@ -1,4 +1,4 @@
-"""The inbox, against a publisher that does not wait for it."""
+"""The subscriptions, against a publisher that does not wait for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import UInt32
 
-from cmpsp_ros.nodes.recording.raw_subscriptions import Inbox
+from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
 
 pytestmark = pytest.mark.integration
 
@@ -18,7 +18,7 @@ TOPICS = ('/cause', '/effect')
 
 
 def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros):
-    inbox = Inbox()
+    subscriptions = RawSubscriptions()
     publishers = []
     for topic in TOPICS:
         publishers.append(ros.node.create_publisher(UInt32, topic, QoSProfile(depth=COUNT)))
@@ -27,10 +27,10 @@ def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros)
             topic,
             lambda _: None,
             QoSProfile(depth=COUNT),
-            callback_group=inbox.group,
+            callback_group=subscriptions.group,
             raw=True,
         )
-        inbox.add(topic, subscription)
+        subscriptions.add(topic, subscription)
     ros.spin_until(lambda: all(each.get_subscription_count() for each in publishers))
 
     def publish():
@@ -42,9 +42,9 @@ def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros)
     publishing.start()
     rounds = []
     while publishing.is_alive():
-        rounds.append(inbox.take())
+        rounds.append(subscriptions.take())
     publishing.join()
-    rounds += [inbox.take(), inbox.take(all_=True)]
+    rounds += [subscriptions.take(), subscriptions.take(all_=True)]
     taken = [
         (deserialize_message(each.raw, UInt32).data, each.topic)
         for batch in rounds

@@ -25,7 +25,7 @@ _QUIET = {
 
 
 @dataclass(frozen=True)
-class Judgement:
+class ReferenceSolution:
     """Optimal controls, cost, and multipliers signed as in (63), positive at an upper bound."""
 
     U: np.ndarray
@@ -35,7 +35,7 @@ class Judgement:
     bounds: np.ndarray
 
 
-def judge(
+def reference_solution(
     guess,
     start,
     *,
@@ -93,7 +93,7 @@ def judge(
     lbx = np.concatenate([-free.ravel(), np.broadcast_to(lower, (N + 1, r)).ravel()])
     ubx = np.concatenate([free.ravel(), np.broadcast_to(upper, (N + 1, r)).ravel()])
     program = {'x': casadi.vertcat(casadi.vec(X), casadi.vec(U)), 'f': total}
-    solver = casadi.nlpsol('judge', 'ipopt', {**program, 'g': casadi.vertcat(*rows)}, _QUIET)
+    solver = casadi.nlpsol('reference', 'ipopt', {**program, 'g': casadi.vertcat(*rows)}, _QUIET)
     answer = solver(
         x0=np.concatenate([start.ravel(), guess.ravel()]),
         lbx=lbx, ubx=ubx, lbg=lower_rows, ubg=upper_rows,
@@ -103,7 +103,7 @@ def judge(
     path = np.zeros((N + 1, g.shape[0]))
     for where, row in place.items():
         path[where] = lam[row]
-    return Judgement(
+    return ReferenceSolution(
         U=z[(N + 1) * n :].reshape(N + 1, r),
         cost=float(answer['f']),
         terminal=lam[count:],
@@ -125,12 +125,12 @@ def options_for(problem, penalty=100.0, **changes):
     return replace(strict, **changes)
 
 
-def assert_judged(problem, stated, guess, options, iterations=300):
-    """Solve, and compare cost, active set and multipliers with the judge's; return the run."""
+def assert_agrees(problem, stated, guess, options, iterations=300):
+    """Solve, and compare cost, active set and multipliers with the reference's; return the run."""
     solution = solve(problem, guess, options, iterations)
     assert solution.status is Status.CONVERGED, solution.sentence
     at = solution.iterate
-    best = judge(guess, problem.predict(guess), **stated)
+    best = reference_solution(guess, problem.predict(guess), **stated)
     assert abs(at.evaluation.cost - best.cost) <= 1e-6 * abs(best.cost)
     pairs = (
         (solution.terminal_multipliers, best.terminal),
@@ -140,6 +140,6 @@ def assert_judged(problem, stated, guess, options, iterations=300):
     size = max([1.0, *(np.abs(wanted).max() for _, wanted in pairs if wanted.size)])
     for found, wanted in pairs:
         np.testing.assert_allclose(found, wanted, atol=1e-4 * size)
-        # Which are active: where the judge's multiplier is beyond an interior point's remainder.
+        # Which are active: where the multiplier is beyond an interior point's remainder.
         np.testing.assert_array_equal(np.abs(found) > 1e-5 * size, np.abs(wanted) > 1e-5 * size)
     return solution

@@ -1,0 +1,96 @@
+"""Obstacles that close a road, alone or together.
+
+Each gap is a line from a corner of one obstacle to the next, or to the edge beside it, and the true
+gap is no wider than that. No robot crosses a chain of obstacles and gaps from edge to edge where
+every gap is too narrow; and it must, where all of the chain lies between start and goal.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.world.roads.arc_length import arc_length_to
+from cmpsp_ros.world.roads.road import Point, Road
+
+Array = NDArray[np.float64]
+
+_EDGES: Final = 2
+
+_LONGEST: Final = 4.0
+"""Widths of the road along which a chain may lie: where a road crosses itself, a longer one may lie
+beside two parts of it."""
+
+
+def closures(
+    road: Road, obstacles: Sequence[Shape], start: Point, goal: Point, wanted: float
+) -> Iterator[tuple[list[str], float]]:
+    """Obstacles between which no disc gets through from start to goal.
+
+    Args:
+        road: The road.
+        obstacles: What stands on it.
+        start: Where the disc begins (x, y) [m].
+        goal: Where it is to end (x, y) [m]; the shorter way round counts.
+        wanted: Diameter of the disc; 0 for a point [m].
+
+    Yields:
+        Names of the obstacles of each chain, none in two of them, and its widest gap [m].
+    """
+    if not road.has_center_line:
+        return
+    pose = np.array([*start, math.nan])
+    whole = arc_length_to(road, pose, goal)
+    places = [[arc_length_to(road, pose, each) for each in shape.corners] for shape in obstacles]
+    between = [
+        index
+        for index, each in enumerate(places)
+        if all(0.0 < place / (whole or math.inf) < 1.0 for place in each)
+    ]
+    gaps = _gaps(road, [obstacles[index] for index in between])
+    is_closed = (gaps < wanted) | (gaps <= 0.0)
+    while chain := _chain(is_closed):
+        links = [float(gaps[a, b]) for a, b in pairwise(chain)]
+        along = [place for each in chain[1:-1] for place in places[between[each - _EDGES]]]
+        if max(along) - min(along) <= _LONGEST * road.width:
+            names = [obstacles[between[each - _EDGES]].name for each in chain[1:-1]]
+            yield names, max(0.0, *links)
+        is_closed[chain[1:-1]] = is_closed[:, chain[1:-1]] = False
+
+
+def _gaps(road: Road, shapes: Sequence[Shape]) -> Array:
+    """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m]."""
+    space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
+    gaps = np.full((count, count), math.inf)
+    part = space.road.shape['part'][0]
+    # What a corridor with varying widths counts of a clearance is only a part of it.
+    whole = 1.0 / np.where(part > 0.0, part, 1.0)
+    for index, shape in enumerate(shapes, _EDGES):
+        corners = [space.at(np.array([[*each, 0.0]]))[0] for each in shape.corners]
+        away = np.min(corners, axis=0)
+        away[:_EDGES] *= whole
+        away -= shape.radius
+        away[index] = math.inf
+        gaps[index] = np.minimum(gaps[index], away)
+        gaps[:, index] = np.minimum(gaps[:, index], away)
+    return gaps
+
+
+def _chain(is_closed: NDArray[np.bool_]) -> list[int]:
+    """A shortest chain from one edge to the other; empty where there is none."""
+    chains, known = [[0]], {0}
+    for chain in chains:
+        for following in np.flatnonzero(is_closed[chain[-1]]).tolist():
+            if following == 1:
+                return [*chain, following]
+            if following not in known:
+                known.add(following)
+                chains.append([*chain, following])
+    return []

@@ -1,0 +1,1 @@
+"""What keeps control steps on time: compilers, garbage, scheduling, messages that wait."""

@@ -1,0 +1,103 @@
+"""Roads and obstacles for the judge, as constraints of a nonlinear program.
+
+None of the robot's own distances is used: a point of a corridor is a place on a spline through the
+drawn centre line and an offset between the drawn edges, and a convex shape is kept clear of by a
+line between it and the robot whose direction is a variable.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.studies.paper.drives import Path
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.roads.road_space import ANNULUS, OPEN_FLOOR
+
+Array = NDArray[np.float64]
+
+_KNOTS = 120
+_DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+
+
+class JudgeSpace:
+    """Adds the space to a program, stage by stage."""
+
+    def __init__(self, casadi: Any, opti: Any, settings: GuidanceSettings, start: Path) -> None:
+        """Make its variables.
+
+        Args:
+            casadi: The module.
+            opti: The program.
+            settings: Road and obstacles.
+            start: Where variables begin.
+        """
+        self._casadi, self._opti, self._start = casadi, opti, start
+        road = settings.road
+        self._kind, stages = road.space(0.0).kind, len(start.poses)
+        if self._kind not in (ANNULUS, OPEN_FLOOR):
+            line = road.center_line()
+            left, right = (np.hypot(*(edge - line).T) for edge in road.edges())
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+            knots = np.linspace(0.0, along[-1], _KNOTS)
+            normal = (road.edges()[0] - line) / left[:, None]
+            columns = (*line.T, *normal.T, left, right)
+            tables = [np.interp(knots, along, each) for each in columns]
+            self._tables = [
+                casadi.interpolant('table', 'bspline', [knots], table) for table in tables
+            ]
+            self._places, self._offsets = opti.variable(stages), opti.variable(stages)
+            away = start.poses[:, None, :2] - line
+            nearest = np.argmin((away**2).sum(axis=2), axis=1)
+            opti.set_initial(self._places, along[nearest])
+            opti.set_initial(
+                self._offsets, (away[np.arange(stages), nearest] * normal[nearest]).sum(1)
+            )
+
+    def off_center(self, point: Any, k: int, space: FreeSpace) -> Any:
+        """Keep a stage on the road.
+
+        Args:
+            point: Its position [m].
+            k: Its number.
+            space: Where it may be.
+
+        Returns:
+            Its distance from the centre line with a sign [m]; 0 where there is none.
+        """
+        if self._kind == OPEN_FLOOR:
+            return 0.0
+        if self._kind == ANNULUS:
+            edges = space.annulus
+            radius = self._casadi.sqrt(self._casadi.sumsqr(point - edges.center))
+            if k > 0:
+                inner, outer = float(edges.inner[0]), float(edges.outer[0])
+                self._opti.subject_to(self._opti.bounded(inner, radius, outer))
+            return radius - edges.center_radius
+        place, offset = self._places[k], self._offsets[k]
+        x, y, normal_x, normal_y, left, right = (table(place) for table in self._tables)
+        self._opti.subject_to(point[0] == x + offset * normal_x)
+        self._opti.subject_to(point[1] == y + offset * normal_y)
+        if k > 0:
+            kept = space.road.kept[0] / space.road.shape['part'][0]
+            self._opti.subject_to(offset <= left - float(kept[0]))
+            self._opti.subject_to(offset >= float(kept[1]) - right)
+        return offset
+
+    def keep_clear(self, point: Any, k: int, space: FreeSpace) -> None:
+        """Keep a stage clear of the shapes; arguments as in `off_center`."""
+        shapes = np.split(space.corners[0], space.first[1:-1]) if len(space.radii) else []
+        for corners, kept in zip(shapes, space.radii.tolist(), strict=True):
+            if len(corners) == 1:
+                self._opti.subject_to(self._casadi.sumsqr(point - corners[0]) >= kept**2)
+                continue
+            angle = self._opti.variable()
+            normals = np.column_stack([np.cos(_DIRECTIONS), np.sin(_DIRECTIONS)])
+            away = (self._start.poses[k, :2] - corners) @ normals.T
+            self._opti.set_initial(angle, _DIRECTIONS[away.min(axis=0).argmax()])
+            normal = self._casadi.vertcat(self._casadi.cos(angle), self._casadi.sin(angle))
+            for corner in corners:
+                self._opti.subject_to(self._casadi.dot(normal, point - corner) >= kept)

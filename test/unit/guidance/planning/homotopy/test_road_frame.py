@@ -1,0 +1,131 @@
+"""Road coordinates on every kind of road, and the gaps that walls and edges leave in them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import ROAD, settings, start_of
+
+from cmpsp_ros.guidance.planning.homotopy.free_gaps import free_gaps
+from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
+from cmpsp_ros.guidance.planning.homotopy.road_frame import (
+    RoadFrame,
+    locate,
+    point_at,
+    road_frame,
+)
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+
+START, GOAL = (0.0, -9.6, 0.0), (10.2, 0.0)
+WALL = Capsule('wall', (6.9, -6.9), (7.2, -7.2), 0.05)
+BEND = Corridor(
+    ((0.0, -10.0), (5.0, -9.0), (8.5, -5.0), (10.0, 0.0), (10.0, 3.0)), (0.8,) * 5, (1.2,) * 5
+)
+
+
+def frame_on(road, obstacles=(), start=START, goal=GOAL):
+    given = settings(obstacles, 51.0, ROAD, road=road, goal=goal)
+    return given, road_frame(given, start_of(given, start), given.target)
+
+
+COURSES = {
+    'polar': (settings().road, ()),
+    'a line between circles': (settings().road, (WALL,)),
+    'corridor': (BEND, ()),
+    'floor': (OpenFloor(), ()),
+}
+
+
+@pytest.mark.parametrize('course', COURSES)
+@pytest.mark.parametrize('off', [-0.5, 0.0, 0.4])
+def test_a_point_is_where_its_coordinates_say(course, off):
+    _, frame = frame_on(*COURSES[course])
+    bearing, before = frame.begin, 0.0
+    for at in np.linspace(0.0, frame.stations[-1], 40).tolist():
+        x, y = point_at(frame, at, frame.middle + off)
+        found, lateral, bearing = locate(frame, x, y, before, bearing)
+        assert found == pytest.approx(at, abs=5e-3 + 0.05 * abs(off))
+        assert lateral == pytest.approx(frame.middle + off, abs=3e-3)
+        before = found
+
+
+@pytest.mark.parametrize('course', COURSES)
+def test_it_begins_at_the_pose_and_ends_at_the_goal(course):
+    _, frame = frame_on(*COURSES[course])
+    for at, lateral, wanted in (
+        (0.0, frame.ends[0], START[:2]),
+        (frame.stations[-1], frame.ends[1], GOAL),
+    ):
+        assert math.dist(point_at(frame, float(at), lateral), wanted) < 0.02
+
+
+def test_a_line_between_circles_has_the_coordinates_of_polar_ones():
+    _, polar = frame_on(*COURSES['polar'])
+    _, line = frame_on(*COURSES['a line between circles'])
+    assert polar.polar
+    assert not line.polar
+    points = np.array([[7.0, -7.2], [9.0, -3.0], [3.0, -9.9]])
+    at, radius = polar.coordinates(points)
+    along, left = line.coordinates(points)
+    np.testing.assert_allclose(along, at * 10.0, atol=5e-3)
+    np.testing.assert_allclose(left, 10.0 - radius, atol=5e-3)
+    assert line.curvature[5:-5] == pytest.approx(0.1, abs=1e-3)
+
+
+def gaps_of(road, obstacles, **places):
+    _, frame = frame_on(road, obstacles, **places)
+    return frame, *free_gaps(frame, FreeSpace.of(road, obstacles, 0.1), 0.0)
+
+
+def test_the_edges_of_a_corridor_are_as_far_as_it_is_wide():
+    _, gaps, edges = gaps_of(BEND, ())
+    assert gaps == [[each] for each in edges]
+    # Clearance counts a little less where the width changes, and never more.
+    for low, high in edges:
+        assert -1.1 <= low <= -1.05
+        assert 0.65 <= high <= 0.7
+
+
+def test_a_wall_from_an_edge_leaves_one_gap_and_one_in_the_middle_two():
+    line = Corridor(((0.0, 0.0), (9.0, 0.0)), (1.0, 1.0), (1.0, 1.0))
+    places = {'start': (0.5, 0.0, 0.0), 'goal': (8.5, 0.0)}
+    edge = Capsule('wall', (5.0, 1.2), (5.0, -0.2), 0.05)
+    frame, gaps, _ = gaps_of(line, (edge,), **places)
+    beside = min(gaps, key=lambda each: sum(high - low for low, high in each))
+    assert beside == [(pytest.approx(-0.9), pytest.approx(-0.35, abs=1e-3))]
+    middle = replace(edge, start=(5.0, 0.4))
+    frame, gaps, _ = gaps_of(line, (middle,), **places)
+    assert [len(each) for each in gaps].count(2) in (2, 3)
+    assert len(gaps) == len(frame.stations)
+
+
+def test_open_floor_has_room_beside_everything():
+    wall = Capsule('wall', (4.0, -9.0), (7.0, -2.0), 0.05)
+    _, gaps, _ = gaps_of(OpenFloor(), (wall,))
+    assert all(gaps)
+    assert gaps[0][0][1] - gaps[0][-1][0] > 1.0
+
+
+@pytest.mark.parametrize('course', COURSES)
+def test_sides_are_seen_from_the_path(course):
+    _, frame = frame_on(*COURSES[course])
+    middle = frame.stations[len(frame.stations) // 2]
+    center = point_at(frame, float(middle), frame.middle)
+    for side in (1, -1):
+        lateral = frame.middle + 0.4 * side * frame.left
+        path = [[*point_at(frame, float(at), lateral), 0.0] for at in frame.stations]
+        assert class_of(frame, np.array([center, (-0.5, -9.7)]), np.array(path)) == (side, 0)
+
+
+def test_nothing_to_drive_is_no_error():
+    for road in (BEND, OpenFloor()):
+        _, frame = frame_on(road, (Obstacle('post', (9.0, 0.0), 0.2),), goal=START[:2])
+        assert isinstance(frame, RoadFrame)
+        assert np.isfinite(frame.points).all()
+        assert np.isfinite(frame.curvature).all()

@@ -8,15 +8,12 @@ import subprocess
 import sys
 
 import pytest
-from typer.testing import CliRunner
+from commands import command
 
 import cmpsp_ros.demo.run as demo_run
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli import app
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.summary import Summary
-
-PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
 
 
 def summary(**changes):
@@ -38,7 +35,7 @@ def summary(**changes):
 def invoke():
     """Run the command: `invoke('demo', 'case3')`."""
     before = signal.getsignal(signal.SIGTERM)
-    yield lambda *args: CliRunner().invoke(app, [str(each) for each in args], env=PLAIN)
+    yield command
     signal.signal(signal.SIGTERM, before)
 
 

@@ -105,7 +105,7 @@ def drive(task: Task) -> Driven:
         if task.settings.max_wheel_change < math.inf:
             _brake(plant, driven, law, period)
     except Exception as error:
-        # Whatever it is, the study goes on and tells.
+        # The study goes on and reports it.
         text = ' '.join(str(error).split())
         driven.exception = f'{type(error).__name__}: {text}'
         plant.command(plant.stamp_ns, 0.0, 0.0)

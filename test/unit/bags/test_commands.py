@@ -3,19 +3,11 @@
 from __future__ import annotations
 
 import pytest
-from typer.testing import CliRunner
+from commands import command
 
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.cli import app
 
 TWIST = 'geometry_msgs/msg/Twist'
-
-
-@pytest.fixture
-def invoke():
-    """Run the command: `invoke('recover', path)`."""
-    env = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
-    return lambda *args: CliRunner().invoke(app, [str(each) for each in args], env=env)
 
 
 @pytest.fixture
@@ -26,18 +18,18 @@ def bag(tmp_path):
     return tmp_path / 'bag'
 
 
-def test_recover(invoke, bag, tmp_path):
+def test_recover(bag, tmp_path):
     (bag / 'metadata.yaml').unlink()
-    done = invoke('recover', bag)
+    done = command('recover', bag)
     assert done.exit_code == 0
     assert done.stdout == f'{tmp_path}/bag_recovered: 1 messages of 1 topics\n'
     assert done.stderr == ''
 
 
 @pytest.mark.parametrize('form', ['csv', 'parquet'])
-def test_export(invoke, bag, tmp_path, form):
+def test_export(bag, tmp_path, form):
     folder = tmp_path / 'tables'
-    done = invoke('export', bag, '--output', folder, '--format', form)
+    done = command('export', bag, '--output', folder, '--format', form)
     assert done.exit_code == 0
     assert done.stdout == f'{folder}/commands.{form}: 1 rows\n'
     assert (folder / f'commands.{form}').exists()
@@ -59,9 +51,9 @@ def test_export(invoke, bag, tmp_path, form):
         (('record', '--storage', 'rosbag1'), "'rosbag1' is not one of 'mcap', 'sqlite3'"),
     ],
 )
-def test_refused(invoke, bag, monkeypatch, args, reason):
+def test_refused(bag, monkeypatch, args, reason):
     monkeypatch.chdir(bag.parent)
-    done = invoke(*args)
+    done = command(*args)
     assert done.exit_code == 2
     assert reason in done.stderr
     assert 'Traceback' not in done.output

@@ -1,27 +1,8 @@
-"""Drives for all tests of the audit."""
-
-import sys
-from pathlib import Path
+"""Audits of drives."""
 
 import pytest
 
 from cmpsp_ros.bags.audit import audit
-
-sys.path.insert(0, str(Path(__file__).parent))
-
-
-@pytest.fixture(scope='session')
-def whole_drive():
-    """Case 3 from beginning to end, as it should be."""
-    from drives import drive_case
-
-    return drive_case()
-
-
-@pytest.fixture
-def drive(whole_drive):
-    """The same, to be tampered with."""
-    return whole_drive.copy()
 
 
 @pytest.fixture

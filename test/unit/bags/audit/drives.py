@@ -7,23 +7,32 @@ from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from bag_messages import (
+    EVENT,
+    ODOMETRY,
+    PATH,
+    SECOND,
+    STAMPED,
+    TWIST,
+    header,
+    make,
+    odometry,
+    parameter_event,
+    raw,
+    twist,
+)
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.messages import DECISION, PATH, TWIST, decision_message, path_message
+from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
-SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 ODOM_PERIOD = SECOND // 50
 LATENCY = 4_000_000
-
-ODOMETRY, STAMPED = 'nav_msgs/msg/Odometry', 'geometry_msgs/msg/TwistStamped'
-EVENT = 'rcl_interfaces/msg/ParameterEvent'
 
 
 @dataclass
@@ -99,7 +108,7 @@ class Drive:
             bag.topic(odom, ODOMETRY)
             bag.topic(cmd_vel, STAMPED if self.stamped else TWIST)
             for each in self.odometry:
-                bag.write(odom, each.received, odometry(each, self.frame_id))
+                bag.write(odom, each.received, self._odometry(each))
             for each in self.commands:
                 bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
             if self.decisions:
@@ -107,14 +116,17 @@ class Drive:
             if self.changes:
                 bag.topic('/parameter_events', EVENT)
             for stamp, key, value in self.changes:
-                bag.write(
-                    '/parameter_events', stamp, event(stamp, f'{prefix}/guidance', key, value)
-                )
+                change = parameter_event(f'{prefix}/guidance', {key: value}, stamp)
+                bag.write('/parameter_events', stamp, raw(change))
             if self.parameters:
                 bag.set_parameters(f'{prefix}/guidance', self.parameters)
             for since, parameters in self.restarts:
                 bag.set_parameters(f'{prefix}/guidance', parameters, since)
         return path
+
+    def _odometry(self, each):
+        # What odometry says about its speed is not to be trusted.
+        return raw(odometry(each.stamp, each.pose, (99.0, -99.0), self.frame_id, each.spread))
 
     def _write_decisions(self, bag, node):
         bag.topic(f'{node}/decision', DECISION)
@@ -156,63 +168,9 @@ def drive_case(preset='case3', rest=0.4, **changes):
     return drive
 
 
-def make(name, *fields):
-    return jazzy().types[name](*fields)
-
-
-def raw(message, name):
-    return bytes(jazzy().serialize_cdr(message, name))
-
-
-def header(stamp, frame_id):
-    return make('std_msgs/msg/Header', time(stamp), frame_id)
-
-
-def time(stamp):
-    return make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
-
-
-def twist_message(speed, rate):
-    vector = jazzy().types['geometry_msgs/msg/Vector3']
-    return make(TWIST, vector(speed, 0.0, 0.0), vector(0.0, 0.0, rate))
-
-
-def odometry(sample, frame_id):
-    x, y, heading = map(float, sample.pose)
-    placed = make(
-        'geometry_msgs/msg/Pose',
-        make('geometry_msgs/msg/Point', x, y, 0.0),
-        make('geometry_msgs/msg/Quaternion', 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2)),
-    )
-    covariance = np.zeros(36)
-    covariance[[0, 7, 35]] = sample.spread**2
-    message = make(
-        ODOMETRY,
-        header(sample.stamp, frame_id),
-        'base_link',
-        make('geometry_msgs/msg/PoseWithCovariance', placed, covariance),
-        # What odometry says about its speed is not to be trusted.
-        make('geometry_msgs/msg/TwistWithCovariance', twist_message(99.0, -99.0), covariance),
-    )
-    return raw(message, ODOMETRY)
-
-
 def command(each, *, stamped):
-    message = twist_message(*map(float, each.twist))
-    if stamped:
-        return raw(make(STAMPED, header(each.stamp, 'base_link'), message), STAMPED)
-    return raw(message, TWIST)
-
-
-def event(stamp, node, key, value):
-    none = [False, 0, 0.0, '', *(np.zeros(0, dtype=kind) for kind in (np.uint8, bool, np.int64))]
-    none += [np.zeros(0), []]
-    fields = [*none]
-    kind = 3 if isinstance(value, float) else 8
-    fields[kind - 1] = value if kind == 3 else np.array(value)
-    parameter_value = make('rcl_interfaces/msg/ParameterValue', kind, *fields)
-    parameter = make('rcl_interfaces/msg/Parameter', key, parameter_value)
-    return raw(make(EVENT, time(stamp), node, [], [parameter], []), EVENT)
+    message = twist(*each.twist)
+    return raw(make(STAMPED, header(each.stamp, 'base_link'), message) if stamped else message)
 
 
 def failed(findings):

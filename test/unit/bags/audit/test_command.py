@@ -3,45 +3,36 @@
 from __future__ import annotations
 
 import pytest
-from typer.testing import CliRunner
-
-from cmpsp_ros.cli import app
-
-PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
+from commands import command
 
 
-@pytest.fixture
-def invoke():
-    return lambda *args: CliRunner().invoke(app, ['audit', *map(str, args)], env=PLAIN)
-
-
-def test_a_clean_drive_is_exit_code_0(invoke, drive, tmp_path):
-    done = invoke(drive.write(tmp_path / 'bag'), '--junit', tmp_path / 'audit.xml')
+def test_a_clean_drive_is_exit_code_0(drive, tmp_path):
+    done = command('audit', drive.write(tmp_path / 'bag'), '--junit', tmp_path / 'audit.xml')
     assert done.exit_code == 0, done.output
     assert 'Path: clear of obstacles' in done.output
     assert 'No margin was asked for' in done.output
     assert (tmp_path / 'audit.xml').exists()
 
 
-def test_a_wrong_command_is_exit_code_1(invoke, drive, tmp_path):
+def test_a_wrong_command_is_exit_code_1(drive, tmp_path):
     drive.commands[drive.at(4.0)].twist += [0.0, 0.01]
-    done = invoke(drive.write(tmp_path / 'bag'))
+    done = command('audit', drive.write(tmp_path / 'bag'))
     assert done.exit_code == 1
     assert 'failed Commands: as decided: 1 of 53 commands' in done.output
 
 
-def test_a_bag_of_another_robot_is_audited_by_a_file(invoke, drive, tmp_path):
+def test_a_bag_of_another_robot_is_audited_by_a_file(drive, tmp_path):
     drive = drive.without_node()
     drive.odom = 'wheels/odom'
     bag = drive.write(tmp_path / 'bag')
-    done = invoke(bag, '--odom', '/wheels/odom', '--params-file', 'case3')
+    done = command('audit', bag, '--odom', '/wheels/odom', '--params-file', 'case3')
     assert done.exit_code == 0, done.output
 
 
 @pytest.mark.parametrize('args', [(), ('--params-file', 'case99'), ('--odom', '/nothing')])
-def test_a_bag_that_cannot_be_audited_is_exit_code_2(invoke, drive, tmp_path, args):
+def test_a_bag_that_cannot_be_audited_is_exit_code_2(drive, tmp_path, args):
     bag = drive.without_node().write(tmp_path / 'bag')
-    done = invoke(bag, *args)
+    done = command('audit', bag, *args)
     assert done.exit_code == 2
     assert 'Traceback' not in done.output
     assert done.stderr.strip()

@@ -5,109 +5,50 @@ from __future__ import annotations
 import csv
 import math
 import shutil
-import struct
 import sys
 
-import numpy as np
 import pytest
+from bag_messages import (
+    ARRAY,
+    STAMPED,
+    cloud,
+    header,
+    joints,
+    make,
+    odometry,
+    path,
+    pose_stamped,
+    raw,
+    status,
+    twist,
+)
 from pyarrow import parquet
 
-from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.export.files import export
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.messages.tracks import FLOATS
 
 THIRD = 1 / 3
-ODOMETRY = 'nav_msgs/msg/Odometry'
-TWIST = 'geometry_msgs/msg/Twist'
-STAMPED = 'geometry_msgs/msg/TwistStamped'
-JOINTS = 'sensor_msgs/msg/JointState'
-ARRAY = 'diagnostic_msgs/msg/DiagnosticArray'
-STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
-PATH = 'nav_msgs/msg/Path'
-CLOUD = 'sensor_msgs/msg/PointCloud2'
-POSE = 'geometry_msgs/msg/PoseStamped'
 
 
-def make(name, *args):
-    return jazzy().types[name](*args)
-
-
-def header(stamp):
-    return make(
-        'std_msgs/msg/Header',
-        make('builtin_interfaces/msg/Time', *divmod(stamp, 10**9)),
-        'map',
-    )
-
-
-def pose(x, y, heading):
-    half = heading / 2
-    return make(
-        'geometry_msgs/msg/Pose',
-        make('geometry_msgs/msg/Point', x, y, 0.0),
-        make('geometry_msgs/msg/Quaternion', 0.0, 0.0, math.sin(half), math.cos(half)),
-    )
-
-
-def twist(speed, turn_rate):
-    linear, angular = (speed, 0.0, 0.0), (0.0, 0.0, turn_rate)
-    return make(TWIST, *(make('geometry_msgs/msg/Vector3', *each) for each in (linear, angular)))
-
-
-def odometry(stamp, x):
-    zeros = np.zeros(36)
-    return make(
-        ODOMETRY,
-        header(stamp),
-        'base_link',
-        make('geometry_msgs/msg/PoseWithCovariance', pose(x, 2.0, 0.5), zeros),
-        make('geometry_msgs/msg/TwistWithCovariance', twist(THIRD, -1.0), zeros),
-    )
-
-
-def joints(*speeds):
-    none = np.zeros(0)
-    return make(JOINTS, header(7), ['r', 'l'], none, np.array(speeds), none)
+def at(stamp, x):
+    return odometry(stamp, (x, 2.0, 0.5), (THIRD, -1.0), 'map')
 
 
 def decision(**values):
-    pairs = [make('diagnostic_msgs/msg/KeyValue', *each) for each in values.items()]
-    return make(STATUS, 0, 'guidance', 'All is "well", so far.', '', pairs)
-
-
-def plan(*points):
-    poses = [make('geometry_msgs/msg/PoseStamped', header(9), pose(*each)) for each in points]
-    return make(PATH, header(8), poses)
-
-
-def cloud(*points):
-    """Obstacles that move: (id, x, y, vx, vy, radius) each."""
-    field = jazzy().types['sensor_msgs/msg/PointField']
-    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(FLOATS)]
-    data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
-    size = len(points)
-    return make(
-        CLOUD, header(4), 1, size, [*fields, field('id', 40, 5, 1)], False, 44, 44 * size,
-        np.frombuffer(data, np.uint8), True,
-    )  # fmt: skip
-
-
-def goal_pose(*place):
-    return make(POSE, header(3), pose(*place))
+    return status('All is "well", so far.', **values)
 
 
 @pytest.fixture
 def write(tmp_path):
-    """Write a bag: `write((topic, type, message), ...)`, a second apart."""
+    """Write a bag: `write((topic, message), ...)`, a second apart."""
 
     def write(*records):
         with BagWriter(tmp_path / 'bag') as bag:
-            for stamp, (topic, name, message) in enumerate(records, 1):
-                if not any(topic == each for each, _, _ in records[: stamp - 1]):
-                    bag.topic(topic, name)
-                bag.write(topic, stamp * 10**9, bytes(jazzy().serialize_cdr(message, name)))
+            for stamp, (topic, message) in enumerate(records, 1):
+                if not any(topic == each for each, _ in records[: stamp - 1]):
+                    bag.topic(topic, message.__msgtype__)
+                bag.write(topic, stamp * 10**9, raw(message))
         return tmp_path / 'bag'
 
     return write
@@ -116,20 +57,22 @@ def write(tmp_path):
 @pytest.fixture
 def bag(write):
     return write(
-        ('/odom', ODOMETRY, odometry(1_500_000_000, THIRD)),
-        ('/cmd_vel', TWIST, twist(1.0, 2.0)),
-        ('/stamped', STAMPED, make(STAMPED, header(5), twist(3.0, math.nan))),
-        ('/sim/truth', ODOMETRY, odometry(2, 1.0)),
-        ('/guidance/wheel_speeds', JOINTS, joints(51.0, -THIRD)),
-        ('/joint_states', JOINTS, joints(1.0, 2.0, 3.0)),
-        ('/guidance/decision', STATUS, decision(stamp='5', rung='stop', miss='0.25', own='x')),
+        ('/odom', at(1_500_000_000, THIRD)),
+        ('/cmd_vel', twist(1.0, 2.0)),
+        ('/stamped', make(STAMPED, header(5), twist(3.0, math.nan))),
+        ('/sim/truth', at(2, 1.0)),
+        ('/guidance/wheel_speeds', joints(7, (51.0, -THIRD))),
+        ('/joint_states', joints(7, (1.0, 2.0, 3.0))),
+        ('/guidance/decision', decision(stamp='5', rung='stop', miss='0.25', own='x')),
         (
             '/guidance/decision',
-            STATUS,
             decision(stamp='6', finished='true', miss='nan', step='4', step_ms='1.5'),
         ),
-        ('/guidance/predicted_path', PATH, plan((0.0, 0.0, 0.0), (1.0, 2.0, -0.5))),
-        ('/battery', STATUS, decision(level='low')),
+        (
+            '/guidance/predicted_path',
+            path(8, [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)], stamps=(9, 9)),
+        ),
+        ('/battery', decision(level='low')),
     )
 
 
@@ -182,12 +125,15 @@ def test_csv(bag, tmp_path):
 def test_goals_obstacles_that_move_and_roads(write, tmp_path):
     known = {'goal': 'b', 'goal_x': '0.5', 'goal_time': '17.0', 'told': '2', 'missed': 'true'}
     bag = write(
-        ('/guidance/decision', STATUS, decision(stamp='5', **known)),
-        ('/goal_pose', POSE, goal_pose(THIRD, 2.0, 0.5)),
-        ('/moving_obstacles', CLOUD, cloud((7, 1.0, 2.0, 0.1, -0.2, 0.3), (8, 3, 4, 0, 0, 0.5))),
+        ('/guidance/decision', decision(stamp='5', **known)),
+        ('/goal_pose', pose_stamped(3, (THIRD, 2.0, 0.5), 'map')),
+        (
+            '/moving_obstacles',
+            cloud(4, [(7, 1, 2, 0.1, -0.2, 0.3), (8, 3, 4, 0, 0, 0.5)]),
+        ),
         # What the nodes refuse, a radius below 0, is in no table.
-        ('/moving_obstacles', CLOUD, cloud((9, 1.0, 2.0, 0.1, -0.2, -0.3))),
-        ('/road', PATH, plan((0.0, 0.0, 0.0), (1.0, THIRD, 0.0))),
+        ('/moving_obstacles', cloud(4, [(9, 1.0, 2.0, 0.1, -0.2, -0.3)])),
+        ('/road', path(8, [(0.0, 0.0, 0.0), (1.0, THIRD, 0.0)])),
     )
     folder = tmp_path / 'tables'
     counts = {path.name: count for path, count in export(bag, folder).items()}
@@ -222,9 +168,9 @@ def test_parquet(bag, tmp_path):
 
 def test_many_rows(write, tmp_path, monkeypatch):
     monkeypatch.setattr('cmpsp_ros.bags.export.files._BATCH', 3)
-    path = write(*(('/odom', ODOMETRY, odometry(stamp, float(stamp))) for stamp in range(10)))
-    assert [*export(path, tmp_path / 'csv').values()] == [10]
-    assert [*export(path, tmp_path / 'parquet', 'parquet').values()] == [10]
+    written = write(*(('/odom', at(stamp, float(stamp))) for stamp in range(10)))
+    assert [*export(written, tmp_path / 'csv').values()] == [10]
+    assert [*export(written, tmp_path / 'parquet', 'parquet').values()] == [10]
     table = parquet.read_table(tmp_path / 'parquet' / 'odometry.parquet')
     assert table['x'].to_pylist() == [float(each) for each in range(10)]
     assert [float(each['x [m]']) for each in rows(tmp_path / 'csv' / 'odometry.csv')] == [
@@ -234,10 +180,10 @@ def test_many_rows(write, tmp_path, monkeypatch):
 
 def test_decisions_in_arrays(write, tmp_path):
     array = make(ARRAY, header(5), [decision(stamp='5', miss='0.25')])
-    export(write(('/guidance/decision', ARRAY, array)), tmp_path / 'tables')
+    export(write(('/guidance/decision', array)), tmp_path / 'tables')
     (row,) = rows(tmp_path / 'tables' / 'decisions.csv')
     assert (row['stamp [ns]'], row['miss [m]'], row['reason'][:3]) == ('5', '0.25', 'All')
-    empty = ('/guidance/decision', ARRAY, make(ARRAY, header(5), []))
+    empty = ('/guidance/decision', make(ARRAY, header(5), []))
     shutil.rmtree(tmp_path / 'bag')
     with pytest.raises(BagError, match='wanted a decision'):
         export(write(empty), tmp_path / 'new')
@@ -246,15 +192,15 @@ def test_decisions_in_arrays(write, tmp_path):
 @pytest.mark.parametrize(
     ('record', 'reason'),
     [
-        (('/battery', STATUS, decision()), 'no topic that makes a table; there is /battery'),
+        (('/battery', decision()), 'no topic that makes a table; there is /battery'),
         (
-            ('/guidance/wheel_speeds', JOINTS, joints(1.0)),
+            ('/guidance/wheel_speeds', joints(7, [1.0])),
             'message of /guidance/wheel_speeds at 1000000000 ns: found 1 wheel speeds',
         ),
-        (('/guidance/decision', STATUS, decision(stamp='x')), 'invalid literal for int'),
-        (('/guidance/decision', STATUS, decision(finished='x')), "'x'"),
+        (('/guidance/decision', decision(stamp='x')), 'invalid literal for int'),
+        (('/guidance/decision', decision(finished='x')), "'x'"),
         (
-            ('/guidance/decision', STATUS, decision(**{f'k{k}': '' for k in range(999)})),
+            ('/guidance/decision', decision(**{f'k{k}': '' for k in range(999)})),
             'over 200 keys in /guidance/decision',
         ),
     ],

@@ -11,7 +11,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from recorded_drives import START, Drive, altered, odometry
+from bag_messages import odometry
+from recorded_drives import START, Drive, altered
 
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay

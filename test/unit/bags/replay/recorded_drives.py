@@ -6,17 +6,21 @@ import math
 from contextlib import suppress
 
 import numpy as np
+from bag_messages import (
+    EVENT,
+    ODOMETRY,
+    PATH,
+    POSE,
+    SECOND,
+    TWIST,
+    odometry,
+    parameter_event,
+    pose_stamped,
+    raw,
+)
 
 from cmpsp_ros.bags.decision_record import status_of
-from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.messages import (
-    DECISION,
-    PATH,
-    TWIST,
-    command_message,
-    decision_message,
-    path_message,
-)
+from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.goals import GoalError
@@ -28,58 +32,8 @@ from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
 DECISIONS = '/guidance/decision'
-GOAL = 'geometry_msgs/msg/PoseStamped'
-ODOMETRY, EVENT = 'nav_msgs/msg/Odometry', 'rcl_interfaces/msg/ParameterEvent'
-SECOND = 1_000_000_000
 TICK = SECOND // 50
 START = (0.0, -9.25, 0.0)
-
-
-def make(name, *fields):
-    return jazzy().types[name](*fields)
-
-
-def odometry(stamp, pose, frame_id='odom'):
-    x, y, heading = map(float, pose)
-    vector, unknown = jazzy().types['geometry_msgs/msg/Vector3'], np.zeros(36)
-    turn = make(
-        'geometry_msgs/msg/Quaternion', 0.0, 0.0, math.sin(heading / 2.0), math.cos(heading / 2.0)
-    )
-    placed = make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', x, y, 0.0), turn)
-    still = make('geometry_msgs/msg/Twist', vector(0.0, 0.0, 0.0), vector(0.0, 0.0, 0.0))
-    time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
-    message = make(
-        ODOMETRY,
-        make('std_msgs/msg/Header', time, frame_id),
-        'base_link',
-        make('geometry_msgs/msg/PoseWithCovariance', placed, unknown),
-        make('geometry_msgs/msg/TwistWithCovariance', still, unknown),
-    )
-    return bytes(jazzy().serialize_cdr(message, ODOMETRY))
-
-
-def parameter_event(node, changes):
-    none = np.zeros(0)
-    parameters = []
-    for name, value in changes.items():
-        many = isinstance(value, list)
-        value_message = make(
-            'rcl_interfaces/msg/ParameterValue',
-            8 if many else 3,
-            False,
-            0,
-            0.0 if many else value,
-            '',
-            none.astype(np.uint8),
-            none.astype(bool),
-            none.astype(np.int64),
-            np.array(value) if many else none,
-            [],
-        )
-        parameters.append(make('rcl_interfaces/msg/Parameter', name, value_message))
-    time = make('builtin_interfaces/msg/Time', 0, 0)
-    message = make(EVENT, time, node, [], parameters, [])
-    return bytes(jazzy().serialize_cdr(message, EVENT))
 
 
 class Drive:
@@ -130,8 +84,8 @@ class Drive:
             path = path_message(decision.plan, self.settings.frame_id, decision.stamp)
             self.bag.write(f'{self.prefix}/guidance/predicted_path', when + 2000, path)
 
-    def say(self, raw):
-        self.bag.write(f'{self.prefix}/odom', self.now + 1000, raw)
+    def say(self, message):
+        self.bag.write(f'{self.prefix}/odom', self.now + 1000, raw(message))
 
     def go(self, seconds, *, heard=True):
         """Drive, odometry being heard or neither heard nor recorded."""
@@ -189,23 +143,12 @@ class Drive:
 
     def tell(self, x, y, heading, *, frame_id='odom', stamp=0, heard=True):
         """Publish a goal, which the node hears and heeds, or was not active to."""
-        time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
-        turn = math.sin(heading / 2.0), math.cos(heading / 2.0)
-        message = make(
-            GOAL,
-            make('std_msgs/msg/Header', time, frame_id),
-            make(
-                'geometry_msgs/msg/Pose',
-                make('geometry_msgs/msg/Point', x, y, 0.0),
-                make('geometry_msgs/msg/Quaternion', 0.0, 0.0, *turn),
-            ),
-        )
-        raw = bytes(jazzy().serialize_cdr(message, GOAL))
+        message = pose_stamped(stamp, (x, y, heading), frame_id)
         topic = f'{self.prefix}/goal_pose'
         if not self.are_told:
-            self.bag.topic(topic, GOAL)
+            self.bag.topic(topic, POSE)
         self.are_told = True
-        self.bag.write(topic, self.now + 500, raw)
+        self.bag.write(topic, self.now + 500, raw(message))
         if heard:
             with suppress(GoalError):
                 self.law.tell(*goal_of(message, self.settings.frame_id))
@@ -216,7 +159,7 @@ class Drive:
         self.values = TABLE.reconfigure(self.values, said)
         self.settings = guidance_settings(self.values)
         event = parameter_event(f'{self.prefix}/guidance', said)
-        self.bag.write('/parameter_events', self.now, event)
+        self.bag.write('/parameter_events', self.now, raw(event))
         self.law.reconfigure(self.settings)
 
 
@@ -230,7 +173,7 @@ def altered(
             for index, (stamp, message) in enumerate(bag.messages(topic)):
                 kept = change(topic, index, message)
                 if kept is not None:
-                    new.write(topic, stamp, bytes(jazzy().serialize_cdr(kept, there.msgtype)))
+                    new.write(topic, stamp, raw(kept))
         for node, values in (bag.parameters if parameters is None else parameters).items():
             new.set_parameters(node, values)
         for node, lives in (restarts or {}).items():

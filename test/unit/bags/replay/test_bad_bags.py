@@ -6,13 +6,11 @@ import re
 import shutil
 
 import pytest
-from typer.testing import CliRunner
+from commands import command
 
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.cli import app
 
-PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
 COMMANDS = {
     'replay': ['replay', 'bag'],
     'what if': ['replay', 'bag', '--set', 'weights.road_center=30', '--output', 'new'],
@@ -155,7 +153,7 @@ def test_it_says_why_and_leaves_everything_as_it_is(make, tmp_path, commands, ki
     make(kind)
     before = files(tmp_path)
     for name in commands:
-        done = CliRunner().invoke(app, COMMANDS[name], env=PLAIN)
+        done = command(*COMMANDS[name])
         assert done.exit_code == 2, (name, done.output, done.exception)
         assert re.match(f'bag: .*{reason}|{reason}', done.stderr), (name, done.stderr)
         assert len(done.stderr.splitlines()) == 1, name
@@ -168,7 +166,7 @@ def test_what_a_command_does_not_need_may_be_missing(make, kind):
     make(kind)
     needless = {'no decisions': ['audit', 'report', 'export'], 'no commands': ['replay', 'export']}
     for name in needless[kind]:
-        done = CliRunner().invoke(app, COMMANDS[name], env=PLAIN)
+        done = command(*COMMANDS[name])
         assert done.exit_code in {0, 1}, (name, done.output)
         assert done.stderr == '', name
 
@@ -176,6 +174,6 @@ def test_what_a_command_does_not_need_may_be_missing(make, kind):
 @pytest.mark.parametrize('kind', ['cut off', 'half', 'no parameters', 'nan'])
 def test_recover_takes_what_is_there(make, tmp_path, kind):
     make(kind)
-    assert CliRunner().invoke(app, COMMANDS['recover'], env=PLAIN).exit_code == 0
+    assert command(*COMMANDS['recover']).exit_code == 0
     with Bag(tmp_path / 'new') as new:
         assert new.topics

@@ -5,16 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from typer.testing import CliRunner
-
-from cmpsp_ros.cli import app
-
-PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb', 'TERMINAL_WIDTH': '200'}
-
-
-@pytest.fixture
-def invoke():
-    return lambda *args: CliRunner().invoke(app, ['replay', *map(str, args)], env=PLAIN)
+from commands import command
 
 
 def wrong(topic, index, message):
@@ -23,22 +14,22 @@ def wrong(topic, index, message):
     return message
 
 
-def test_identical_is_exit_code_0(invoke, faulty):
+def test_identical_is_exit_code_0(faulty):
     bag, decisions = faulty
-    result = invoke(bag)
+    result = command('replay', bag)
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith(f'identical: {len(decisions)} decisions\n')
 
 
-def test_a_difference_is_exit_code_1_and_named(invoke, drive, alter):
+def test_a_difference_is_exit_code_1_and_named(drive, alter):
     with drive() as run:
         run.go(0.5)
     copy = alter(wrong)
     for options in ((), ('--tolerance', '1e-9')):
-        result = invoke(copy, *options)
+        result = command('replay', copy, *options)
         assert result.exit_code == 1
         assert 'decision 2 (stamp 1700000000200000007 ns): command.linear.x' in result.stdout
-    assert invoke(copy, '--tolerance', '1').exit_code == 0
+    assert command('replay', copy, '--tolerance', '1').exit_code == 0
 
 
 @pytest.mark.parametrize(
@@ -53,10 +44,10 @@ def test_a_difference_is_exit_code_1_and_named(invoke, drive, alter):
         (['{}/bag', '--params-file', 'case9'], 'no such preset'),
     ],
 )
-def test_what_cannot_be_used_is_exit_code_2_in_one_line(invoke, drive, tmp_path, arguments, reason):
+def test_what_cannot_be_used_is_exit_code_2_in_one_line(drive, tmp_path, arguments, reason):
     with drive() as run:
         run.go(0.5)
-    result = invoke(*(each.format(tmp_path) for each in arguments))
+    result = command('replay', *(each.format(tmp_path) for each in arguments))
     assert result.exit_code == 2
     assert reason in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -67,16 +58,16 @@ def test_what_cannot_be_used_is_exit_code_2_in_one_line(invoke, drive, tmp_path,
 @pytest.mark.parametrize(
     'options', [['--set', 'weights.road_center=30'], ['--params-file', 'case2']]
 )
-def test_what_if_is_exit_code_0_with_a_bag_and_a_picture(invoke, drive, bag, options):
+def test_what_if_is_exit_code_0_with_a_bag_and_a_picture(drive, bag, options):
     with drive() as run:
         run.go(0.5)
-    result = invoke(bag, *options)
+    result = command('replay', bag, *options)
     assert result.exit_code == 0, result.output
     folder = bag.with_name('bag_what_if')
     assert {each.name for each in folder.iterdir()} == {'bag', 'what_if.png'}
     text = re.sub(r'\s+', ' ', result.stdout)
     assert 'recorded: 3 decisions, 3 nominal' in text
     assert 'the robot followed the recorded commands, not the changed ones' in text
-    again = invoke(bag, *options)
+    again = command('replay', bag, *options)
     assert again.exit_code == 2
     assert 'exists already' in again.stderr

@@ -1,4 +1,4 @@
-"""Runs among obstacles that move: replayed bit for bit, and audited, from their bags."""
+"""Runs among obstacles that move, and beside another robot: replayed bit for bit, and audited."""
 
 from __future__ import annotations
 
@@ -7,134 +7,156 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recorded_drives import SECOND, Drive, altered, dropping, make, odometry
+from bag_messages import CLOUD, ODOMETRY, PATH, SECOND, cloud, odometry, path, raw
+from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 
-from cmpsp_ros.bags.audit import audit
-from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.bags.audit import Sources, audit
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance.messages.tracks import FLOATS, Track, Tracks
+from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
+from cmpsp_ros.guidance.messages.tracks import Track, Tracks
 
-CLOUD, TOPIC = 'sensor_msgs/msg/PointCloud2', '/moving_obstacles'
-NAMES = Names.under('')
-ONCOMING = (9.3, -4.8, -0.45, -0.45, 0.3)
-
-
-def cloud(tracks, frame_id='odom'):
-    field = jazzy().types['sensor_msgs/msg/PointField']
-    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(FLOATS)]
-    points = [
-        struct.pack('<5di', each.x, each.y, each.vx, each.vy, each.radius, each.id)
-        for each in tracks
-    ]
-    time = make('builtin_interfaces/msg/Time', *divmod(tracks[0].stamp, SECOND))
-    message = make(
-        CLOUD,
-        make('std_msgs/msg/Header', time, frame_id),
-        1,
-        len(tracks),
-        [*fields, field('id', 40, 5, 1)],
-        False,
-        44,
-        44 * len(tracks),
-        np.frombuffer(b''.join(points), np.uint8),
-        True,
-    )
-    return bytes(jazzy().serialize_cdr(message, CLOUD))
+OTHERS_ODOM = '/r2/odom'
+ONCOMING, RADIUS = (9.3, -4.8, -0.45, -0.45), 0.3
+AHEAD = 3 * SECOND
 
 
 class Encounter(Drive):
-    """A drive towards something that moves, which is told of at 10 Hz, a little late."""
+    """A drive towards something that moves, which is published at 10 Hz, a little late."""
 
-    def __init__(self, folder, mover=ONCOMING, every=5, **parameters):
-        super().__init__(folder, preset='moving', **parameters)
-        self.tracks, self.mover, self.every, self.count = Tracks(), mover, every, 0
-        self.begun = self.now
-        self.bag.topic(TOPIC, CLOUD)
+    check, prefix, topic, kind = 'moving', '', '/moving_obstacles', CLOUD
+    name, published = 'moving obstacle 5', r'on obstacle 5 as it was seen at .* wanted that in /mov'
+
+    def __init__(self, folder, mover=ONCOMING, **parameters):
+        super().__init__(folder, prefix=self.prefix, preset='moving', **parameters)
+        self.known, self.mover, self.count, self.begun = Tracks(), mover, 0, self.now
+        self.bag.topic(self.topic, self.kind)
+
+    def place(self, stamp):
+        x, y, vx, vy = self.mover
+        seconds = (stamp - self.begun) / SECOND
+        return x + seconds * vx, y + seconds * vy
+
+    def seen(self, stamp):
+        """What is known of it, and the message that says so in a frame."""
+        track = Track(5, stamp, RADIUS, *self.place(stamp), *self.mover[2:])
+        point = (5, track.x, track.y, track.vx, track.vy, track.radius)
+        return track, lambda frame_id: cloud(stamp, [point], frame_id)
 
     def hear(self, stamp):
-        if self.count % self.every == 0:
+        if self.count % 5 == 0:
             # Of three messages in a row one is in another frame, and one was never heard.
-            x, y, vx, vy, radius = self.mover
-            since = (stamp - self.begun) / SECOND
-            track = Track(5, stamp, radius, x + since * vx, y + since * vy, vx, vy)
-            self.bag.write(TOPIC, self.now + 500, cloud([track], 'map'))
-            self.bag.write(TOPIC, self.now + 600, cloud([track]))
-            if self.count % (3 * self.every):
-                self.tracks.hear([track])
+            seen, message = self.seen(stamp)
+            self.bag.write(self.topic, self.now + 500, raw(message('map')))
+            self.bag.write(self.topic, self.now + 600, raw(message('odom')))
+            if self.count % 15:
+                self.known.hear([seen])
         self.count += 1
         self.say(odometry(stamp, self.pose))
         if self.law.is_due(stamp):
-            known = self.tracks.at(stamp, self.settings.moving_obstacles.timeout)
+            known = self.known.at(stamp, self.settings.moving_obstacles.timeout)
             self.publish(self.law.update(stamp, self.measured(), known))
 
 
-@pytest.fixture(scope='module')
-def met(tmp_path_factory):
+class Beside(Encounter):
+    """The same of /r1 towards /r2, which publishes its plan."""
+
+    check, prefix, topic, kind = 'others', '/r1', '/r2/guidance/predicted_path', PATH
+    name, published = 'robot /r2', 'on the plan that /r2 made at .* wanted that in /r2/guid'
+
+    def __init__(self, folder):
+        others = {'others.namespaces': ['/r1', '/r2'], 'others.radius': RADIUS}
+        super().__init__(folder, **others)
+        self.bag.topic(OTHERS_ODOM, ODOMETRY)
+
+    def seen(self, stamp):
+        stamps = (stamp, stamp + AHEAD)
+        plan = PeerTrajectory('/r2', stamp, stamps, tuple(map(self.place, stamps)))
+        return plan, lambda frame_id: path(stamp, plan.places, frame_id, stamps)
+
+    def hear(self, stamp):
+        place = raw(odometry(stamp, (*self.place(stamp), -2.3)))
+        self.bag.write(OTHERS_ODOM, self.now + 300, place)
+        super().hear(stamp)
+
+
+@pytest.fixture(scope='module', params=[Encounter, Beside])
+def met(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp('met') / 'bag'
-    with Encounter(folder) as run:
+    with request.param(folder) as run:
         run.go(10.2)
-    return folder, run.decisions
+    return request.param, folder, run.decisions
+
+
+def finding(bag, kind):
+    findings = audit(bag, Sources(odom=f'{kind.prefix}/odom'))
+    return next(each for each in findings if each.check == kind.check)
 
 
 def test_replayed_bit_for_bit(met):
-    bag, decisions = met
-    assert any(each.tracks for each in decisions)
-    outcome = replay(bag, NAMES)
+    kind, bag, decisions = met
+    assert sum(bool(each.tracks) for each in decisions) > 20
+    outcome = replay(bag, Names.under(kind.prefix))
     assert outcome.first is None, outcome.first
     assert outcome.decisions == len(decisions) == 51
 
 
 def test_a_bag_without_them_is_refused(met, tmp_path):
-    bag, _ = met
-    lacking = altered(bag, tmp_path / 'lacking', dropping(TOPIC))
-    with pytest.raises(
-        BagError, match=r'on obstacle 5 as it was seen at .* wanted that in /moving'
-    ):
-        replay(lacking, NAMES)
+    kind, bag, _ = met
+    lacking = altered(bag, tmp_path / 'lacking', dropping(kind.topic))
+    with pytest.raises(BagError, match=kind.published):
+        replay(lacking, Names.under(kind.prefix))
 
 
 def test_another_place_is_noticed(met, tmp_path):
-    bag, _ = met
+    kind, bag, _ = met
 
-    def change(topic, index, message):
-        if topic == TOPIC and index > 60:
-            data = struct.pack('<d', 9.7) + bytes(message.data[8:])
-            message = replace(message, data=np.frombuffer(data, np.uint8))
-        return message
+    def move(message):
+        if kind is Beside:
+            return moving('poses.-1.pose.position.x', 0.5)(message)
+        data = struct.pack('<d', 9.7) + bytes(message.data[8:])
+        return replace(message, data=np.frombuffer(data, np.uint8))
 
-    assert replay(altered(bag, tmp_path / 'moved', change), NAMES).differing > 0
-
-
-def finding(bag):
-    return next(each for each in audit(bag) if each.check == 'moving')
+    changed = altered(bag, tmp_path / 'moved', editing(kind.topic, move, *range(40, 200)))
+    assert replay(changed, Names.under(kind.prefix)).differing > 0
 
 
 def test_the_audit_keeps_it_clear(met):
-    found = finding(met[0])
+    kind, bag, _ = met
+    found = finding(bag, kind)
     assert found.outcome.name == 'PASSED', found
-    assert 'moving obstacle 5, at its predicted position' in found.sentence
+    assert f'm from {kind.name}' in found.sentence
     assert 0.0 < found.worst < 0.5
 
 
-def test_the_audit_sees_a_collision(tmp_path):
-    """The node listens to nothing, and drives into what is told of."""
+@pytest.mark.parametrize('kind', [Encounter, Beside])
+def test_the_audit_sees_a_collision(tmp_path, kind):
+    """The node hears nothing, and drives into what it is not told of."""
     folder = tmp_path / 'bag'
-    with Encounter(folder) as run:
-        run.tracks.at = lambda *_: ()
+    with kind(folder) as run:
+        run.known.at = lambda *_: ()
         run.go(10.2)
-    found = finding(folder)
+    found = finding(folder, kind)
     assert found.outcome.name == 'FAILED'
-    assert 'cuts moving obstacle 5 by' in found.sentence
+    assert f'cuts {kind.name} by' in found.sentence
 
 
 def test_what_drives_into_a_robot_that_stands_is_no_collision_of_the_robots(tmp_path):
     folder = tmp_path / 'bag'
-    x, y = 0.0, -9.25
-    with Encounter(folder, mover=(x + 0.6, y, -0.1, 0.0, 0.3)) as run:
+    with Encounter(folder, mover=(0.6, -9.25, -0.1, 0.0)) as run:
         run.law.update = lambda stamp, *_: run.law.halt(stamp, 'Hold.')
         run.go(8.0)
-    found = finding(folder)
+    found = finding(folder, Encounter)
     assert found.outcome.name == 'SKIPPED'
     assert found.sentence == 'The robot stands while anything moves.'
+
+
+def test_where_the_other_drove_must_be_in_the_bag(tmp_path):
+    with Beside(tmp_path / 'bag') as run:
+        run.go(2.0)
+    with Bag(tmp_path / 'bag') as there:
+        assert there.topics[OTHERS_ODOM].count == 2 * SECOND // TICK
+    lacking = altered(tmp_path / 'bag', tmp_path / 'lacking', dropping(OTHERS_ODOM))
+    assert finding(lacking, Beside).outcome.name == 'SKIPPED'

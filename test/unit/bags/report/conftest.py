@@ -1,25 +1,6 @@
 """Reports on the same drives that the audit is tested on."""
 
-import sys
-from pathlib import Path
-
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[1] / 'audit'))
-
-
-@pytest.fixture(scope='session')
-def whole_drive():
-    """Case 3 from beginning to end."""
-    from drives import drive_case
-
-    return drive_case()
-
-
-@pytest.fixture
-def drive(whole_drive):
-    """The same, to be tampered with."""
-    return whole_drive.copy()
 
 
 @pytest.fixture

@@ -6,19 +6,15 @@ import math
 
 import numpy as np
 import pytest
+from bag_messages import JOINTS, ODOMETRY, PATH, SECOND, STATUS, joints, odometry, path, raw, status
 from hypothesis import given
 from hypothesis import strategies as st
-from rosbags.typesys import Stores, get_typestore
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.run import Driven, read_run
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
 
-SECOND = 1_000_000_000
-STORE = get_typestore(Stores.ROS2_JAZZY)
-STATUS, PATH = 'diagnostic_msgs/msg/DiagnosticStatus', 'nav_msgs/msg/Path'
-ODOMETRY, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
 
 
 def driven(twists, seconds, begin=5 * SECOND):
@@ -37,53 +33,13 @@ def reached(path):
     return np.array([reach_of(arc_from(*each), 0.0, 0.0) for each in arcs]).T
 
 
-def make(name, *fields):
-    return STORE.types[name](*fields)
-
-
-def header(stamp):
-    time = make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
-    return make('std_msgs/msg/Header', time, 'odom')
-
-
-def pose_message(x, y, quaternion):
-    turn = make('geometry_msgs/msg/Quaternion', *quaternion)
-    return make('geometry_msgs/msg/Pose', make('geometry_msgs/msg/Point', x, y, 0.0), turn)
-
-
-def odometry(stamp, x, heading, speed):
-    vector = STORE.types['geometry_msgs/msg/Vector3']
-    pose = pose_message(x, 0.0, (0.0, 0.0, math.sin(heading / 2.0), math.cos(heading / 2.0)))
-    twist = make('geometry_msgs/msg/Twist', vector(speed, 0.0, 0.0), vector(0.0, 0.0, 0.1))
-    return make(
-        ODOMETRY,
-        header(stamp),
-        'base_link',
-        make('geometry_msgs/msg/PoseWithCovariance', pose, np.zeros(36)),
-        make('geometry_msgs/msg/TwistWithCovariance', twist, np.zeros(36)),
-    )
-
-
-def joints(stamp, speeds):
-    none = np.zeros(0)
-    return make(JOINTS, header(stamp), ['right', 'left'], none, np.array(speeds), none)
+def at(stamp, x, heading, speed):
+    return odometry(stamp, (x, 0.0, heading), (speed, 0.1))
 
 
 def decision(stamp, **more):
-    wheels = {'wheel_speed_right': '45.0', 'wheel_speed_left': '44.0'}
-    told = {'stamp': str(stamp), 'step': '0', 'rung': 'nominal', 'finished': 'false'}
-    values = {**told, **wheels, **more}
-    pairs = [make('diagnostic_msgs/msg/KeyValue', *item) for item in values.items()]
-    return make(STATUS, 0, 'decision', 'Well.', '', pairs)
-
-
-def path(stamp, points):
-    upright = (0.0, 0.0, 0.0, 1.0)
-    poses = [
-        make('geometry_msgs/msg/PoseStamped', header(stamp), pose_message(x, y, upright))
-        for x, y in points
-    ]
-    return make(PATH, header(stamp), poses)
+    wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
+    return status(**{'stamp': stamp, 'step': 0, 'rung': 'nominal', 'finished': 'false'} | wheels | more)
 
 
 def write(folder, topics):
@@ -91,7 +47,7 @@ def write(folder, topics):
         for name, (kind, messages) in topics.items():
             bag.topic(name, kind)
             for received, message in enumerate(messages):
-                bag.write(name, received, bytes(STORE.serialize_cdr(message, kind)))
+                bag.write(name, received, raw(message))
     return folder
 
 
@@ -101,10 +57,10 @@ def topics(prefix=''):
             STATUS,
             [decision(7, step_ms='0.30000000000000004'), decision(9, rung='stop', finished='true')],
         ),
-        f'{prefix}/sim/truth': (ODOMETRY, [odometry(8, 1.0, 0.0, 1.0), odometry(9, 2.0, 3.5, 2.0)]),
+        f'{prefix}/sim/truth': (ODOMETRY, [at(8, 1.0, 0.0, 1.0), at(9, 2.0, 3.5, 2.0)]),
         f'{prefix}/sim/wheel_speeds': (JOINTS, [joints(8, (1.0, 2.0)), joints(9, (3.0, 4.0))]),
         f'{prefix}/guidance/wheel_speeds': (JOINTS, [joints(8, (5.0, 6.0))]),
-        f'{prefix}/odom': (ODOMETRY, [odometry(8, 8.0, 0.0, 1.0), odometry(9, 9.0, 0.0, 1.0)]),
+        f'{prefix}/odom': (ODOMETRY, [at(8, 8.0, 0.0, 1.0), at(9, 9.0, 0.0, 1.0)]),
     }
 
 
@@ -178,7 +134,7 @@ def test_without_a_simulator_odometry_and_commands_stand_in(tmp_path):
 
 def test_one_robot_of_several_is_read_by_its_namespace(tmp_path):
     both = {**topics('/r1'), **topics('/r2')}
-    both['/r2/sim/truth'] = (ODOMETRY, [odometry(8, 50.0, 0.0, 1.0), odometry(9, 60.0, 0.0, 1.0)])
+    both['/r2/sim/truth'] = (ODOMETRY, [at(8, 50.0, 0.0, 1.0), at(9, 60.0, 0.0, 1.0)])
     bag = write(tmp_path / 'bag', both)
     assert read_run(bag, '/r1').driven.poses[0, 0] == 1.0
     assert read_run(bag, '/r2').driven.poses[0, 0] == 50.0
@@ -188,7 +144,7 @@ def test_of_two_at_one_instant_the_later_counts_and_time_is_put_in_order(tmp_pat
     there = topics()
     there['/sim/truth'] = (
         ODOMETRY,
-        [odometry(9, 2.0, 0.0, 1.0), odometry(8, 1.0, 0.0, 1.0), odometry(9, 2.0, 0.0, 7.0)],
+        [at(9, 2.0, 0.0, 1.0), at(8, 1.0, 0.0, 1.0), at(9, 2.0, 0.0, 7.0)],
     )
     run = read_run(write(tmp_path / 'bag', there))
     assert run.driven.stamps.tolist() == [8, 9]
@@ -200,7 +156,7 @@ def test_of_two_at_one_instant_the_later_counts_and_time_is_put_in_order(tmp_pat
     [
         ('/guidance/decision', None, 'no topic /guidance/decision'),
         ('/guidance/decision', (STATUS, []), 'no decision in /guidance/decision'),
-        ('/sim/truth', (ODOMETRY, [odometry(8, 1.0, 0.0, 1.0)]), 'found 1 messages in /sim/truth'),
+        ('/sim/truth', (ODOMETRY, [at(8, 1.0, 0.0, 1.0)]), 'found 1 messages in /sim/truth'),
         ('/sim/wheel_speeds', None, 'no topic /sim/wheel_speeds'),
     ],
 )
@@ -213,7 +169,7 @@ def test_a_run_that_lacks_something_is_refused_by_its_name(tmp_path, topic, cont
 
 
 def test_decisions_of_another_program_are_refused_as_such(tmp_path):
-    foreign = make(STATUS, 0, 'decision', 'Well.', '', [])
+    foreign = status()
     bag = write(tmp_path / 'bag', {**topics(), '/guidance/decision': (STATUS, [foreign])})
     with pytest.raises(BagError, match='/guidance/decision'):
         read_run(bag)

@@ -9,9 +9,8 @@ import sys
 import time
 
 import pytest
-from typer.testing import CliRunner
+from commands import command
 
-from cmpsp_ros.cli import app
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run, workers
 from cmpsp_ros.studies.monte_carlo.ledger import NAME, digest, open_ledger
 
@@ -108,7 +107,7 @@ def numbers_in(folder):
 def test_no_scheduler_there_is_told_in_one_line(monkeypatch, tmp_path, address):
     monkeypatch.setattr(workers, '_ANSWER_TIMEOUT', 0.5)
     arguments = ['study', 'nominal', '--scheduler', address, '--output', str(tmp_path / 'study')]
-    result = CliRunner().invoke(app, arguments, env={'NO_COLOR': '1', 'COLUMNS': '200'})
+    result = command(*arguments)
     assert result.exit_code == 1
     assert f'found no answer at {address!r}' in result.output
     assert 'Traceback' not in result.output

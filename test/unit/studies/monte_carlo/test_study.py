@@ -13,24 +13,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import command
 from pyarrow import parquet
-from typer.testing import CliRunner
 
 import cmpsp_ros
-from cmpsp_ros.cli import app
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
 from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo.ledger import NAME, ROOMS, open_ledger
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
-PLAIN = {'NO_COLOR': '1', 'COLUMNS': '200', 'TERM': 'dumb'}
 STUDY = Study('nominal', 1)
 RUNS = 20
-
-
-def command(*arguments):
-    return CliRunner().invoke(app, ['study', *map(str, arguments)], env=PLAIN)
 
 
 def ledger_of(folder):
@@ -41,7 +35,7 @@ def ledger_of(folder):
 def made(tmp_path_factory):
     """A study of one process, by the command."""
     folder = tmp_path_factory.mktemp('study') / 'nominal'
-    result = command('nominal', '--runs', RUNS, '--output', folder)
+    result = command('study', 'nominal', '--runs', RUNS, '--output', folder)
     assert result.exit_code == 0, result.output
     return folder, result.stdout
 
@@ -185,7 +179,7 @@ def test_what_a_power_cut_left_of_a_line_is_made_again(made, tmp_path):
     ],
 )
 def test_another_study_does_not_go_on_in_its_folder(made, change, text):
-    result = command('nominal', '--runs', 2, '--output', made[0], *change)
+    result = command('study', 'nominal', '--runs', 2, '--output', made[0], *change)
     assert result.exit_code == 1
     assert text in result.output
     assert len(result.stderr.strip().splitlines()) == 1
@@ -216,7 +210,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path):
     ],
 )
 def test_bad_input_is_told(tmp_path, arguments, code, text):
-    result = command(*arguments, '--output', tmp_path / 'study')
+    result = command('study', *arguments, '--output', tmp_path / 'study')
     assert result.exit_code == code
     assert text in result.output
     assert 'Traceback' not in result.output
@@ -224,7 +218,7 @@ def test_bad_input_is_told(tmp_path, arguments, code, text):
 
 
 def test_one_run_again(made, tmp_path):
-    result = command('nominal', '--run', 17, '--output', tmp_path)
+    result = command('study', 'nominal', '--run', 17, '--output', tmp_path)
     assert result.exit_code == 0, result.output
     kept = ledger_of(made[0])[17]
     assert f'{kept.verdict(1e-3)}: miss {kept.miss:.3g} m' in result.stdout

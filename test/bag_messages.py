@@ -1,0 +1,127 @@
+"""Messages for bags that tests make, by the types of rosbags: no ROS is needed."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
+
+from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.guidance.messages.tracks import FLOATS
+
+SECOND = 1_000_000_000
+ODOMETRY, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'
+TWIST, STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
+STATUS, ARRAY = 'diagnostic_msgs/msg/DiagnosticStatus', 'diagnostic_msgs/msg/DiagnosticArray'
+PATH, POSE = 'nav_msgs/msg/Path', 'geometry_msgs/msg/PoseStamped'
+CLOUD, EVENT = 'sensor_msgs/msg/PointCloud2', 'rcl_interfaces/msg/ParameterEvent'
+STRING = 'std_msgs/msg/String'
+HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
+
+FOREVER = QosTime(9223372036, 854775807)
+LATCHED = Qos(
+    QosHistory.UNKNOWN,
+    0,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    FOREVER,
+    FOREVER,
+    QosLiveliness.AUTOMATIC,
+    FOREVER,
+    False,
+)
+
+
+def make(name, *fields):
+    return jazzy().types[name](*fields)
+
+
+def raw(message):
+    return bytes(jazzy().serialize_cdr(message, message.__msgtype__))
+
+
+def time(stamp):
+    return make('builtin_interfaces/msg/Time', *divmod(stamp, SECOND))
+
+
+def header(stamp, frame_id='odom'):
+    return make('std_msgs/msg/Header', time(stamp), frame_id)
+
+
+def pose(x, y, heading=0.0):
+    turn = math.sin(heading / 2.0), math.cos(heading / 2.0)
+    return make(
+        'geometry_msgs/msg/Pose',
+        make('geometry_msgs/msg/Point', float(x), float(y), 0.0),
+        make('geometry_msgs/msg/Quaternion', 0.0, 0.0, *turn),
+    )
+
+
+def pose_stamped(stamp, place, frame_id='odom'):
+    return make(POSE, header(stamp, frame_id), pose(*place))
+
+
+def twist(speed, turn_rate):
+    vector = jazzy().types['geometry_msgs/msg/Vector3']
+    return make(TWIST, vector(float(speed), 0.0, 0.0), vector(0.0, 0.0, float(turn_rate)))
+
+
+def odometry(stamp, place, motion=(0.0, 0.0), frame_id='odom', spread=0.0):
+    """Odometry of a pose (x, y, heading), a speed and a turn rate."""
+    covariance = np.zeros(36)
+    covariance[[0, 7, 35]] = spread**2
+    placed = make('geometry_msgs/msg/PoseWithCovariance', pose(*map(float, place)), covariance)
+    moving = make('geometry_msgs/msg/TwistWithCovariance', twist(*motion), covariance)
+    return make(ODOMETRY, header(stamp, frame_id), 'base_link', placed, moving)
+
+
+def joints(stamp, speeds):
+    none = np.zeros(0)
+    return make(JOINTS, header(stamp), ['right', 'left'], none, np.array(speeds, float), none)
+
+
+def status(reason='Well.', /, **values):
+    pair = jazzy().types['diagnostic_msgs/msg/KeyValue']
+    pairs = [pair(key, str(value)) for key, value in values.items()]
+    return make(STATUS, 0, 'decision', reason, '', pairs)
+
+
+def path(stamp, places, frame_id='odom', stamps=None):
+    """A path through places (x, y) or (x, y, heading), each with a stamp of its own."""
+    stamps = [stamp] * len(places) if stamps is None else stamps
+    each = zip(stamps, places, strict=True)
+    return make(PATH, header(stamp, frame_id), [pose_stamped(*one, frame_id) for one in each])
+
+
+def cloud(stamp, points, frame_id='odom'):
+    """Moving obstacles: (id, x, y, vx, vy, radius) each."""
+    field = jazzy().types['sensor_msgs/msg/PointField']
+    fields = [field(name, 8 * place, 8, 1) for place, name in enumerate(FLOATS)]
+    data = b''.join(struct.pack('<5di', *values, number) for number, *values in points)
+    count = len(points)
+    return make(
+        CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', 40, 5, 1)], False,
+        44, 44 * count, np.frombuffer(data, np.uint8), True,
+    )  # fmt: skip
+
+
+def parameter_event(node, changes, stamp=0):
+    """Live changes of a node's parameters: floats and lists of floats by key."""
+    none = [np.zeros(0, kind) for kind in (np.uint8, bool, np.int64)]
+    parameters = []
+    for name, value in changes.items():
+        many = isinstance(value, list)
+        number, numbers = (0.0, np.array(value)) if many else (value, np.zeros(0))
+        fields = 8 if many else 3, False, 0, number, '', *none, numbers, []
+        held = make('rcl_interfaces/msg/ParameterValue', *fields)
+        parameters.append(make('rcl_interfaces/msg/Parameter', name, held))
+    return make(EVENT, time(stamp), node, [], parameters, [])

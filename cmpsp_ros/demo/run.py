@@ -50,7 +50,7 @@ def run(
     Args:
         scenario: What to run.
         folder: Existing folder for bag, pictures, figures and logs.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
         view_port: Port of a page that shows the run, live; without it there is none.
 
     Returns:
@@ -81,7 +81,7 @@ def driven(
     Args:
         robots: As of `started`.
         folder: As of `started`.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
         view_port: As of `started`.
 
     Raises:
@@ -265,7 +265,7 @@ def guide(
         observer: As from `started`.
         children: As from `started`.
         robots: What runs.
-        notice: Told of each decision when it is heard.
+        notice: Called with each decision.
         apart: Time between one robot's setting out and the next one's [s].
 
     Raises:

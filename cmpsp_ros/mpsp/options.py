@@ -37,7 +37,7 @@ class Options:
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
         constraint_curvature: Whether the curvature of dynamics, outputs and path constraints is
-            added to the Hessian, weighted with the latest multipliers. The problem must tell it.
+            added to the Hessian, weighted with the latest multipliers. The problem must provide it.
             Where the constraints are strongly curved the iteration converges much faster with it.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
         trust_radius: Largest predicted change of each state component in one iteration, one for

@@ -16,7 +16,7 @@ ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy', 'no_cfunc_wrapp
 """Options of numba for functions that allocate nothing.
 
 Division by zero gives what IEEE 754 says: to look for it at every division takes a tenth of the
-solver's time, and what is not finite is looked for anyway where it counts.
+solver's time, and results are checked to be finite where it counts.
 """
 
 _overloads: Final[dict[Any, Any]] = {}

@@ -147,17 +147,16 @@ class CMPSP:
 
     def conclude(self, at: Iterate, status: Status, history: Sequence[Record]) -> Solution:
         """What a run that ends at an iterate has come to."""
-        size, step = self._problem.size, at.step
-        stages = size.horizon + 1
-        output_tolerance = self._options.output_tolerance * self._target_size
+        options, last = self._options, history[-1]
+        output_tolerance = options.output_tolerance * self._target_size
         return Solution(
             at,
             status,
             tuple(history),
-            np.zeros(size.output) if step is None else step.terminal_multipliers,
-            np.zeros((stages, size.path)) if step is None else step.path_multipliers,
-            np.zeros((stages, size.control)) if step is None else step.bound_multipliers,
-            violations(at.evaluation, output_tolerance, self._options.violation_tolerance),
+            last.terminal_multipliers,
+            last.path_multipliers,
+            last.bound_multipliers,
+            violations(at.evaluation, output_tolerance, options.violation_tolerance),
         )
 
     @property

@@ -102,7 +102,7 @@ def drive(task: Task) -> Driven:
                 _hand_over(plant, driven, computer, stamp)
         _hand_over(plant, driven, computer, final)
     except Exception as error:
-        # Whatever it is, the study goes on and tells.
+        # The study goes on and reports it.
         text = ' '.join(str(error).split())
         driven.exception = f'{type(error).__name__}: {text}'
         plant.command(plant.stamp_ns, 0.0, 0.0)

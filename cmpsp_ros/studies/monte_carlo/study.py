@@ -1,4 +1,4 @@
-"""The studies that have a name, and what each of their runs is told."""
+"""The named studies, and the settings of each of their runs."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ class Study:
         return dict(values)
 
     def told(self) -> tuple[GuidanceSettings, PlantSettings]:
-        """What law and plant are told in every run, but for start, obstacles and seed."""
+        """Settings of law and plant in every run, but for start, obstacles and seed."""
         return _told(self)
 
     def run(self, number: int) -> Task:
@@ -167,8 +167,8 @@ class Task:
 
     Attributes:
         scenario: Start and obstacles.
-        settings: What the guidance law is told.
-        plant: What the simulated robot is told.
+        settings: Of the guidance law.
+        plant: Of the simulated robot.
         lateness: Longest time that a control step takes, in control periods.
     """
 

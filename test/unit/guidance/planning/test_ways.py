@@ -95,6 +95,13 @@ def test_a_road_is_driven_backwards_past_a_wall():
     assert_arrives_clear(closed_loop(given, (8.5, 0.0, math.pi)), given)
 
 
+@pytest.mark.parametrize('reach', [(8.6, 10.2), (9.8, 11.4), (9.7, 10.3)])
+def test_a_wall_between_two_circles_is_passed(reach):
+    low, high = (tuple(each * math.sqrt(0.5) * np.array([1.0, -1.0])) for each in reach)
+    given = settings((Capsule('wall', low, high, 0.05),), 51.0, ROAD)
+    assert_arrives_clear(closed_loop(given, (0.0, -10.0, 0.0)), given)
+
+
 def test_the_message_says_which_way():
     run = closed_loop(given_on(EVEN, (wall(5.0, -0.1, 0.6),)), START)
     assert run.decisions[0].reason.endswith('It is the best of 2 plans, right of wall.')

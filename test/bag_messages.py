@@ -6,6 +6,14 @@ import math
 import struct
 
 import numpy as np
+from rosbags.interfaces import (
+    Qos,
+    QosDurability,
+    QosHistory,
+    QosLiveliness,
+    QosReliability,
+    QosTime,
+)
 
 from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.messages.tracks import FLOATS
@@ -16,6 +24,21 @@ TWIST, STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 STATUS, ARRAY = 'diagnostic_msgs/msg/DiagnosticStatus', 'diagnostic_msgs/msg/DiagnosticArray'
 PATH, POSE = 'nav_msgs/msg/Path', 'geometry_msgs/msg/PoseStamped'
 CLOUD, EVENT = 'sensor_msgs/msg/PointCloud2', 'rcl_interfaces/msg/ParameterEvent'
+STRING = 'std_msgs/msg/String'
+HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
+
+FOREVER = QosTime(9223372036, 854775807)
+LATCHED = Qos(
+    QosHistory.UNKNOWN,
+    0,
+    QosReliability.RELIABLE,
+    QosDurability.TRANSIENT_LOCAL,
+    FOREVER,
+    FOREVER,
+    QosLiveliness.AUTOMATIC,
+    FOREVER,
+    False,
+)
 
 
 def make(name, *fields):

@@ -177,7 +177,10 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
             ' / '.join('-' if each is None else f'{each:.2f}' for each in times.values()) + ' ms',
         ),
         ('deadlines missed', str(summary.deadline_misses)),
-        ('rungs', ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count)),
+        (
+            'fallback levels',
+            ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count),
+        ),
     ):
         table.add_row(name, value)
     return table
@@ -188,7 +191,7 @@ def _fleet_table(robots: Sequence[Robot]) -> Table:
 
     from cmpsp_ros.world.roads.road_functions import FAR  # noqa: PLC0415 (loads kernels)
 
-    headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'rungs')
+    headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'levels')
     table = Table(*headings, title=f'{robots[0].summary.preset}: {len(robots)} robots')
     for each in robots:
         summary = each.summary

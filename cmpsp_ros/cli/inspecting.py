@@ -23,7 +23,7 @@ def audit(
     namespace: Namespace = None,
     params_file: ParamsFile = None,
 ) -> None:
-    """Check a drive: road, limits, goal, timing and ladder.
+    """Check a drive: road, limits, goal, timing and fallback levels.
 
     The odometry and the parameters are all that it is judged by.
 

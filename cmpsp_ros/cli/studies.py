@@ -94,7 +94,7 @@ def study(
 ) -> None:
     """Drive many random courses and count what happens.
 
-    No ROS is needed. Whatever is interrupted or killed goes on with the same command.
+    No ROS is needed. After an interruption the same command continues.
     """
     from cmpsp_ros.studies import monte_carlo as room  # noqa: PLC0415 (plots, kernels)
 

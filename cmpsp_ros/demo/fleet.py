@@ -94,7 +94,7 @@ def run_fleet(
     Args:
         fleet: What to run.
         folder: Existing folder for bag, picture, figures and logs.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
         view_port: Port of a page that shows the first robot, live; without it there is none.
 
     Returns:

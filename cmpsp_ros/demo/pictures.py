@@ -37,7 +37,7 @@ _DRIVEN = 'black'
 def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     """Road, obstacles with the margin kept, the path driven and the plan at a few instants.
 
-    What moves is drawn where the robot came nearest to it.
+    Moving obstacles are drawn where the robot came nearest to it.
     """
     first, last = window(run, settings)
     part = run.driven.between(first, last)
@@ -89,7 +89,7 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
         axes.plot(*way.T, color=MOVING, ls='-.', lw=0.8, zorder=2)
         (there,) = (each for each in seen_at(run.tracks, stamp, timeout) if each.name == name)
         center, robot = (there.x, there.y), run.driven.at(stamp)[:2]
-        label = 'what moves, where it was nearest' if index == 0 else None
+        label = 'moving obstacle where nearest' if index == 0 else None
         axes.add_patch(Circle(center, there.radius, color=MOVING, lw=0, zorder=4, label=label))
         axes.plot(*zip(center, robot, strict=True), color=MOVING, lw=1.0, zorder=4)
         axes.plot(*robot, '.', color=_DRIVEN, ms=8, zorder=6)

@@ -50,7 +50,7 @@ def run(
     Args:
         scenario: What to run.
         folder: Existing folder for bag, pictures, figures and logs.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
         view_port: Port of a page that shows the run, live; without it there is none.
 
     Returns:
@@ -81,7 +81,7 @@ def driven(
     Args:
         robots: As of `started`.
         folder: As of `started`.
-        progress: Told the time of the run so far [s], again and again.
+        progress: Called with the time of the run so far [s].
         view_port: As of `started`.
 
     Raises:
@@ -265,7 +265,7 @@ def guide(
         observer: As from `started`.
         children: As from `started`.
         robots: What runs.
-        notice: Told of each decision when it is heard.
+        notice: Called with each decision.
         apart: Time between one robot's setting out and the next one's [s].
 
     Raises:
@@ -289,10 +289,11 @@ def guide(
                     f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
         decisions = (seen.decision for seen in observer.robots.values())
-        # The one that the clock has made is followed by one that judges where the robot was.
-        return all(
-            (each.get('finished'), each.get('halted')) == ('true', 'false') for each in decisions
-        )
+        # The one that the clock has made is followed by one that judges where the robot was, and
+        # that one by others until the robot is at rest.
+        wanted = {'finished': 'true', 'halted': 'false'}
+        wanted |= dict.fromkeys(('wheel_speed_right', 'wheel_speed_left'), '0.0')
+        return all(wanted.items() <= each.items() for each in decisions)
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

@@ -41,11 +41,11 @@ class Summary:
         step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where
             they were not measured.
         deadline_misses: Control steps that took longer than the control period.
-        rungs: Control steps on each rung of the ladder.
+        rungs: Control steps at each fallback level.
         control_steps: Number of control steps.
         passings: How each goal was passed, in order, where there is more to it than one point.
         speed: Mean speed along a road that is followed [m/s].
-        reason: Of the first step on the worst rung; empty where all were nominal.
+        reason: Of the first step at the worst fallback level; empty where all were nominal.
     """
 
     preset: str

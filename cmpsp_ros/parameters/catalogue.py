@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, Final
+from typing import Final
 
-from cmpsp_ros.parameters.parameter import REQUIRED, Node, Parameter, ParameterType, Range
+from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType, Range
 from cmpsp_ros.parameters.table import ParameterTable
 
 _BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
@@ -19,35 +19,14 @@ _FIXED: Final = {'reconfigurable': False}
 _POINT: Final = {'length': 2}
 
 
-class _Group:
-    """Builds the rows under one heading."""
-
-    def __init__(self, heading: str, *nodes: Node) -> None:
-        self._heading = heading
-        self._nodes = frozenset(nodes)
-
-    def __call__(
-        self,
-        name: str,
-        type_: ParameterType,
-        default: object,
-        unit: str,
-        description: str,
-        **rest: Any,
-    ) -> Parameter:
-        nodes = rest.pop('nodes', self._nodes)
-        return Parameter(
-            name, type_, default, unit, description, self._heading, frozenset(nodes), **rest
-        )
-
-
 # fmt: off
 def _parameters() -> Iterator[Parameter]:
     guidance_only = {'nodes': ('guidance',)}
 
-    task = _Group('Task', 'guidance', 'sim')
+    task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of odometry, road, obstacles and goal; odometry in another frame is refused.',
+        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
+        'is in another frame.',
         **_FIXED)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
@@ -104,7 +83,7 @@ def _parameters() -> Iterator[Parameter]:
     yield task('follow.horizon', _DOUBLE, 5.0, 's',
         'Planning horizon on a road without end.', range=_POSITIVE, **_FIXED, **guidance_only)
 
-    robot = _Group('Robot', 'guidance', 'sim')
+    robot = Group('Robot', 'guidance', 'sim')
     yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
         'Radius of either wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
     yield robot('robot.half_track', _DOUBLE, 0.055, 'm',
@@ -113,6 +92,11 @@ def _parameters() -> Iterator[Parameter]:
     yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
         'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
         range=_NOT_NEGATIVE)
+    yield robot('robot.max_wheel_acceleration', _DOUBLE, 0.0, 'rad/s^2',
+        'Limit of either wheel: from one command to the next it changes by no more in a '
+        '`control_period`, and a stop is a ramp, along which the way must be clear. 0 means no '
+        'limit, and a stop at once; above 0 it needs code of its own.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
         "Radius of the robot's footprint; obstacles grow and the road narrows by it.",
         range=_NOT_NEGATIVE)
@@ -120,7 +104,7 @@ def _parameters() -> Iterator[Parameter]:
         'Names of the wheel joints (right, left) in the wheel-speed message.',
         length=2, **_FIXED, **guidance_only)
 
-    place = _Group('Road and obstacles', 'guidance', 'sim')
+    place = Group('Road and obstacles', 'guidance', 'sim')
     yield place('road.type', _STRING, 'annulus', '',
         'Shape of the road: `annulus` lies between two circles, as in the paper; `corridor` runs '
         'along a line through points; `none` is open floor.',
@@ -162,7 +146,7 @@ def _parameters() -> Iterator[Parameter]:
     yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
         'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
 
-    moving = _Group('Moving obstacles', 'guidance')
+    moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
         'topic is not subscribed to.', range=Range(0, 64), **_FIXED)
@@ -183,7 +167,7 @@ def _parameters() -> Iterator[Parameter]:
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=_POSITIVE, **sim_only)
 
-    others = _Group('Other robots', 'guidance')
+    others = Group('Other robots', 'guidance')
     yield others('others.namespaces', _STRINGS, [], '',
         'Namespaces of other robots, as in `[/r1, /r2]`, whose plans on '
         "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "
@@ -191,7 +175,7 @@ def _parameters() -> Iterator[Parameter]:
     yield others('others.radius', _DOUBLE, 0.0, 'm',
         "Radius of each of these robots' footprints.", range=_NOT_NEGATIVE)
 
-    cost = _Group('Cost', 'guidance')
+    cost = Group('Cost', 'guidance')
     yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',
         'Weight on the squared distance to the centre line: `q` = 15 in the paper.',
         range=_NOT_NEGATIVE)
@@ -204,7 +188,7 @@ def _parameters() -> Iterator[Parameter]:
         'Weight on the squared change of wheel speeds between control steps; not in the paper. A '
         'value above 0 uses kernels of its own.', range=_NOT_NEGATIVE, **_FIXED)
 
-    solver = _Group('Solver', 'guidance')
+    solver = Group('Solver', 'guidance')
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',
         'Iterations at each control step, warm-started from the step before.',
         range=Range(1, 100))
@@ -239,19 +223,23 @@ def _parameters() -> Iterator[Parameter]:
     yield solver('initial_guess.wheel_speeds', _DOUBLES, [45.13, 44.63], 'rad/s',
         'Wheel speeds (right, left) of the `constant` guess.', **_POINT)
 
-    safety = _Group('Safety', 'guidance')
+    safety = Group('Safety', 'guidance')
     yield safety('safety.margin', _DOUBLE, 0.0, 'm',
         "Clearance from obstacles and road edges, beyond the robot's own radius.",
         range=_NOT_NEGATIVE)
     yield safety('safety.between_samples', _BOOL, True, '',
         'Whether the path must be clear between control steps, too.')
+    yield safety('safety.stopping_time', _DOUBLE, 0.5, 's',
+        'How much longer than modelled the robot may take to come to rest: where no plan passes '
+        'what is in its way, it approaches so slowly that it stops before it even then.',
+        range=_NOT_NEGATIVE)
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',
         'Consecutive failed control steps after which the warm start is discarded.',
         range=Range(low=1))
 
-    node = _Group('Node', 'guidance', 'sim')
+    node = Group('Node', 'guidance', 'sim')
     yield node('enable_stamped_cmd_vel', _BOOL, False, '',
         'Whether velocity commands are TwistStamped instead of Twist.', **_FIXED)
     yield node('autostart', _BOOL, False, '',
@@ -265,7 +253,7 @@ def _parameters() -> Iterator[Parameter]:
         'Process id, as of `ros2 launch`: when that process has ended, the robot is stopped and '
         'the guidance node exits; 0: none.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
 
-    realtime = _Group('Real time', 'guidance')
+    realtime = Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',
         "SCHED_FIFO priority of the control thread while the node is active; 0: the system's "
         'ordinary scheduling.', range=Range(0, 99), **_FIXED)
@@ -273,7 +261,7 @@ def _parameters() -> Iterator[Parameter]:
         'Core that the control thread is bound to while the node is active; -1: any.',
         range=Range(low=-1), **_FIXED)
 
-    sim = _Group('Simulator', 'sim')
+    sim = Group('Simulator', 'sim')
     yield sim('initial_pose', _DOUBLES, [0.0, -9.25, 0.0], 'm, m, rad',
         'Initial pose (x, y, heading); as in the paper.', length=3, **_FIXED)
     yield sim('odom_rate', _DOUBLE, 50.0, 'Hz',
@@ -294,7 +282,7 @@ def _parameters() -> Iterator[Parameter]:
         'Wall time to wait for an answer in lockstep before an error is reported.',
         range=_POSITIVE)
 
-    plant = _Group('Disturbances of the simulator', 'sim')
+    plant = Group('Disturbances of the simulator', 'sim')
     yield plant('actuation_delay', _DOUBLE, 0.0, 's',
         'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
     yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
@@ -325,7 +313,7 @@ def _parameters() -> Iterator[Parameter]:
     yield plant('noise.seed', _INTEGER, 0, '',
         'Seed of all random numbers in the simulator.', range=_NOT_NEGATIVE, **_FIXED)
 
-    physics = _Group('Physics of the simulator', 'sim')
+    physics = Group('Physics of the simulator', 'sim')
     yield physics('plant', _STRING, 'kinematic', '',
         'Model of the robot: exact arcs of the commanded wheel speeds, or a body with mass, '
         'motors and tyres in MuJoCo (installed separately).',

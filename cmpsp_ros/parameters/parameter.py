@@ -216,6 +216,20 @@ class Parameter:
         return ''
 
 
+class Group:
+    """Builds the parameters under one heading, those of these nodes unless `nodes` names others."""
+
+    def __init__(self, heading: str, *nodes: Node) -> None:
+        self._heading, self._nodes = heading, nodes
+
+    def __call__(
+        self, name: str, type_: ParameterType, default: object, unit: str, text: str, **rest: Any
+    ) -> Parameter:
+        """Build one; `rest` as in `Parameter`."""
+        nodes = frozenset(rest.pop('nodes', self._nodes))
+        return Parameter(name, type_, default, unit, text, self._heading, nodes, **rest)
+
+
 def _plain(value: object) -> object:
     """The value without numpy and the like, one level deep."""
     if isinstance(value, (np.ndarray, np.generic, array.array)):

@@ -49,7 +49,7 @@ _NAMESPACE: Final = re.compile(r'(?:/[A-Za-z_]\w*)+', re.ASCII)
 
 
 def guidance_settings(values: Values) -> GuidanceSettings:
-    """What the guidance law is told.
+    """Settings of the guidance law.
 
     Returns:
         The settings, checked against each other.
@@ -113,7 +113,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
 
 
 def plant_settings(values: Values) -> PlantSettings:
-    """What the simulated robot is told.
+    """Settings of the simulated robot.
 
     Raises:
         ParameterError: If the times at which odometry is lost are no pairs in order, or slip is
@@ -227,6 +227,7 @@ def _robot(values: Values) -> DifferentialDrive:
         wheel_radius=values['robot.wheel_radius'],
         half_track=values['robot.half_track'],
         max_wheel_speed=values['robot.max_wheel_speed'] or math.inf,
+        max_wheel_acceleration=values['robot.max_wheel_acceleration'] or math.inf,
     )
 
 

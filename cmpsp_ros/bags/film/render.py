@@ -98,7 +98,7 @@ class _Moment:
 
     Attributes:
         pose: Of the robot, shape ``(3,)`` [m, m, rad].
-        moving: What moves, where it is then.
+        moving: Moving obstacles, where they are then.
         goal: Index of the goal that is driven to, -1 for none.
     """
 

@@ -97,7 +97,7 @@ def changes_in(event: Any, node: str) -> dict[str, Any] | None:
     """What a message of `/parameter_events` says that was changed; without ROS' own parameters.
 
     Returns:
-        New values by key; None when it tells of no change of this node.
+        New values by key; None for no change of this node.
     """
     if event.node != node or not event.changed_parameters:
         return None

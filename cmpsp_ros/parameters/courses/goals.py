@@ -8,8 +8,8 @@ from typing import Final
 from cmpsp_ros.guidance.goals import Follow, Goal
 from cmpsp_ros.guidance.settings import GOAL
 from cmpsp_ros.parameters.courses.course import place_problems
-from cmpsp_ros.parameters.courses.roads import lacks_road, road_of
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.courses.roads import known_road
+from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
 
 _FEWEST_STEPS: Final = 2
@@ -71,12 +71,8 @@ def follow_problems(values: Values) -> Iterator[Problem]:
     if not _FEWEST_STEPS * period <= horizon <= _MOST_STEPS * period:
         wanted = f'{_FEWEST_STEPS} to {_MOST_STEPS} times control_period = {period} s'
         yield Problem('follow.horizon', f'{horizon} s', wanted)
-    if lacks_road(values):
-        return
-    try:
-        road = road_of(values)
-    except ParameterError:
-        # A problem of its own.
+    road = known_road(values)
+    if road is None:
         return
     if not road.lap:
         yield Problem('follow.speed', f'{values["follow.speed"]} m/s', '0 on a road with an end')

@@ -39,6 +39,14 @@ def road_of(values: Values) -> Road:
     return _KINDS[values['road.type']].make(values)
 
 
+def known_road(values: Values) -> Road | None:
+    """The road; None where it is still to come, or makes none, which is a problem of its own."""
+    try:
+        return None if lacks_road(values) else road_of(values)
+    except ParameterError:
+        return None
+
+
 def road_keys(values: Values) -> tuple[str, ...]:
     """Parameters without which nothing can be said about the road of that type."""
     return _KINDS[values['road.type']].keys
@@ -62,14 +70,9 @@ def road_problems(values: Values) -> Iterator[Problem]:
 
 def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
     """What of the road forbids the robot, without its margin, to stand at a point [m]."""
-    if lacks_road(values):
-        return
-    try:
-        road = road_of(values)
-    except ParameterError:
-        # A problem of its own.
-        return
-    yield from _KINDS[values['road.type']].off_road(road, values['robot.radius'], key, point)
+    road = known_road(values)
+    if road is not None:
+        yield from _KINDS[values['road.type']].off_road(road, values['robot.radius'], key, point)
 
 
 def _annulus(values: Values) -> Annulus:

@@ -65,7 +65,7 @@ def open_ledger(folder: Path, study: Study) -> dict[int, Outcome]:
 
 
 def append(folder: Path, outcome: Outcome) -> None:
-    """Add a finished run, from whatever process.
+    """Add a finished run, from any process.
 
     Raises:
         OSError: The disk refuses.

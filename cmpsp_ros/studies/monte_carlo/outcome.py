@@ -41,11 +41,11 @@ class Outcome:
         max_wheel_speed: Largest wheel speed commanded [rad/s].
         too_fast: Commands above the wheel limit.
         not_finite: Commands that were not finite.
-        nominal: Control steps on this rung of the ladder.
+        nominal: Control steps at this fallback level.
         elastic: See `nominal`.
         shifted: See `nominal`.
         stop: See `nominal`, the stops after the final time left out.
-        trouble: Reason of the first step on the worst rung, if that is not the nominal one.
+        trouble: Reason of the first step at the worst fallback level; empty where that is nominal.
         trouble_time: When that was [s]; None without trouble.
         exception: Type and text of what the law raised; empty if it raised nothing.
         shortest_way: From start to goal, obstacles left aside [m].
@@ -85,12 +85,12 @@ class Outcome:
 
     @property
     def left_road(self) -> bool:
-        """Whether the path cut an edge; what is not a number is no pass."""
+        """Whether the path cut an edge; NaN counts as a cut."""
         return not self.road_clearance >= 0.0
 
     @property
     def touched(self) -> bool:
-        """Whether the path cut an obstacle; what is not a number is no pass."""
+        """Whether the path cut an obstacle; NaN counts as cut."""
         return self.obstacle_clearance is not None and not self.obstacle_clearance >= 0.0
 
     @property

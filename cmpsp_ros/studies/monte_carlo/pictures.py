@@ -53,7 +53,7 @@ def draw_study(
 
 
 def draw_run(path: Path, title: str, driven: Driven) -> Path:
-    """Draw one run: its path by the rung it was driven on, and its clearance over time."""
+    """Draw one run: its path by fallback level, and its clearance over time."""
     with journal():
         figure = Figure(figsize=(WIDTH, 0.55 * WIDTH), layout='constrained')
         figure.suptitle(title, fontsize=7.0, family='monospace', wrap=True)
@@ -111,7 +111,7 @@ def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
 
 
 def _draw_way(axes: Axes, driven: Driven) -> None:
-    """The exact arcs, each in the colour of the rung that was decided on last."""
+    """The exact arcs, each in the colour of the latest fallback level."""
     settings = driven.task.settings
     _draw_place(axes, settings)
     begins = np.array([each.stamp_ns for each in driven.motions])

@@ -45,11 +45,11 @@ class Order:
 
 
 Progress = Callable[[str, int], Callable[[int], None]]
-"""Told of a part of the work and its pieces; answers with what to tell of pieces done."""
+"""Called with a part of the work and its pieces; returns what to call with pieces done."""
 
 
 def run(order: Order, progress: Progress) -> dict[str, Any]:
-    """Make whatever runs are missing, and sum all of them up.
+    """Make the missing runs, and summarise all of them.
 
     Returns:
         The figures, which `summary.json` has as well. Beside it lie `runs.jsonl`, `runs.parquet`
@@ -93,10 +93,10 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str]
     Args:
         study: What it depends on.
         number: Which run.
-        folder: Where the picture goes; whatever else is there stays.
+        folder: Where the picture goes; other files there stay.
 
     Returns:
-        Its outcome, what was decided whenever the rung changed, and the picture.
+        Its outcome, the decision at each change of fallback level, and the picture.
 
     Raises:
         StudyError: The picture cannot be written.

@@ -1,4 +1,4 @@
-"""The studies that have a name, and what each of their runs is told."""
+"""The named studies, and the settings of each of their runs."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 from types import MappingProxyType
 from typing import Any, Final
+
+import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -41,12 +43,15 @@ class Kind:
         tolerance: Miss up to which a run has arrived [m].
         draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
         lateness: Longest time that a control step takes, in control periods.
+        lag: Least and greatest time constant of the wheels, drawn for each run [s]; None for that
+            of the parameters.
     """
 
     changes: Mapping[str, Any]
     tolerance: float
     draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
     lateness: float = 0.0
+    lag: tuple[float, float] | None = None
 
     @property
     def has_own_roads(self) -> bool:
@@ -76,6 +81,10 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
             0.05,
             lateness=1.5,
+        ),
+        # The law knows what the motors are asked for, and nothing of the mass that they move.
+        'heavy': Kind(
+            {'robot.max_wheel_acceleration': 60.0, 'safety.margin': 0.05}, 0.05, lag=(0.1, 0.3)
         ),
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
@@ -137,13 +146,16 @@ class Study:
         return dict(values)
 
     def told(self) -> tuple[GuidanceSettings, PlantSettings]:
-        """What law and plant are told in every run, but for start, obstacles and seed."""
+        """Settings of law and plant in every run, but for start, obstacles and seed."""
         return _told(self)
 
     def run(self, number: int) -> Task:
         """What the run of that number is."""
         settings, plant = self.told()
         drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
+        if self.kind.lag is not None:
+            lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
+            plant = replace(plant, wheel_lag=lag)
         return Task(
             drawn,
             replace(settings, obstacles=drawn.obstacles, **drawn.changes),
@@ -167,8 +179,8 @@ class Task:
 
     Attributes:
         scenario: Start and obstacles.
-        settings: What the guidance law is told.
-        plant: What the simulated robot is told.
+        settings: Of the guidance law.
+        plant: Of the simulated robot.
         lateness: Longest time that a control step takes, in control periods.
     """
 

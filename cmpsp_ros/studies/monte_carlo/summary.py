@@ -139,7 +139,7 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
     if not values['failures']:
         return [counts, spreads]
-    titles = ('run', 'verdict', 'miss [m]', 'clearance [m]', 'judge', 'first on the worst rung')
+    titles = ('run', 'verdict', 'miss [m]', 'clearance [m]', 'judge', 'first at the worst level')
     failures = Table(*map(escape, titles))
     for each in values['failures']:
         judge = each['judge']['answer'] if each['judge'] else ''

@@ -21,7 +21,7 @@ CHUNK: Final = 8
 """Runs handed to a process at a time."""
 
 Progress = Callable[[int], None]
-"""Told how many runs have finished since it was last told."""
+"""Called with the number of runs finished since the last call."""
 
 _ANSWER_TIMEOUT: Final = 10.0
 _GO_ON: Final = 'is kept, and the same command goes on'

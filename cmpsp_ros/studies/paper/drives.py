@@ -26,7 +26,7 @@ class Path:
     """A path driven under zero-order hold, and the wheel speeds that did it.
 
     Attributes:
-        settings: What the law, or whatever drove, was told.
+        settings: Of the law, or of what drove instead.
         poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
         wheel_speeds: Right and left, shape ``(N, 2)`` [rad/s].
     """
@@ -103,7 +103,7 @@ class Drive:
         experiment: Which run of the paper.
         between_samples: Whether the path between samples was kept clear too.
         path: What was driven.
-        rungs: FallbackLevel of the ladder at each control step.
+        rungs: Fallback level of each control step.
         step_times: Computing time of each control step [ms].
     """
 
@@ -183,7 +183,7 @@ class Laboratory:
         """Start with nothing run.
 
         Args:
-            progress: Told what is being done, one line each.
+            progress: Called with a line on what is being done.
             judge: Whether an independent solver may be asked.
         """
         self.progress = progress

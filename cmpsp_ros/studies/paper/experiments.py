@@ -46,7 +46,7 @@ class Experiment:
         key: Short name, unique among all runs.
         label: Name in legends and tables.
         color: Colour in pictures; the paper's where it names one.
-        settings: Everything that the guidance law is told.
+        settings: Of the guidance law.
         pose: Where the run starts (x, y, heading) [m, m, rad].
     """
 

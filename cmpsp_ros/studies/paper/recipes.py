@@ -1,7 +1,7 @@
 """Other ways to drive the same runs, to see what the law's additions to the paper are worth.
 
 They share the method and the model with the guidance law, and nothing of the law itself: no fresh
-plan beside a flawed one, no audit, no ladder.
+plan beside a flawed one, no audit, no fallback levels.
 """
 
 from __future__ import annotations

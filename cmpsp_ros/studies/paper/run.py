@@ -53,7 +53,7 @@ def run(
     Args:
         output: Folder to write to; made if it does not exist, and empty if it does.
         only: Names out of `ARTEFACTS`; all of them when empty.
-        progress: Told what is being done, one line each.
+        progress: Called with a line on what is being done.
         judge: Whether IPOPT is asked for the best there is with many obstacles; needs CasADi.
 
     Returns:

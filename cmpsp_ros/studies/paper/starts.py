@@ -27,7 +27,7 @@ class Started:
         label: Which guess or heading.
         limit: Of the wheels [rad/s].
         path: What was driven.
-        optimum: Cost of IPOPT's path on the same way through; NaN where it was not asked, or
+        optimum: Cost of IPOPT's path on the same homotopy class; NaN where it was not asked, or
             found none.
     """
 
@@ -100,7 +100,7 @@ def run(progress: Callable[[str, int], None], *, compare: bool) -> Table:
     """Drive from all of them.
 
     Args:
-        progress: Told the label of each, and how many there are.
+        progress: Called with the label of each, and their number.
         compare: Whether IPOPT is asked as well.
 
     Raises:

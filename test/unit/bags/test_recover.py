@@ -10,17 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from bag_messages import HELLO, LATCHED, STRING
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import (
-    MessageDefinition,
-    MessageDefinitionFormat,
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
@@ -29,21 +21,7 @@ from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
 REPOSITORY = Path(__file__).parents[3]
-STRING = 'std_msgs/msg/String'
-HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
 OWN = MessageDefinition(MessageDefinitionFormat.MSG, 'float64 value\n')
-SECOND = QosTime(1, 0)
-LATCHED = Qos(
-    QosHistory.KEEP_LAST,
-    3,
-    QosReliability.RELIABLE,
-    QosDurability.TRANSIENT_LOCAL,
-    SECOND,
-    SECOND,
-    QosLiveliness.AUTOMATIC,
-    SECOND,
-    False,
-)
 FORMS = [Form(), Form(compressed=True), Form('sqlite3'), Form(split_size=900)]
 
 

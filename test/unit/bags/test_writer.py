@@ -16,15 +16,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bag_messages import HELLO, LATCHED, STRING
 from rosbags.highlevel import AnyReader
-from rosbags.interfaces import (
-    Qos,
-    QosDurability,
-    QosHistory,
-    QosLiveliness,
-    QosReliability,
-    QosTime,
-)
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
@@ -36,21 +29,7 @@ from cmpsp_ros.bags.storage.folder import UNFINISHED
 from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.writer import BagWriter
 
-STRING = 'std_msgs/msg/String'
-HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
 REPOSITORY = Path(__file__).parents[3]
-FOREVER = QosTime(9223372036, 854775807)
-LATCHED = Qos(
-    QosHistory.UNKNOWN,
-    0,
-    QosReliability.RELIABLE,
-    QosDurability.TRANSIENT_LOCAL,
-    FOREVER,
-    FOREVER,
-    QosLiveliness.AUTOMATIC,
-    FOREVER,
-    False,
-)
 
 
 @pytest.fixture

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 from backports import zstd
+from bag_messages import HELLO, STATUS, STRING
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
 from cmpsp_ros.bags.definitions import jazzy
@@ -25,9 +26,6 @@ from cmpsp_ros.bags.writer import BagWriter
 
 HERE = Path(__file__).parent
 REPOSITORY = HERE.parents[3]
-STRING = 'std_msgs/msg/String'
-STATUS = 'diagnostic_msgs/msg/DiagnosticStatus'
-HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
 FRAME = b'\x28\xb5\x2f\xfd'
 
 

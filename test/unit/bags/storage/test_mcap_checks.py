@@ -6,6 +6,7 @@ import struct
 from binascii import crc32
 
 import pytest
+from bag_messages import HELLO, STRING
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
@@ -15,9 +16,6 @@ from cmpsp_ros.bags.recover import recover
 from cmpsp_ros.bags.storage.form import Form
 from cmpsp_ros.bags.storage.mcap_records import CHUNK, MAGIC, chunk, content, records
 from cmpsp_ros.bags.writer import BagWriter
-
-STRING = 'std_msgs/msg/String'
-HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
 
 
 def write(path, chunks):

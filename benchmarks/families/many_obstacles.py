@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.families.presets import Preset
-from benchmarks.quiet import collector_off
+from benchmarks.families.presets import Preset, drive
 from benchmarks.table import Table
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -130,20 +127,7 @@ def _settings(settings: GuidanceSettings, count: int, *, moving: bool) -> Guidan
 
 def _step_times(preset: Preset, count: int, *, moving: bool) -> Array:
     """Computing time of each control step of one run, waiting for a processor left out [us]."""
-    settings, pose = _settings(preset.settings, count, moving=moving), preset.pose
-    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
-    held = np.array([settings.control_period])
-    times = []
-    with collector_off():
-        for stamp in itertools.count(0, period):
-            tracks = tracks_of_some(count, stamp) if moving else ()
-            began = time.thread_time_ns()
-            decision = law.update(stamp, pose, tracks)
-            took = (time.thread_time_ns() - began) * 1e-3
-            if decision is None:
-                continue
-            if decision.finished:
-                break
-            times.append(took)
-            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
-    return np.array(times)
+    settings = _settings(preset.settings, count, moving=moving)
+    tracks = partial(tracks_of_some, count if moving else 0)
+    steps = drive(settings, preset.pose, time.thread_time_ns, tracks)
+    return 1e3 * np.array([took for took, *_ in steps])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
+from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
@@ -90,7 +92,7 @@ def measure(
 ) -> list[PresetTiming]:
     """Drive every preset in turn, again and again, and take the times.
 
-    The presets are interleaved, so that whatever else the machine does falls on all of them.
+    The presets are interleaved, so that other work of the machine falls on all of them.
 
     Args:
         presets: The presets.
@@ -117,19 +119,37 @@ def measure(
 
 def _step_times(preset: Preset) -> list[float]:
     """Computing time of each control step of one run [ms]."""
-    settings, pose = preset.settings, preset.pose
+    return [took for took, *_ in drive(preset.settings, preset.pose)]
+
+
+def drive(
+    settings: GuidanceSettings,
+    pose: Array,
+    clock: Callable[[], int] = time.perf_counter_ns,
+    tracks: Callable[[int], tuple[Track, ...]] = lambda _: (),
+) -> Iterator[tuple[float, Decision, Array]]:
+    """One run by the exact model, commands held for a control period.
+
+    Args:
+        settings: Of the guidance law.
+        pose: Where the robot starts, shape ``(3,)`` [m, m, rad].
+        clock: What the steps are timed with [ns].
+        tracks: Moving obstacles at a time [ns].
+
+    Yields:
+        Of each control step the computing time [ms], the decision, and the pose that it leads to.
+    """
     law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
     held = np.array([settings.control_period])
-    times: list[float] = []
     with collector_off():
         for stamp in itertools.count(0, period):
-            began = time.perf_counter_ns()
-            decision = law.update(stamp, pose)
-            took = (time.perf_counter_ns() - began) * 1e-6
+            seen = tracks(stamp)
+            began = clock()
+            decision = law.update(stamp, pose, seen)
+            took = (clock() - began) * 1e-6
             if decision is None:
                 continue
             if decision.finished:
                 break
-            times.append(took)
             pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
-    return times
+            yield took, decision, pose

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -14,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
-from benchmarks.quiet import collector_off
+from benchmarks.families.presets import drive
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
-from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planner import Planner
@@ -79,26 +77,16 @@ def _drive(name: str, scenario: Scenario) -> RobotDrive:
     settings, pose = scenario.settings, np.array(scenario.values['initial_pose'], float)
     # One step that does not count has compiled code loaded.
     GuidanceLaw(settings).update(0, pose)
-    law, period = GuidanceLaw(settings), to_nanoseconds(settings.control_period)
-    held = np.array([settings.control_period])
     times, work, levels = [], [], Counter[str]()
-    with collector_off(), _counted_work() as counted:
-        for stamp in itertools.count(0, period):
-            counted.clear()
-            began = time.thread_time_ns()
-            decision = law.update(stamp, pose)
-            took = (time.thread_time_ns() - began) * 1e-6
-            if decision is None:
-                continue
-            if decision.finished:
-                break
+    with _counted_work() as counted:
+        for took, decision, reached in drive(settings, pose, time.thread_time_ns):
             times.append(took)
             work.append(sum(counted))
+            counted.clear()
             levels[decision.rung.name.lower()] += 1
-            pose = settings.robot.roll_out(pose, decision.wheel_speeds[None], held)[-1]
-    return RobotDrive(
-        name, np.array([times]), np.array(work), dict(levels), settings.target.errors(pose)[0]
-    )
+            pose = reached
+    miss, _ = settings.target.errors(pose)
+    return RobotDrive(name, np.array([times]), np.array(work), dict(levels), miss)
 
 
 @contextmanager

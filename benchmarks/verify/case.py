@@ -60,7 +60,7 @@ class Draft(NamedTuple):
     """A program as a family makes it.
 
     Attributes:
-        about: What it is, in words.
+        about: Description.
         program: The program.
         before: One of the same sizes, whose solution is the warm start; it may be a bad one.
     """

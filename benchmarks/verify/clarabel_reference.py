@@ -40,7 +40,7 @@ def solve(program: Program) -> QPSolution:
 def least_violation(program: Program) -> float:
     """Least sum of violations of the rows that are hard, at any cost.
 
-    Zero to rounding where the program has a solution; ``inf`` where Clarabel cannot tell.
+    Zero to rounding where the program has a solution; ``inf`` where Clarabel fails.
     """
     matrices = sparse_qp(program.subproblem, program.penalties)
     cones = cone_program(matrices, np.isinf(matrices.weight).astype(float))

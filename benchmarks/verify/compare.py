@@ -55,7 +55,7 @@ class Comparison:
 
     Attributes:
         origin: Name of the case.
-        about: What it is, in words.
+        about: Description.
         verdict: What the references say.
         status: What the back end says, cold.
         accuracy: How good its answer is; ``inf`` where it claims no solution.

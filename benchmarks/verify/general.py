@@ -25,7 +25,7 @@ class Known(NamedTuple):
     """A subproblem and controls that are known to be feasible, or nearly so.
 
     Attributes:
-        about: What it is, in words.
+        about: Description.
         subproblem: The program.
         dU: The controls, shape ``(N + 1, r)``.
     """

@@ -33,7 +33,7 @@ def verify(
         count: How many programs.
         qp: Name of the back end.
         workers: Processes that share the work.
-        progress: Told how many programs were compared since it was last told.
+        progress: Called with the number of programs compared since the last call.
 
     Returns:
         A comparison of each.

@@ -32,7 +32,7 @@ class Scenario:
     """A task and where the robot stands.
 
     Attributes:
-        name: What it is, in words.
+        name: Description.
         settings: The task.
         pose: Where the robot is, shape ``(3,)`` [m, m, rad].
     """

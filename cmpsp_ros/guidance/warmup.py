@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -21,6 +22,7 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
+from cmpsp_ros.mpsp.qp.dense.condensing import gradient
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Capsule
@@ -82,6 +84,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
+    searched_line(space, pose[:2], np.array(on_road.goal))
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)
     start = PlanStart(pose, on_road.robot, _A_DISC)
@@ -133,12 +136,13 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
+    """Run what is seldom needed: Clarabel, imported when it is first asked, and its proofs."""
     by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
     context = PlanningContext.at_pose(by_name, pose, horizon, np.zeros(2))
     Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
+    gradient(np.zeros((1, 3, 3)), np.zeros((1, 3, 2)), np.zeros((2, 3)), np.zeros((2, 2)))
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:

@@ -122,10 +122,8 @@ def terminal_target(target: ArrayLike | None, outputs: int | None) -> Array:
     """
     if outputs is None:
         if target is not None:
-            raise ProblemError(
-                'h: found none beside a target, wanted the output that shall reach it'
-            )
+            raise ProblemError('h: found none with a target, wanted the output that is to reach it')
         return np.empty(0)
     if target is None:
-        raise ProblemError(f'target: found none beside an h, wanted shape {(outputs,)}')
+        raise ProblemError(f'target: found none with an h, wanted shape {(outputs,)}')
     return vector('target', target, outputs)

@@ -33,11 +33,12 @@ class Options:
         penalty_terminal: Weight of each terminal output in merit and relaxation, one for all or
             shape ``(m,)``; not negative.
         penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
-            ``(l,)``; not negative.
+            ``(l,)``; not negative, infinite for a linear one that is never relaxed and that the
+            guess meets.
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
         constraint_curvature: Whether the curvature of dynamics, outputs and path constraints is
-            added to the Hessian, weighted with the latest multipliers. The problem must tell it.
+            added to the Hessian, weighted with the latest multipliers. The problem must provide it.
             Where the constraints are strongly curved the iteration converges much faster with it.
         elastic: Whether a subproblem without a feasible point is solved relaxed.
         trust_radius: Largest predicted change of each state component in one iteration, one for

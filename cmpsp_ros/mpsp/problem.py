@@ -223,7 +223,7 @@ class OptimalControlProblem(ABC):
         Raises:
             ProblemError: This problem does not have it.
         """
-        raise ProblemError('constraint_curvature: found True, but this problem does not tell it')
+        raise ProblemError('constraint_curvature: found True, but this problem does not provide it')
 
     def check(self) -> None:
         """Raise unless bounds and target fit the dimensions and each other.

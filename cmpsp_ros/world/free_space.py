@@ -174,11 +174,12 @@ class FreeSpace:
             To both edges of the road and to each shape, negative where violated; shape
             ``(K, 2 + M)`` [m].
         """
-        edges, poses = np.empty((len(poses), 2)), np.ascontiguousarray(poses)
-        _edges_at(edges, self.road, poses, float(near))
-        away = np.empty((len(poses), len(self.first) - 1))
-        _away_at(away, self.corners, self.first, poses)
-        return np.column_stack([edges, away - self.radii])
+        found = np.empty((len(poses), 1 + len(self.first)))
+        poses = np.ascontiguousarray(poses)
+        _edges_at(found, self.road, poses, float(near))
+        _away_at(found, self.corners, self.first, poses)
+        found[:, 2:] -= self.radii
+        return found
 
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
         """Least clearance of arcs, from end to end, along a path.
@@ -229,11 +230,11 @@ def _edges_along(
 
 
 @allocation_free
-def _away_at(away: Array, corners: Array, first: Indices, poses: Array) -> None:
+def _away_at(found: Array, corners: Array, first: Indices, poses: Array) -> None:
     for k in range(poses.shape[0]):
         at = min(k, corners.shape[0] - 1)
-        for j in range(away.shape[1]):
-            away[k, j] = distance_from(corners, first, at, j, poses[k, 0], poses[k, 1])
+        for j in range(first.shape[0] - 1):
+            found[k, 2 + j] = distance_from(corners, first, at, j, poses[k, 0], poses[k, 1])
 
 
 @allocation_free

@@ -43,7 +43,7 @@ def caches(tmp_path):
     caches.mkdir(parents=True, mode=0o700)
     folder = kernel_folder()
     shutil.copytree(folder, caches / folder.name)
-    for each in ('guidance.audit', 'mpsp.condensing'):
+    for each in ('guidance.safety.plan_sweep', 'mpsp.qp.dense.condensing'):
         missing = [*(caches / folder.name).glob(f'cmpsp_ros.{each}.*')]
         assert missing
         for file in missing:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Final
 
@@ -54,7 +55,7 @@ def closures(
         for index, each in enumerate(places)
         if all(0.0 < place / (whole or math.inf) < 1.0 for place in each)
     ]
-    gaps = _gaps(road, [obstacles[index] for index in between])
+    gaps = _gaps(road, tuple(obstacles[index] for index in between))
     is_closed = (gaps < wanted) | (gaps <= 0.0)
     while chain := _chain(is_closed):
         links = [float(gaps[a, b]) for a, b in pairwise(chain)]
@@ -65,8 +66,12 @@ def closures(
         is_closed[chain[1:-1]] = is_closed[:, chain[1:-1]] = False
 
 
-def _gaps(road: Road, shapes: Sequence[Shape]) -> Array:
-    """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m]."""
+@lru_cache(maxsize=8)
+def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
+    """Widths of gaps: both edges first, then the shapes, ``(2 + M, 2 + M)`` [m].
+
+    Kept from one run on a map to the next: they take longer than a control step.
+    """
     space, count = FreeSpace.of(road, shapes, 0.0), _EDGES + len(shapes)
     gaps = np.full((count, count), math.inf)
     part = space.road.shape['part'][0]
@@ -80,6 +85,7 @@ def _gaps(road: Road, shapes: Sequence[Shape]) -> Array:
         away[index] = math.inf
         gaps[index] = np.minimum(gaps[index], away)
         gaps[:, index] = np.minimum(gaps[:, index], away)
+    gaps.flags.writeable = False
     return gaps
 
 

@@ -29,7 +29,9 @@ def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str
     said: list[str] = []
     begin = 0.0
     for goal in settings.goals:
-        leg, to = settings.towards(goal, begin), f'On the way to {goal.name}: '
+        # With one goal the settings are its own already.
+        leg = settings.towards(goal, begin) if settings.waypoints else settings
+        to = f'On the way to {goal.name}: '
         found = (*_too_far(leg, start), *_closed(leg, start))
         said += [to + each if settings.waypoints else each for each in found]
         start, begin = goal.position, goal.time

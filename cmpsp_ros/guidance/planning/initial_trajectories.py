@@ -38,7 +38,9 @@ def initial_guess(
         Wheel speeds ``(N + 1, 2)`` [rad/s].
     """
     if settings.initial_guess.type == 'constant':
-        return np.tile(settings.initial_guess.wheel_speeds, (len(durations) + 1, 1))
+        controls = np.empty((len(durations) + 1, 2))
+        controls[:] = settings.initial_guess.wheel_speeds
+        return controls
     return along_road(settings, start, target, durations)
 
 

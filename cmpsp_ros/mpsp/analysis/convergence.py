@@ -45,10 +45,10 @@ class Convergence:
 
     Attributes:
         errors: ``|U^i - U*|``, one for each iterate.
-        used: Indices of the iterates on the line; empty where nothing can be told.
-        rate: ``r``; None where it cannot be told.
-        interval: Confidence interval of the rate; None where it cannot be told.
-        gamma: Least constant of (90) that holds on the tail; None where it cannot be told.
+        used: Indices of the iterates on the line; empty where there is no rate.
+        rate: ``r``; None without one.
+        interval: Confidence interval of the rate; None without one.
+        gamma: Least constant of (90) that holds on the tail; None without one.
         sentence: The result in words, or why there is none.
     """
 
@@ -100,7 +100,7 @@ class Convergence:
 
     @classmethod
     def _cannot_tell(cls, errors: Array, reason: str) -> Convergence:
-        return cls(errors, (), None, None, None, f'The rate cannot be told: {reason}.')
+        return cls(errors, (), None, None, None, f'The rate cannot be determined: {reason}.')
 
     def iterations_for(self, error: float) -> int | None:
         """Iterations after which (90) puts ``|U^i - U*|`` at an error or below.
@@ -109,7 +109,7 @@ class Convergence:
             error: ``zeta``, positive.
 
         Returns:
-            ``log(zeta / gamma) / log r``, rounded up; None where the rate cannot be told.
+            ``log(zeta / gamma) / log r``, rounded up; None without a rate.
         """
         if self.rate is None or self.gamma is None:
             return None

@@ -101,7 +101,7 @@ def check(
     """Check the conditions of Theorem 2 at the point a run has reached.
 
     The control bounds count among the path constraints ``g``. Conditions (iii) are about a
-    solution: where the run has not converged, they cannot be told, and their figures are those of
+    solution: where the run has not converged, they are left open, and their figures are those of
     the last iterate.
 
     Args:
@@ -109,7 +109,7 @@ def check(
         solution: End of a run on it.
         hessian: Which Hessian of the cost condition (ii) is asked of; ``exact`` is that of the
             stage costs, condensed as in (45), which leaves out how the dynamics curve.
-        smooth: What is known of condition (i), which numbers cannot tell; None for nothing.
+        smooth: Whether condition (i) is known to hold, which numbers do not show; None if not.
 
     Returns:
         The five verdicts with their figures.
@@ -193,7 +193,7 @@ def _rank(G: Array) -> tuple[int, float, Array]:
 
 def _smooth(known: bool | None) -> Condition:
     if known is None:
-        return Condition('(i)', Verdict.CANNOT_TELL, None, 'smoothness cannot be told from numbers')
+        return Condition('(i)', Verdict.CANNOT_TELL, None, 'numbers do not show smoothness')
     verdict = Verdict.YES if known else Verdict.NO
     return Condition('(i)', verdict, None, 'smoothness as stated by the caller')
 
@@ -202,7 +202,7 @@ def _convex_cost(qp: CondensedQP, hessian: Hessian) -> Condition:
     values = np.linalg.eigvalsh(qp.H)
     remark = f'least eigenvalue of the condensed {hessian} Hessian of J at this point'
     if values[0] > _CURVATURE * abs(values[-1]):
-        remark += '; for all U it cannot be told'
+        remark += '; not checked for all U'
         return Condition('(ii)', Verdict.CANNOT_TELL, float(values[0]), remark)
     return Condition('(ii)', Verdict.NO, float(values[0]), remark)
 

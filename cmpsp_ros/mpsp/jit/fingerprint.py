@@ -28,7 +28,7 @@ VERSIONS: Final = (
     f'numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__},'
     f' {platform.python_implementation()} {platform.python_version()}'
 )
-"""What else machine code depends on, beside the processor."""
+"""Versions that machine code depends on, besides the processor."""
 
 _KNOWN: Final = frozenset(sys.stdlib_module_names) | {'numba', 'llvmlite', 'numpy'}
 _USES_CONSTANT: Final = frozenset(dis.hasconst)

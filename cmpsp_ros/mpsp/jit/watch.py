@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, closing, contextmanager
+from contextlib import closing, contextmanager
 from typing import Any, Final
 
 from numba.core.event import Listener, install_listener
@@ -17,42 +17,23 @@ _LINE_PERIOD: Final = 5.0
 _BAR: Final = 20
 
 
-def _ignore(_name: str) -> None:
-    pass
-
-
 class _Watch(Listener):  # type: ignore[misc]  # numba has no types
-    def __init__(self, begin: Callable[[str], None], end: Callable[[str], None]) -> None:
+    def __init__(self, begin: Callable[[str], None], wait: Callable[[str], None]) -> None:
         self.names: list[str] = []
-        self._begin, self._end, self._depth = begin, end, 0
+        self._begin, self._wait, self._depth = begin, wait, 0
 
     def on_start(self, event: Any) -> None:
         name = _name(event)
-        if name is None:
-            return
-        self.names.append(name)
-        self._depth += 1
-        if self._depth == 1:
-            self._begin(name)
+        if event.kind == WAITING:
+            self._wait(name or '')
+        elif name is not None:
+            self.names.append(name)
+            self._depth += 1
+            if self._depth == 1:
+                self._begin(name)
 
     def on_end(self, event: Any) -> None:
-        name = _name(event)
-        if name is None:
-            return
-        self._depth -= 1
-        if self._depth == 0:
-            self._end(name)
-
-
-class _Waits(Listener):  # type: ignore[misc]  # numba has no types
-    def __init__(self, wait: Callable[[str], None]) -> None:
-        self._wait = wait
-
-    def on_start(self, event: Any) -> None:
-        self._wait(_name(event) or '')
-
-    def on_end(self, event: Any) -> None:
-        """Nothing to do."""
+        self._depth -= event.kind != WAITING and _name(event) is not None
 
 
 def _name(event: Any) -> str | None:
@@ -64,22 +45,18 @@ def _name(event: Any) -> str | None:
 
 @contextmanager
 def compilations(
-    begin: Callable[[str], None] = _ignore,
-    end: Callable[[str], None] = _ignore,
-    wait: Callable[[str], None] = _ignore,
+    begin: Callable[[str], None] = lambda _: None,
+    wait: Callable[[str], None] = lambda _: None,
 ) -> Iterator[list[str]]:
     """The names of all kernels that are compiled within; those loaded from files are not.
 
     Args:
         begin: Called with the name of a kernel before it is compiled; not for the kernels that it
             calls, which are compiled as a part of it.
-        end: The same, when it has been compiled or that has failed.
         wait: Called with the name of a kernel that another process is compiling.
     """
-    watch = _Watch(begin, end)
-    with ExitStack() as stack:
-        stack.enter_context(install_listener('numba:compile', watch))
-        stack.enter_context(install_listener(WAITING, _Waits(wait)))
+    watch = _Watch(begin, wait)
+    with install_listener('numba:compile', watch), install_listener(WAITING, watch):
         yield watch.names
 
 

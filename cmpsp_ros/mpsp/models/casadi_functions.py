@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,8 +15,6 @@ from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 if TYPE_CHECKING:
     from types import ModuleType
-
-_DIFFERENTIATED = ('F', 'h', 'g')
 
 
 def from_casadi(
@@ -76,7 +73,7 @@ def from_casadi(
     n = len(start)
     if p is None:
         if p_values is not None:
-            raise ProblemError('p: found none beside p_values, wanted the symbol they belong to')
+            raise ProblemError('p: found none with p_values, wanted their symbol')
         p = (casadi.MX if isinstance(x, casadi.MX) else casadi.SX).sym('p', 0)
     symbols = {'x': x, 'u': u, 'p': p}
     for name, symbol in symbols.items():
@@ -154,64 +151,49 @@ def _values(values: ArrayLike | None, shape: tuple[int, int]) -> Array:
 
 
 class _Expressions:
-    """Functions of one stage, built when first asked for."""
+    """Functions of one stage."""
 
     def __init__(
         self, casadi: ModuleType, symbols: dict[str, Any], columns: dict[str, Any]
     ) -> None:
-        self._casadi = casadi
-        self._symbols = symbols
-        self._columns = columns
-        residuals = columns['residuals']
-        self._cost = casadi.sum1(columns['L']) + 0.5 * casadi.sumsqr(residuals)
+        self._casadi, self._symbols, self._columns = casadi, symbols, columns
+        self._cost = casadi.sum1(columns['L']) + 0.5 * casadi.sumsqr(columns['residuals'])
         for name, column in columns.items():
             self._function(name, [column])
 
-    @cached_property
-    def step(self) -> Any:
-        """``F``."""
-        return self._function('F', [self._columns['F']])
+    def made(self, name: str) -> Any:
+        """A function by its name; derivatives are by ``(x, u)``.
 
-    @cached_property
-    def value(self) -> Any:
-        """Cost, ``h`` and ``g``."""
-        return self._function('value', [self._cost, self._columns['h'], self._columns['g']])
-
-    @cached_property
-    def first(self) -> Any:
-        """Jacobians of ``F``, cost, ``h`` and ``g`` by ``(x, u)``."""
-        columns = [self._columns[name] for name in _DIFFERENTIATED]
-        return self._function('first', [self._by_z(column) for column in (*columns, self._cost)])
-
-    @cached_property
-    def exact(self) -> Any:
-        """Second derivative of the cost by ``(x, u)``."""
-        return self._function('exact', [self._by_z(self._by_z(self._cost).T)])
-
-    @cached_property
-    def gauss_newton(self) -> Any:
-        """Second derivative of ``L``, and the residuals' Gauss-Newton Hessian."""
-        R = self._by_z(self._columns['residuals'])
-        of_L = self._by_z(self._by_z(self._casadi.sum1(self._columns['L'])).T)
-        return self._function('gauss_newton', [of_L, R.T @ R])
-
-    @cached_property
-    def curvature(self) -> Any:
-        """Second derivative of ``F``, ``h`` and ``g`` by ``(x, u)``, weighted with ``w``."""
-        column = self._casadi.vertcat(*(self._columns[name] for name in _DIFFERENTIATED))
+        - ``step``: ``F``; ``value``: cost, ``h`` and ``g``.
+        - ``first``: Jacobians of ``F``, ``h``, ``g`` and cost; ``exact``: Hessian of the cost.
+        - ``gauss_newton``: Hessian of ``L``, and the residuals' Gauss-Newton Hessian.
+        - ``curvature``: Hessian of ``F``, ``h`` and ``g``, weighted with ``w``.
+        """
+        casadi, columns, by_z = self._casadi, self._columns, self._by_z
+        F, h, g, L, R = (columns[each] for each in ('F', 'h', 'g', 'L', 'residuals'))
+        if name == 'step':
+            return self._function(name, [F])
+        if name == 'value':
+            return self._function(name, [self._cost, h, g])
+        if name == 'first':
+            return self._function(name, [by_z(column) for column in (F, h, g, self._cost)])
+        if name == 'exact':
+            return self._function(name, [by_z(by_z(self._cost).T)])
+        if name == 'gauss_newton':
+            R = by_z(R)
+            return self._function(name, [by_z(by_z(casadi.sum1(L)).T), R.T @ R])
+        column = casadi.vertcat(F, h, g)
         w = type(self._symbols['x']).sym('w', column.shape[0])
-        second = self._by_z(self._by_z(self._casadi.dot(w, column)).T)
-        inputs = [*self._symbols.values(), w]
-        return self._casadi.Function('curvature', inputs, [self._casadi.densify(second)])
+        return self._function(name, [by_z(by_z(casadi.dot(w, column)).T)], w)
 
     def _by_z(self, column: Any) -> Any:
         jacobian = self._casadi.jacobian
         return self._casadi.horzcat(*(jacobian(column, self._symbols[name]) for name in 'xu'))
 
-    def _function(self, name: str, outputs: list[Any]) -> Any:
+    def _function(self, name: str, outputs: list[Any], *more: Any) -> Any:
         dense = [self._casadi.densify(output) for output in outputs]
         try:
-            return self._casadi.Function(name, list(self._symbols.values()), dense)
+            return self._casadi.Function(name, [*self._symbols.values(), *more], dense)
         except RuntimeError as error:
             raise ProblemError(f'{name}: found a symbol other than x, u and p: {error}') from error
 
@@ -229,7 +211,7 @@ class _CasadiProblem(StageProblem):
     ) -> None:
         super().__init__(size, start, target, bounds)
         self._expressions, self._p, self._applies = expressions, p_values, applies
-        self._roll_out = expressions.step.mapaccum(size.horizon)
+        self._roll_out = expressions.made('step').mapaccum(size.horizon)
         self._mapped: dict[str, Any] = {}
 
     def predict(self, U: Array) -> Array:
@@ -268,7 +250,7 @@ class _CasadiProblem(StageProblem):
         """
         stages = self.size.horizon + 1
         if name not in self._mapped:
-            self._mapped[name] = getattr(self._expressions, name).map(stages)
+            self._mapped[name] = self._expressions.made(name).map(stages)
         outputs = self._mapped[name].call([X.T, U.T, self._p.T, *(each.T for each in more)])
         return [
             output.full().reshape(output.shape[0], stages, output.shape[1] // stages).swapaxes(0, 1)

@@ -19,7 +19,7 @@ from cmpsp_ros.mpsp.problem import (
 
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 # Directions of the state that controls reach by less than this, next to the one they reach most,
-# cannot be told from rounding.
+# cannot be distinguished from rounding.
 _REACHED = 1e-4
 
 

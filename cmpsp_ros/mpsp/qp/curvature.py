@@ -32,7 +32,7 @@ _NOTHING = 1e-12
 def convexify(subproblem: Subproblem) -> Subproblem:
     """Shift the Hessian of a program that has no unique minimum, and only of such a program.
 
-    A Riccati sweep tells. Where it fails, ``shift I`` is added, with the least shift that leaves
+    Where a Riccati sweep fails, ``shift I`` is added, with the least shift that leaves
     every eigenvalue at `CURVATURE_LEFT` of the largest or above. A program with a closed form needs
     curvature along the terminal constraint alone and keeps its Hessian if it has that much.
 

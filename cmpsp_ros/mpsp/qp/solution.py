@@ -51,8 +51,8 @@ class QPSolution:
             ``(N + 1, n)``.
         bounds: Multipliers ``beta`` of the control bounds, positive at the upper one, shape
             ``(N + 1, r)``.
-        iterations: Iterations of the back end, 0 where it does not tell.
-        conflict: Constraints that contradict each other, as far as the back end can tell.
+        iterations: Iterations of the back end, 0 where unknown.
+        conflict: Constraints that contradict each other, as far as the back end names them.
     """
 
     status: QPStatus

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,6 @@ from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.sqp.constraint_curvature import add_constraint_curvature
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.mpsp.sqp.workspace import EVALUATED
 from cmpsp_ros.mpsp.status import Solution, Status, violations
@@ -69,7 +69,15 @@ class CMPSP:
         problem = self._problem
         linearisation = problem.linearise(at.X, at.U, self._options.hessian)
         if self._options.constraint_curvature and at.step is not None:
-            linearisation = add_constraint_curvature(problem, at, linearisation)
+            path = np.where(linearisation.g == -np.inf, 0.0, at.step.path_multipliers)
+            mu, terminal = costates(linearisation, at.step)[1:], at.step.terminal_multipliers
+            XX, UX, UU = problem.constraint_curvature(at.X, at.U, mu, terminal, path)
+            linearisation = replace(
+                linearisation,
+                L_XX=linearisation.L_XX + XX,
+                L_UX=linearisation.L_UX + UX,
+                L_UU=linearisation.L_UU + UU,
+            )
         lower, upper = problem.control_lower - at.U, problem.control_upper - at.U
         return Subproblem(linearisation, lower, upper, self._trust_radius)
 
@@ -139,17 +147,16 @@ class CMPSP:
 
     def conclude(self, at: Iterate, status: Status, history: Sequence[Record]) -> Solution:
         """What a run that ends at an iterate has come to."""
-        size, step = self._problem.size, at.step
-        stages = size.horizon + 1
-        output_tolerance = self._options.output_tolerance * self._target_size
+        options, last = self._options, history[-1]
+        output_tolerance = options.output_tolerance * self._target_size
         return Solution(
             at,
             status,
             tuple(history),
-            np.zeros(size.output) if step is None else step.terminal_multipliers,
-            np.zeros((stages, size.path)) if step is None else step.path_multipliers,
-            np.zeros((stages, size.control)) if step is None else step.bound_multipliers,
-            violations(at.evaluation, output_tolerance, self._options.violation_tolerance),
+            last.terminal_multipliers,
+            last.path_multipliers,
+            last.bound_multipliers,
+            violations(at.evaluation, output_tolerance, options.violation_tolerance),
         )
 
     @property
@@ -225,6 +232,25 @@ def _summary(driver: Driver, subproblem: Subproblem) -> Step:
         bool(run['is_corrected']),
         not_finite,
     )
+
+
+def costates(linearisation: Linearisation, step: Step) -> Array:
+    """Multipliers of the dynamics (1), for which the Lagrangian is stationary in the states.
+
+    Args:
+        linearisation: Derivatives along a trajectory.
+        step: The multipliers of its constraints.
+
+    Returns:
+        Gradient of the cost to go by ``X_k``, shape ``(N + 1, n)``.
+    """
+    lin = linearisation
+    rows = np.einsum('kli,kl->ki', lin.g_X, step.path_multipliers)
+    found: Array = lin.L_X + rows
+    found[-1] += lin.h_X.T @ step.terminal_multipliers
+    for k in reversed(range(len(lin.A))):
+        found[k] += lin.A[k].T @ found[k + 1]
+    return found
 
 
 def solve(

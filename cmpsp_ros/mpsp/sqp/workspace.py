@@ -16,55 +16,27 @@ START, EVALUATED, LINEARISED, QP_ANSWERED, SEARCHING, CORRECTED, FULL_STEP = 0, 
 DONE, EVALUATE, LINEARISE, SOLVE_QP, ADD_CURVATURE, CORRECT = 0, 1, 2, 3, 4, 5
 """What the iteration asks for next: see `cmpsp_ros.mpsp.sqp.iteration.advance`."""
 
+_INTEGERS = (
+    # Options.
+    'max_iterations', 'line_search', 'elastic',
+    # State.
+    'phase', 'stage', 'halvings', 'is_corrected', 'best_is_corrected', 'level', 'is_hard',
+    # What came of it.
+    'iterations', 'outcome', 'qp_iterations', 'active_rows',
+)  # fmt: skip
+_NUMBERS = (
+    # Options.
+    'output_tolerance', 'control_tolerance', 'violation_tolerance', 'slack_tolerance',
+    'growth_limit',
+    # State.
+    'cost_limit', 'control_limit', 'predicted', 'before', 'scale', 'longest', 'trying', 'best',
+    'best_length',
+    # What came of it; the costs of the iterate and of the trial.
+    'cost', 'trial_cost', 'length', 'full_change',
+)  # fmt: skip
+
 RUN: Final = np.dtype(
-    [
-        (name, np.int64)
-        for name in (
-            # Options.
-            'max_iterations',
-            'line_search',
-            'elastic',
-            # State.
-            'phase',
-            'stage',
-            'halvings',
-            'is_corrected',
-            'best_is_corrected',
-            'level',
-            'is_hard',
-            # What came of it.
-            'iterations',
-            'outcome',
-            'qp_iterations',
-            'active_rows',
-        )
-    ]
-    + [
-        (name, np.float64)
-        for name in (
-            # Options.
-            'output_tolerance',
-            'control_tolerance',
-            'violation_tolerance',
-            'slack_tolerance',
-            'growth_limit',
-            # State.
-            'cost_limit',
-            'control_limit',
-            'predicted',
-            'before',
-            'scale',
-            'longest',
-            'trying',
-            'best',
-            'best_length',
-            # What came of it; the costs of the iterate and of the trial.
-            'cost',
-            'trial_cost',
-            'length',
-            'full_change',
-        )
-    ]
+    [(name, np.int64) for name in _INTEGERS] + [(name, np.float64) for name in _NUMBERS]
 )
 """Options, state and results of an iteration, one record."""
 

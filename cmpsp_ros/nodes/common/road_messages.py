@@ -1,4 +1,4 @@
-"""Roads between nodes: what the guidance node hears, and what the simulator tells."""
+"""Roads between nodes: the input of the guidance node and the output of the simulator."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class RoadInput:
 
 
 def path_of(values: Values) -> Path:
-    """The message that tells of a corridor; `cmpsp_ros.parameters.courses.road_messages` reads it.
+    """The message of a corridor; `cmpsp_ros.parameters.courses.road_messages` reads it.
 
     Args:
         values: Parameters with at least one point.

@@ -43,7 +43,7 @@ class Topic:
         notes: For the user.
         depth: Messages its queue holds; 0 for a service.
         best_effort: Whether a subscription hears best-effort publishers as well.
-        latched: Whether late subscribers are told the last message (transient local).
+        latched: Whether late subscribers get the last message (transient local).
         repeats: Whether it only shows once more what other topics say; it is not recorded then.
     """
 

@@ -1,8 +1,8 @@
-"""The values that a node's parameters had before the first change that was heard of.
+"""The values that a node's parameters had before the first known change.
 
-A node is asked for them, and tells of changes in events. Answers and events come by different ways:
-an answer may be younger than a change and yet come before the event that tells of it. Taken for the
-value of the beginning, it would put the change before everything that happened until then.
+A node is asked for them, and publishes changes as events. Answers and events take different paths:
+an answer may be younger than a change and yet come before its event. Taken for the initial value,
+it would put the change before everything that happened until then.
 """
 
 from __future__ import annotations

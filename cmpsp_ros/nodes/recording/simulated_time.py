@@ -23,22 +23,22 @@ _KEPT = 100_000
 
 
 class SimulatedTime:
-    """What `/clock` told, when it was published, and what waits for it to tell more.
+    """Times of `/clock` and of their publication, and messages that wait for later ones.
 
     In lockstep much simulated time passes in the time that a message takes to a busy recorder: what
     counts is when it left. A message that left after all that is known of `/clock` has to wait:
-    what `/clock` told in between may be on its way.
+    a later `/clock` may be on its way.
     """
 
     def __init__(self) -> None:
-        """Nothing has been told."""
+        """Begin without any time."""
         self._published: list[int] = []
         self._told: list[int] = []
         self._waiting: list[Received] = []
 
     @property
     def begun(self) -> bool:
-        """Whether anything has been told."""
+        """Whether any time is known."""
         return bool(self._told)
 
     def date(
@@ -50,7 +50,7 @@ class SimulatedTime:
             came: Messages that have come since the last call, those of `/clock` among them.
             now: Time of the system [ns]. A message that came long before it waits no longer:
                 simulated time stands still.
-            all_: Nothing waits; messages that came before anything was told have left at 0.
+            all_: Nothing waits; messages before the first `/clock` are dated 0.
         """
         for each in came:
             self._waiting.append(each)

@@ -13,7 +13,7 @@ _OVERDUE = 1.0
 
 
 class GarbageCollection:
-    """Collects when it is told that there is time for it, instead of when Python does.
+    """Collects on request, when there is time, instead of when Python does.
 
     What exists when it begins is not looked at again: of the whole heap of a node remain the few
     objects that a control step has left.

@@ -56,7 +56,7 @@ class Scheduling:
         if self._priority:
             policy = os.sched_getscheduler(0), os.sched_getparam(0)
             try:
-                # Threads and processes started from here on shall not inherit it.
+                # Threads and processes started from here on do not inherit it.
                 wanted = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
                 os.sched_setscheduler(0, wanted, os.sched_param(self._priority))
                 self._policy_before = policy

@@ -108,7 +108,8 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
     equal = np.flatnonzero(is_equal & kept)
     above = np.flatnonzero(~is_equal & kept & np.isfinite(program.upper))
     below = np.flatnonzero(~is_equal & kept & np.isfinite(program.lower))
-    rows, first = np.concatenate([equal, above, below]), program.D.shape[0]
+    up = np.concatenate([equal, above])
+    rows, first = np.concatenate([up, below]), program.D.shape[0]
     side = np.ones(len(rows))
     side[len(rows) - len(below) :] = -1.0
     # An equality can be missed to either side, and has a slack variable for both.
@@ -119,7 +120,7 @@ def cone_program(program: SparseQP, weight: Array) -> ConeProgram:
     sign[len(both) : 2 * len(both)] = -1.0
     slacks = np.arange(len(relaxed))
     entries = -side[relaxed] * sign, (first + relaxed, slacks)
-    hard = sparse.vstack([program.D, sparse.diags_array(side) @ program.G[rows]])
+    hard = sparse.vstack([program.D, program.G[up], -program.G[below]], format='csr')
     soft = sparse.csc_array(entries, shape=(hard.shape[0], len(slacks)))
     no_limit = sparse.csc_array((len(slacks), hard.shape[1]))
     limits = np.where(side > 0.0, program.upper[rows], -program.lower[rows])

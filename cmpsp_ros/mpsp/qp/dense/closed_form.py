@@ -1,8 +1,8 @@
 """The closed form (35) of a program without inequalities: one symmetric linear system.
 
 At ``N = 50``, ``n = 3``, ``r = 2`` it takes 0.2 to 0.3 ms, and condensing as much again at most.
-A BLAS that starts threads may stall for far longer on a busy machine: where time is short, tell it
-to use one, as with ``OPENBLAS_NUM_THREADS=1``.
+A BLAS that starts threads may stall for far longer on a busy machine: where time is short, limit it
+to one, as with ``OPENBLAS_NUM_THREADS=1``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _TOLERANCE = 1e-8
 
 def has_closed_form(subproblem: Subproblem) -> bool:
     """Whether the program has equalities alone: no path rows, trust region or bounds."""
-    # Most programs have path rows: they are looked at first.
+    # Path rows first: most programs have some.
     return not (
         (subproblem.linearisation.g != -np.inf).any()
         or (subproblem.trust_radius != np.inf).any()
@@ -40,7 +40,7 @@ def solve_closed_form(subproblem: Subproblem) -> QPSolution:
     Where rows of ``S_N`` depend on each other and agree, ``lambda`` is the shortest that fits.
 
     Args:
-        subproblem: A program that `has_closed_form`; its other rows and bounds are not looked at.
+        subproblem: A program that `has_closed_form`; its other rows and bounds are ignored.
 
     Returns:
         The solution; `QPStatus.INFEASIBLE` where the terminal rows contradict each other, and

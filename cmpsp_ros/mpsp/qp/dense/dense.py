@@ -53,7 +53,7 @@ def dense_solution(
         subproblem: The program.
         dU: Shape ``(q,)``.
         multipliers: Of `DenseRows` and the bounds, positive at upper limits, shape ``(R + q,)``.
-        iterations: Iterations of the back end, 0 where it does not tell.
+        iterations: Iterations of the back end, 0 where unknown.
     """
     qp, size = subproblem.condensed, subproblem.size
     N, m, p, t = size.horizon, size.output, len(qp.g), len(qp.radius)

@@ -70,6 +70,34 @@ def test_nothing_beside_which_there_is_room_is_a_trap(scene):
     assert_arrives_clear(closed_loop(given, START), given)
 
 
+def dead_end(x, deep, wide=1.6):
+    """Three walls: the back at `x`, open to the left of it, or to the right where `deep` < 0."""
+    low, high = -wide / 2.0, wide / 2.0
+    sides = [
+        Capsule(name, (x, y), (x - deep, y), 0.05) for name, y in (('left', high), ('right', low))
+    ]
+    return (wall(x, low, high, 'back'), *sides)
+
+
+@pytest.mark.parametrize(
+    'obstacles',
+    [dead_end(1.5, 1.5), dead_end(1.2, 2.0, 1.2), dead_end(7.7, -1.5)],
+    ids=['begins in one', 'begins deep in one', 'ends in one'],
+)
+def test_a_dead_end_is_left_and_entered_where_it_is_open(obstacles):
+    given = given_on(FLOOR, obstacles, final_time=14.0)
+    assert_arrives_clear(closed_loop(given, START, steps=70), given)
+
+
+def test_behind_walls_all_round_nothing_is_found():
+    around = (*dead_end(1.5, 2.0), wall(-0.5, -0.8, 0.8, 'front'))
+    given = given_on(FLOOR, around, final_time=4.0)
+    run = closed_loop(given, START, steps=20)
+    space = FreeSpace.of(FLOOR, around, 0.0)
+    assert space.at(run.path).min() > 0.0
+    assert FallbackLevel.STOP in {each.rung for each in run.moves}
+
+
 def test_some_of_them_are_traps_for_one_plan():
     trapped = []
     for scene, course in SCENES.items():
@@ -93,6 +121,13 @@ def test_a_wall_in_a_bend_is_passed_on_both_sides_of_the_road():
 def test_a_road_is_driven_backwards_past_a_wall():
     given = given_on(EVEN, (wall(5.0, -0.2, 1.2),), goal=(0.5, 0.0))
     assert_arrives_clear(closed_loop(given, (8.5, 0.0, math.pi)), given)
+
+
+@pytest.mark.parametrize('reach', [(8.6, 10.2), (9.8, 11.4), (9.7, 10.3)])
+def test_a_wall_between_two_circles_is_passed(reach):
+    low, high = (tuple(each * math.sqrt(0.5) * np.array([1.0, -1.0])) for each in reach)
+    given = settings((Capsule('wall', low, high, 0.05),), 51.0, ROAD)
+    assert_arrives_clear(closed_loop(given, (0.0, -10.0, 0.0)), given)
 
 
 def test_the_message_says_which_way():

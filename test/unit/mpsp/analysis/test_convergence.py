@@ -90,7 +90,7 @@ def test_cannot_tell(errors, target, reason):
     assert found.gamma is None
     assert found.used == ()
     assert found.iterations_for(1e-3) is None
-    assert found.sentence.startswith('The rate cannot be told: ')
+    assert found.sentence.startswith('The rate cannot be determined: ')
     assert reason in found.sentence
 
 

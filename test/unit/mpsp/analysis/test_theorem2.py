@@ -46,7 +46,7 @@ def test_all_hold_at_a_regular_solution():
     assert found.smooth.verdict is YES
     assert found.convex_cost.verdict is CANNOT_TELL
     assert found.convex_cost.figure > 0.0
-    assert 'for all U it cannot be told' in found.convex_cost.remark
+    assert 'not checked for all U' in found.convex_cost.remark
     assert found.strict_complementarity.verdict is YES
     assert found.regular.verdict is YES
     assert found.second_order.verdict is YES

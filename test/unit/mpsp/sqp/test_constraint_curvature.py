@@ -13,8 +13,7 @@ from cmpsp_ros.mpsp import (
     from_functions,
     solve,
 )
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.mpsp.sqp.constraint_curvature import costates
+from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, costates
 
 N, T = 12, 0.1
 

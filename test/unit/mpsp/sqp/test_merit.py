@@ -7,7 +7,6 @@ from stage_programs import random_program, relaxed, run, staged
 
 from cmpsp_ros.mpsp.problem import Dimensions, Evaluation
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.elastic import LEVELS, relax
 from cmpsp_ros.mpsp.sqp.merit import (
@@ -34,12 +33,7 @@ def solved(seed=0):
     p = found.space.program
     p.terminal['weight'], p.path['weight'] = TERMINAL, PATH
     update_penalties(p)
-    multipliers = found.multipliers
-    answer = QPSolution(
-        QPStatus.SOLVED, found.dU, multipliers.terminal, multipliers.path, multipliers.trust,
-        multipliers.bounds,
-    )  # fmt: skip
-    raised = Merit(TERMINAL, np.tile(PATH, (6, 1))).above_multipliers(answer)
+    raised = Merit(TERMINAL, np.tile(PATH, (6, 1))).above_multipliers(found.multipliers)
     return qp, found, p, raised
 
 

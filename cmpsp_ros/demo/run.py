@@ -289,10 +289,11 @@ def guide(
                     f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
         decisions = (seen.decision for seen in observer.robots.values())
-        # The one that the clock has made is followed by one that judges where the robot was.
-        return all(
-            (each.get('finished'), each.get('halted')) == ('true', 'false') for each in decisions
-        )
+        # The one that the clock has made is followed by one that judges where the robot was, and
+        # that one by others until the robot is at rest.
+        wanted = {'finished': 'true', 'halted': 'false'}
+        wanted |= dict.fromkeys(('wheel_speed_right', 'wheel_speed_left'), '0.0')
+        return all(wanted.items() <= each.items() for each in decisions)
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

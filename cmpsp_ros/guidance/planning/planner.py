@@ -34,6 +34,7 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Entries, Functions
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
+from cmpsp_ros.robots.acceleration import within_ramp
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 
@@ -66,7 +67,7 @@ class Planner:
         settings = formulation.settings
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
-        self._rate = settings.weights.control_rate
+        self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
         self._known: tuple[FreeSpace, Target, DifferentialDrive] | None = None
         self._given: GuidanceData
         self._horizon: Horizon | None = None
@@ -79,7 +80,7 @@ class Planner:
         self._target = settings.target
         self._use_driver(len(longest.durations))
         nothing = np.zeros((len(longest.edges), 2))
-        context = PlanningContext.at_pose(settings, np.zeros(3), longest, nothing[0])
+        context = PlanningContext.at_pose(settings, np.zeros(3), longest)
         self._functions = _compiled(self._data(context, nothing), self._ws)
 
     def forget(self) -> None:
@@ -109,6 +110,8 @@ class Planner:
             self._use_driver(steps)
         begun, self._horizon = self._horizon, horizon
         over = 0 if begun is None else steps_over(begun, horizon)
+        durations, previous = horizon.durations, context.start.previous_control
+        guess = within_ramp(guess, durations, previous, self._max_change)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
         data = self._data(context, guess)
@@ -136,7 +139,7 @@ class Planner:
         return _summary(other, _counters(other), horizon)
 
     def _data(self, context: PlanningContext, guess: Array) -> GuidanceData | ControlRateData:
-        pose, robot, moving, progress = context.start
+        pose, robot, moving, progress, previous = context.start
         formulation, target = self._formulation, context.target
         durations = context.horizon.durations
         pose = np.ascontiguousarray(pose, dtype=np.float64)
@@ -155,10 +158,10 @@ class Planner:
                 formulation.settings.solver.hessian,
                 heading,
             )
-        data, rate = begun_at(self._given, pose, durations, progress), self._rate
-        if rate > 0.0:
-            previous = np.ascontiguousarray(context.previous_control, dtype=np.float64)
-            return ControlRateData(data, len(durations), rate, previous)
+        data = begun_at(self._given, pose, durations, progress)
+        if formulation.remembers_control:
+            previous = np.ascontiguousarray(previous, dtype=np.float64)
+            return ControlRateData(data, len(durations), self._rate, previous, self._max_change)
         return data
 
     def _use_driver(self, steps: int) -> None:
@@ -180,7 +183,7 @@ class Planner:
     def _make_driver(self, steps: int, outputs: int, *, by_name: bool) -> Driver:
         formulation = self._formulation
         settings = formulation.settings
-        states = 5 if settings.weights.control_rate > 0.0 else 3
+        states = 5 if formulation.remembers_control else 3
         penalty_path = formulation.penalty_path
         size = Dimensions(steps, states, 2, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
@@ -83,6 +84,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     on_road.robot.roll_out(pose, controls, durations)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
+    searched_line(space, pose[:2], np.array(on_road.goal))
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)
     start = PlanStart(pose, on_road.robot, _A_DISC)

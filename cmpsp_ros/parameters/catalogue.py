@@ -25,7 +25,8 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of odometry, road, obstacles and goal; odometry in another frame is refused.',
+        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
+        'is in another frame.',
         **_FIXED)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',

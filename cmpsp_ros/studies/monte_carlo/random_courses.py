@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.scenario import GAP, Point, Scenario
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Shape, convex
@@ -32,6 +35,9 @@ _HEADINGS: Final = math.pi / 2.0
 _PACE: Final = (0.5, 0.75)
 _DETOUR: Final = 3.0
 _CLEAR: Final = 0.4
+# Fraction of the floors on which start or goal lies in a dead end, and how far from its back [m].
+_DEAD_ENDS: Final = 0.3
+_FROM_BACK: Final = 0.6
 _ATTEMPTS: Final = 1000
 
 
@@ -72,7 +78,7 @@ def corridor_scenario(
 def floor_scenario(
     settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
 ) -> Scenario:
-    """Open floor with walls, crates, posts and groups of them between start and goal.
+    """Open floor with walls, crates, posts and groups of them, and dead ends.
 
     Arguments as of `scenario`.
     """
@@ -92,8 +98,22 @@ def floor_scenario(
             if away.min() >= _CLEAR:
                 obstacles += drawn
                 break
+    if random.uniform() < _DEAD_ENDS:
+        end, heading = (pose[:2], goal)[int(random.integers(2))], random.uniform(-math.pi, math.pi)
+        back, (wide, deep) = _moved(end, heading, _FROM_BACK, 0.0), random.uniform(1.4, 2.0, 2)
+        obstacles = [*_pocket(back, heading, float(wide), float(deep), 'end'), *obstacles]
+        distance += 2.0 * float(deep) + _DETOUR
     whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
-    return _scenario(settings, number, random, plant_seed, whole)
+    made = _scenario(settings, number, random, plant_seed, whole)
+    # Several together may leave no way, for a robot that keeps a little beside its margin.
+    while not len(_way_through(settings, made)):
+        made = replace(made, obstacles=made.obstacles[:-1])
+    return made
+
+
+def _way_through(settings: GuidanceSettings, drawn: Scenario) -> NDArray[np.float64]:
+    given = replace(settings, obstacles=drawn.obstacles, **drawn.changes)
+    return grid_path(given, np.array(drawn.pose), GAP / 2.0 - settings.safety.margin)
 
 
 def _scenario(
@@ -162,7 +182,11 @@ def _shapes(random: _Random, center: Point, course: float, name: str) -> list[Sh
         deep, wide = random.uniform(0.3, 1.2, 2).tolist()
         return [_box(center, heading, deep, wide, name)]
     wide, deep = random.uniform(0.6, 2.0), random.uniform(0.3, 1.0)
-    heading = course + random.uniform(-0.5, 0.5)
+    return _pocket(center, course + random.uniform(-0.5, 0.5), wide, deep, name)
+
+
+def _pocket(center: Point, heading: float, wide: float, deep: float, name: str) -> list[Shape]:
+    """Three walls, the middle of the back one, and where the way out is behind."""
     sides = [_moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
     return [
         _box(center, heading, _THIN, wide, f'{name}_back'),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +25,10 @@ _ROUNDING = 100.0
 _BESIDE = 1.0
 
 
-def free_gaps(
-    frame: RoadFrame, space: FreeSpace, straddled: float
-) -> tuple[list[list[Gap]], list[Gap]]:
-    """Gaps at every station, and the road's edges there, by their lateral positions [m].
-
-    A station stands for the way to half the distance of its neighbours, so that no obstacle is
-    between two of them.
+def between_samples(space: FreeSpace, straddled: float) -> FreeSpace:
+    """What the path between samples keeps to, the same all along.
 
     Args:
-        frame: Road coordinates.
         space: What the samples of a plan keep to; where it changes along the horizon, its median
             counts.
         straddled: How far from the nearest sample a path may pass an obstacle [m].
@@ -41,8 +36,25 @@ def free_gaps(
     radii = space.radii if space.radii.ndim == 1 else np.median(space.radii, axis=0)
     # Samples keep farther away than the path between them comes.
     radii = np.sqrt(np.maximum(radii**2 - straddled**2, 0.0)) * np.sign(radii)
+    kept = np.median(space.road.kept, axis=0)[None]
+    return replace(
+        space, road=space.road._replace(kept=kept), corners=space.corners[:1], radii=radii
+    )
+
+
+def free_gaps(frame: RoadFrame, space: FreeSpace) -> tuple[list[list[Gap]], list[Gap]]:
+    """Gaps at every station, and the road's edges there, by their lateral positions [m].
+
+    A station stands for the way to half the distance of its neighbours, so that no obstacle is
+    between two of them.
+
+    Args:
+        frame: Road coordinates.
+        space: As of `between_samples`.
+    """
+    radii = space.radii
     if frame.polar:
-        return _polar_gaps(frame, space, radii)
+        return _polar_gaps(frame, space)
     taken: list[list[Gap]] = [[] for _ in frame.stations]
     shapes = np.split(space.corners[0], space.first[1:-1]) if len(radii) else []
     for corners, radius in zip(shapes, radii.tolist(), strict=True):
@@ -52,14 +64,11 @@ def free_gaps(
     return [_between(sorted(each), *edge) for each, edge in zip(taken, edges, strict=True)], edges
 
 
-def _polar_gaps(
-    frame: RoadFrame, space: FreeSpace, radii: Array
-) -> tuple[list[list[Gap]], list[Gap]]:
-    edges = space.annulus
-    inner, outer = (float(np.median(each)) for each in (edges.inner, edges.outer))
+def _polar_gaps(frame: RoadFrame, space: FreeSpace) -> tuple[list[list[Gap]], list[Gap]]:
+    inner, outer = float(space.annulus.inner[0]), float(space.annulus.outer[0])
     # A moving disc is one, too.
     places = (each.tolist() for each in frame.coordinates(space.centers))
-    discs = list(zip(*places, radii.tolist(), strict=True))
+    discs = list(zip(*places, space.radii.tolist(), strict=True))
     half, gaps = frame.step / 2.0, []
     for station in frame.stations.tolist():
         taken = []
@@ -98,9 +107,8 @@ def _sections(frame: RoadFrame, corners: Array, radius: float) -> Iterator[tuple
 
 def _edges(frame: RoadFrame, road: RoadSpace, taken: Sequence[Sequence[Gap]]) -> list[Gap]:
     """Lateral positions of both edges at every station [m]."""
-    kept = np.ascontiguousarray(np.median(road.kept, axis=0)[None])
     bounds = np.empty((len(frame.stations), 2))
-    _fill_bounds(bounds, road._replace(kept=kept), frame.points, frame.directions)
+    _fill_bounds(bounds, road, frame.points, frame.directions)
     low, high = np.ceil(_ROUNDING * bounds[:, 0]), np.floor(_ROUNDING * bounds[:, 1])
     if not np.isfinite(bounds).all():
         reached = [abs(each) for section in taken for gap in section for each in gap]

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.planning.homotopy.free_gaps import free_gaps
+from cmpsp_ros.guidance.planning.homotopy.free_gaps import between_samples, free_gaps
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass, search, stretches_of
+from cmpsp_ros.guidance.planning.homotopy.homotopy_class import class_of
 from cmpsp_ros.guidance.planning.homotopy.lateral_profile import (
     elastic_band,
     follow_profile,
@@ -26,10 +27,12 @@ from cmpsp_ros.guidance.planning.homotopy.lateral_profile import (
 from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     SPACING,
     RoadFrame,
+    frame_along,
     point_at,
     road_frame,
     stretch_at,
 )
+from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
     largest_turn,
@@ -97,10 +100,15 @@ def guide_paths(
     frame = road_frame(settings, start, target)
     if frame.length < 2.0 * SPACING:
         return []
-    gaps, edges = free_gaps(frame, space, _straddled(settings, start.robot))
+    space = between_samples(space, _straddled(settings, start.robot))
+    gaps, edges = free_gaps(frame, space)
     at, lateral = (each.tolist() for each in frame.coordinates(space.centers))
     stretches = stretches_of(frame, gaps, at)
     trails = search(frame, stretches, lateral)
+    if not trails and not frame.polar:
+        path = _searched_path(settings, space, start, target, durations, frame)
+        if path is not None:
+            return [] if path.homotopy_class in without else [path]
     if not trails:
         # From a pocket, such as between an obstacle and an edge, the path leads back and around.
         stretches[0] = replace(stretches[0], gaps=gaps[0])
@@ -136,6 +144,25 @@ def guide_paths(
         )
         for i in wanted[:limit]
     ]
+
+
+def _searched_path(
+    settings: GuidanceSettings,
+    space: FreeSpace,
+    start: PlanStart,
+    target: Target,
+    durations: Array,
+    frame: RoadFrame,
+) -> GuidePath | None:
+    """The path out of a dead end, or into one."""
+    points = searched_line(space, start.pose[:2], np.array(target.position))
+    if len(points) < 2:
+        return None
+    line, profile = frame_along(points), np.zeros(len(points))
+    poses = np.column_stack([points, np.zeros(len(points))])
+    homotopy_class = class_of(frame, space.centers, poses)
+    guess = follow_profile(settings, start, durations, line, profile)
+    return GuidePath(homotopy_class, guess, line, profile, line.length)
 
 
 def turning_first(

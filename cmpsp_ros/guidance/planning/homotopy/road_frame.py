@@ -133,16 +133,22 @@ def _along_line(settings: GuidanceSettings, start: PlanStart, target: Target) ->
     length = max(abs(total), SPACING)
     stations = np.linspace(0.0, length, _count(length))
     lengths = np.copysign(stations, total)
-    points = lookahead_points(settings.road, pose, lengths, goal, start.progress)
+    frame = frame_along(lookahead_points(settings.road, pose, lengths, goal, start.progress))
+    _, ends = frame.local(np.array([pose[:2], goal]), np.array([0, -1]))
+    return frame._replace(length=abs(total), ends=(float(ends[0]), float(ends[1])))
+
+
+def frame_along(points: Array) -> RoadFrame:
+    """The coordinates of a line, from its points at even distances, shape ``(K, 2)`` [m]."""
+    length = float(np.hypot(*np.diff(points, axis=0).T).sum())
+    stations = np.linspace(0.0, max(length, SPACING), len(points))
     directions = np.gradient(points, axis=0)
     directions /= np.maximum(np.hypot(*directions.T), 1e-9)[:, None]
     headings, step = np.unwrap(np.arctan2(directions[:, 1], directions[:, 0])), stations.item(1)
-    frame = RoadFrame(
-        stations, step, abs(total), 0.0, (0.0, 0.0), 1.0,
+    return RoadFrame(
+        stations, step, length, 0.0, (0.0, 0.0), 1.0,
         False, 0.0, 0.0, 0.0, 1.0, points, directions, np.gradient(headings, step),
     )  # fmt: skip
-    _, ends = frame.local(np.array([pose[:2], goal]), np.array([0, -1]))
-    return frame._replace(ends=(float(ends[0]), float(ends[1])))
 
 
 def _count(length: float) -> int:

@@ -70,6 +70,34 @@ def test_nothing_beside_which_there_is_room_is_a_trap(scene):
     assert_arrives_clear(closed_loop(given, START), given)
 
 
+def dead_end(x, deep, wide=1.6):
+    """Three walls: the back at `x`, open to the left of it, or to the right where `deep` < 0."""
+    low, high = -wide / 2.0, wide / 2.0
+    sides = [
+        Capsule(name, (x, y), (x - deep, y), 0.05) for name, y in (('left', high), ('right', low))
+    ]
+    return (wall(x, low, high, 'back'), *sides)
+
+
+@pytest.mark.parametrize(
+    'obstacles',
+    [dead_end(1.5, 1.5), dead_end(1.2, 2.0, 1.2), dead_end(7.7, -1.5)],
+    ids=['begins in one', 'begins deep in one', 'ends in one'],
+)
+def test_a_dead_end_is_left_and_entered_where_it_is_open(obstacles):
+    given = given_on(FLOOR, obstacles, final_time=14.0)
+    assert_arrives_clear(closed_loop(given, START, steps=70), given)
+
+
+def test_behind_walls_all_round_nothing_is_found():
+    around = (*dead_end(1.5, 2.0), wall(-0.5, -0.8, 0.8, 'front'))
+    given = given_on(FLOOR, around, final_time=4.0)
+    run = closed_loop(given, START, steps=20)
+    space = FreeSpace.of(FLOOR, around, 0.0)
+    assert space.at(run.path).min() > 0.0
+    assert FallbackLevel.STOP in {each.rung for each in run.moves}
+
+
 def test_some_of_them_are_traps_for_one_plan():
     trapped = []
     for scene, course in SCENES.items():

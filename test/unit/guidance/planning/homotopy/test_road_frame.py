@@ -80,7 +80,7 @@ def test_a_line_between_circles_has_the_coordinates_of_polar_ones():
 
 def gaps_of(road, obstacles, **places):
     _, frame = frame_on(road, obstacles, **places)
-    return frame, *free_gaps(frame, FreeSpace.of(road, obstacles, 0.1), 0.0)
+    return frame, *free_gaps(frame, FreeSpace.of(road, obstacles, 0.1))
 
 
 def test_the_edges_of_a_corridor_are_as_far_as_it_is_wide():

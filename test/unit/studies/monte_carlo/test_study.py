@@ -277,3 +277,16 @@ def test_a_start_for_the_judge_passes_obstacles_where_there_is_room():
     for each in task.settings.obstacles:
         assert np.linalg.norm(points - each.center, axis=1).min() > each.radius
     assert points[-1] == pytest.approx(task.settings.goal)
+
+
+def test_each_heavy_robot_has_a_lag_of_its_own():
+    lags = [Study('heavy').run(number).plant.wheel_lag for number in range(20)]
+    assert min(lags) >= 0.1
+    assert max(lags) <= 0.3
+    assert len(set(lags)) == 20
+    assert Study('heavy').run(3).plant.wheel_lag == lags[3]
+    # The law is told of none.
+    assert (
+        Study('heavy').run(3).settings
+        == Study('heavy', assignments=('wheel_lag=0.2',)).run(3).settings
+    )

@@ -84,6 +84,16 @@ def truth(text: str) -> bool:
     return text == 'true'
 
 
+def triple(text: str) -> tuple[float, float, float]:
+    """Three numbers with spaces between them.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    x, y, heading = map(float, text.split(' '))
+    return x, y, heading
+
+
 def status_of(message: Any) -> Any:
     """The status in a message of `~/decision`: an array of one; of earlier versions, itself.
 
@@ -135,6 +145,7 @@ class DecisionRecord:
     _halted = Entry(truth, key='halted', default=None)
     late = Entry(float, 's', default=0.0)
     skipped = Entry(truth, default=False)
+    pose = Entry[tuple[float, float, float] | None](triple, default=None)
     run = Entry[int | None](int, default=None)
     revision = Entry[int | None](int, default=None)
     tracks_known = Entry(str, key=MOVING, default='')
@@ -227,6 +238,6 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 
 _CHECKED: Final = (
     *('step', 'run', 'revision', 'level', 'finished', 'halted'),
-    *('late', 'skipped'),
+    *('late', 'skipped', 'pose'),
     *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
 )

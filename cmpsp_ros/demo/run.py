@@ -76,13 +76,7 @@ def driven(
 ) -> Iterator[None]:
     """Make a run of one robot or several at once; its bag is whole before the block begins.
 
-    The other nodes end while the block is worked on, and have ended after it.
-
-    Args:
-        robots: As of `started`.
-        folder: As of `started`.
-        progress: Called with the time of the run so far [s].
-        view_port: As of `started`.
+    The other nodes end during the block. Arguments as of `started` and `run`.
 
     Raises:
         DemoError: A node failed, the run came to no end, or not all of it was recorded.
@@ -289,10 +283,11 @@ def guide(
                     f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
         decisions = (seen.decision for seen in observer.robots.values())
-        # The one that the clock has made is followed by one that judges where the robot was.
-        return all(
-            (each.get('finished'), each.get('halted')) == ('true', 'false') for each in decisions
-        )
+        # The one that the clock has made is followed by one that judges where the robot was, and
+        # that one by others until the robot is at rest.
+        wanted = {'finished': 'true', 'halted': 'false'}
+        wanted |= dict.fromkeys(('wheel_speed_right', 'wheel_speed_left'), '0.0')
+        return all(wanted.items() <= each.items() for each in decisions)
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

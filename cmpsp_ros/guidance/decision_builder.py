@@ -74,9 +74,15 @@ def follow(
 
 
 def stop(
-    state: LawState, stamp: int, pose: Array, reason: str, clearance: float, **numbers: Any
+    state: LawState,
+    stamp: int,
+    pose: Array,
+    reason: str,
+    clearance: float,
+    twist: Array,
+    **numbers: Any,
 ) -> Decision:
-    """To stop.
+    """To stop, or to brake as `state.previous_control` says.
 
     Args:
         state: Of the law.
@@ -84,6 +90,7 @@ def stop(
         pose: Where the robot is, NaN if unknown, shape ``(3,)`` [m, m, rad].
         reason: Why.
         clearance: There [m].
+        twist: Speed and turn rate commanded, shape ``(2,)`` [m/s, rad/s].
         numbers: Other fields of `Decision`.
     """
     error, heading_error = state.goals.target.errors(pose)
@@ -92,8 +99,8 @@ def stop(
         step=state.step,
         rung=FallbackLevel.STOP,
         reason=reason,
-        wheel_speeds=np.zeros(2),
-        twist=np.zeros(2),
+        wheel_speeds=state.previous_control,
+        twist=twist,
         time_left=_time_left(state, 0 if state.start is None else stamp - state.start),
         plan=None,
         miss=error,

@@ -39,6 +39,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'halted': decision.halted,
         **({'late': decision.late} if decision.late > 0.0 else {}),
         **({'skipped': True} if decision.skipped else {}),
+        **({'pose': ' '.join(map(repr, decision.pose))} if decision.pose else {}),
         'run': decision.run,
         'revision': decision.revision,
         **({MOVING: track_keys(decision.tracks)} if decision.tracks else {}),

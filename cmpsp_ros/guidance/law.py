@@ -20,11 +20,13 @@ from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
+from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.lateness import clear_fraction
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking, least_scale
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 
@@ -54,6 +56,7 @@ class GuidanceLaw:
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
+        self._approach = Approach(settings)
         self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -117,15 +120,9 @@ class GuidanceLaw:
             horizon = Horizon.between([now, last if now < last else state.due])
         elif self._delay:
             horizon = remaining(now, self._period, last)
+        halvings = state.lateness.halvings
         context = PlanningContext(
-            settings,
-            start,
-            goals.target,
-            horizon,
-            state.previous_control,
-            state.plan,
-            pending,
-            state.lateness.halvings,
+            settings, start, goals.target, horizon, state.plan, pending, halvings
         )
         if too_late:
             decision = self._continue_past_end(stamp, pose, context, last)
@@ -135,7 +132,7 @@ class GuidanceLaw:
                 decision = self._follow_late_plan(stamp, pose, context, late)
             else:
                 decision = self._decide(stamp, pose, context)
-        decision = self._slow_down(decision, here)
+        decision = self._slow_down(decision, here, start)
         if state.step == 0:
             state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
             decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
@@ -190,6 +187,10 @@ class GuidanceLaw:
         state.slip.lose()
         state.due = 0 if state.start is None else state.now + 1
         nowhere = np.full(3, math.nan)
+        if not finished:
+            # Where the robot is nobody knows: no path is known to be clear, so it brakes as hard as
+            # its motors can.
+            state.ramp = NO_RAMP
         return self._sent(self._stop(stamp, nowhere, reason, finished=finished, halted=True))
 
     def withdraw(self, decision: Decision, took: float) -> Decision:
@@ -205,7 +206,12 @@ class GuidanceLaw:
             What to record of it.
         """
         state = self._state
-        state.previous_control = state.pending.take_back()
+        held = state.previous_control = state.pending.take_back()
+        period, limit = self._settings.control_period, self._settings.max_wheel_change
+        if limit < math.inf:
+            # That of the command before is forgotten.
+            plan = np.stack([held, held])
+            state.ramp = braking(plan, np.array([period]), period, limit, along=False)
         state.slip.lose()
         state.lateness.add(took)
         state.due = state.now + 1
@@ -218,7 +224,7 @@ class GuidanceLaw:
         """Where a plan begins, and the verdict on the path there, if there is one."""
         state, road = self._state, self._settings.road
         state.progress = project_on_path(road, pose, state.progress)
-        here = PlanStart(pose, state.robot, moving, state.progress)
+        here = PlanStart(pose, state.robot, moving, state.progress, state.previous_control)
         wheel_speeds, durations = state.pending.until(stamp, self._delay)
         if not len(durations):
             return here, None
@@ -226,7 +232,7 @@ class GuidanceLaw:
         ahead = state.robot.roll_out(pose, wheel_speeds, durations)[-1]
         progress = project_on_path(road, ahead, state.progress)
         later = moving.after(float(durations.sum()))
-        return PlanStart(ahead, state.robot, later, progress), pending
+        return here._replace(pose=ahead, moving=later, progress=progress), pending
 
     def _turn(self, context: PlanningContext) -> Plan | None:
         """Begin towards another goal; with a plan where no road says how."""
@@ -257,6 +263,9 @@ class GuidanceLaw:
             # Before a moving obstacle it is not safe to wait.
             if not len(start.moving):
                 why, state.idle_steps = reason_to_wait(state.idle_steps, road, context, selected)
+            ahead = self._contact(plan, start, verdict)
+            if not why and ahead is not None and ahead.speed < STANDSTILL:
+                why = f'The robot stops: {ahead}'
             if why:
                 state.plan, state.waiting = None, plan
                 return self._stop(stamp, pose, f'{why} {reason}', result)
@@ -271,7 +280,19 @@ class GuidanceLaw:
             level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
-        state.plan, state.previous_control = plan, plan.controls[0]
+            ahead = self._contact(plan, start, verdict)
+        # It is improved as it is: who slows it down may be wrong about what it leads into.
+        state.plan = plan
+        slowed = None if ahead is None else self._approach.slowed(plan, start, ahead.speed)
+        if slowed is not None:
+            checked = self._audit.check(
+                start, slowed.controls, slowed.horizon.durations, context.pending
+            )
+            if checked.passed:
+                plan, verdict = slowed, checked
+                speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
+                reason += f' Slows down to {speed:.3g} m/s: {ahead}'
+        state.follow(plan, verdict)
         self._drop_plan_after_failures()
         return decision_builder.follow(
             state,
@@ -285,6 +306,12 @@ class GuidanceLaw:
             result,
             self._selector.phases,
         )
+
+    def _contact(self, plan: Plan, start: PlanStart, verdict: Verdict) -> Contact | None:
+        """What a plan leads into, where it does."""
+        if verdict.worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
+            return None
+        return self._approach.contact(plan, start)
 
     def _follow_late_plan(
         self, stamp: int, pose: Array, context: PlanningContext, late: float
@@ -305,7 +332,7 @@ class GuidanceLaw:
             reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
             return self._stop(stamp, pose, reason, moving=context.start.moving)
         state.plan, verdict = shifted
-        state.previous_control = state.plan.controls[0]
+        state.follow(*shifted)
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
         level, robot = FallbackLevel.SHIFTED, self._settings.robot
@@ -313,19 +340,23 @@ class GuidanceLaw:
             state, stamp, level, reason, state.plan, verdict, robot, errors
         )
 
-    def _slow_down(self, decision: Decision, here: PlanStart) -> Decision:
+    def _slow_down(self, decision: Decision, here: PlanStart, start: PlanStart) -> Decision:
         """The same more slowly, where a command that is late would not find the path clear."""
         state, settings = self._state, self._settings
         latest = max(state.lateness.expected, settings.max_command_delay)
-        if decision.plan is None or latest <= settings.command_delay:
+        plan, limit = decision.plan, settings.max_wheel_change
+        if plan is None or latest <= settings.command_delay:
             return decision
         next_step = (state.due - state.now) / NANOSECONDS
         fraction = clear_fraction(
             self._audit, here, state.pending.latest, decision.wheel_speeds, next_step, latest
         )
+        fraction = max(fraction, least_scale(decision.wheel_speeds, state.pending.latest, limit))
         if fraction == 1.0:
             return decision
         controls = state.previous_control = fraction * decision.wheel_speeds
+        checked = self._audit.check(start, fraction * plan.controls, plan.horizon.durations)
+        state.ramp = checked.ramp if checked.passed else fraction * state.ramp
         reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
         twist = self._settings.robot.twist(controls)
         return decision._replace(wheel_speeds=controls, twist=twist, reason=reason)
@@ -358,6 +389,7 @@ class GuidanceLaw:
             return self._stop(stamp, pose, reason, moving=start.moving)
         reason = 'The plan goes on: a new command comes too late to change its end.'
         errors = context.goal.errors(plan.poses[-1])
+        state.follow(*shifted)
         level, robot = FallbackLevel.NOMINAL, self._settings.robot
         return decision_builder.follow(state, stamp, level, reason, *shifted, robot, errors)
 
@@ -393,17 +425,25 @@ class GuidanceLaw:
         moving: MovingDiscs = NOTHING_MOVES,
         **flags: bool,
     ) -> Decision:
-        state = self._state
-        state.previous_control = np.zeros(2)
+        state, settings = self._state, self._settings
+        # A stop by the clock and the next odometry may come at once: that is one command.
+        if not len(state.ramp):
+            state.previous_control = np.zeros(2)
+        elif stamp - state.commanded_at >= self._period // 2:
+            state.previous_control, state.ramp = state.ramp[0], state.ramp[1:]
+        twist = settings.robot.twist(state.previous_control)
+        if np.any(twist) and 'halted' not in flags:
+            reason += f' It brakes to {abs(twist[0]):.3g} m/s.'
         clearance = float(self._audit.clearance_at(pose, moving, state.progress).min())
         iterations = 0 if result is None else result.iterations
         return decision_builder.stop(
-            state, stamp, pose, reason, clearance, iterations=iterations, **flags
+            state, stamp, pose, reason, clearance, twist, iterations=iterations, **flags
         )
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state
         state.pending.add(decision.stamp, decision.wheel_speeds)
+        state.commanded_at = decision.stamp
         if state.used_slip == 0.0 and not tracks:
             return decision
         return decision._replace(wheel_slip=state.used_slip, tracks=tracks)

@@ -107,10 +107,12 @@ class Safety:
     Attributes:
         margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
+        stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
     """
 
     margin: float = 0.0
     between_samples: bool = True
+    stopping_time: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -197,6 +199,15 @@ class GuidanceSettings:
     max_slip: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
+
+    @property
+    def max_wheel_change(self) -> float:
+        """Largest change of a wheel from one command to the next; infinite for none [rad/s].
+
+        It is that of a control period, also where late odometry makes a step shorter or longer:
+        else no plan could be shifted.
+        """
+        return self.robot.max_wheel_acceleration * self.control_period
 
     @property
     def target(self) -> Target:

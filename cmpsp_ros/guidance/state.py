@@ -13,8 +13,10 @@ from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
+from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
@@ -39,6 +41,8 @@ class LawState:
         idle_steps: Control steps that brought the goal no nearer, since one could reach it.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
+        commanded_at: Time stamp that this command answers [ns].
+        ramp: Commands by which it can be stopped, audited; shape ``(K, 2)`` [rad/s].
         plan: The plan that is followed, if any.
         waiting: A plan that is improved while the robot waits.
         final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
@@ -62,6 +66,8 @@ class LawState:
     idle_steps: int = 0
     progress: float = math.nan
     previous_control: Array = field(default_factory=lambda: np.zeros(2))
+    commanded_at: int = 0
+    ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
     waiting: Plan | None = None
     final_pose: Array | None = None
@@ -77,6 +83,10 @@ class LawState:
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
         return cls(GoalManager(settings), slip, robot, used, run, revision)
+
+    def follow(self, plan: Plan, verdict: Verdict) -> None:
+        """Give the first command of a plan, and keep the ramp by which it can be stopped."""
+        self.previous_control, self.ramp = plan.controls[0], verdict.ramp
 
     def begin_period(
         self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int

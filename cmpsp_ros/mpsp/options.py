@@ -33,7 +33,8 @@ class Options:
         penalty_terminal: Weight of each terminal output in merit and relaxation, one for all or
             shape ``(m,)``; not negative.
         penalty_path: Weight of each path constraint in merit and relaxation, one for all or shape
-            ``(l,)``; not negative.
+            ``(l,)``; not negative, infinite for a linear one that is never relaxed and that the
+            guess meets.
         qp: Name of the QP back end; not asked where the closed form (35) will do.
         hessian: Which Hessian of the cost.
         constraint_curvature: Whether the curvature of dynamics, outputs and path constraints is

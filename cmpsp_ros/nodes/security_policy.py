@@ -124,7 +124,7 @@ def _guidance() -> Rights:
     found.reply |= {f'guidance/{name}' for name in _OF_LIFECYCLE_NODES}
     found.publish.add('guidance/transition_event')
     # For use_sim_time, as with the viewer; the recorder hears it anyway.
-    found.subscribe.add(CLOCK.name)
+    found.subscribe |= {CLOCK.name, '/tf', '/tf_static'}
     return found
 
 

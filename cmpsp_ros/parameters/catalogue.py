@@ -25,7 +25,8 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of odometry, road, obstacles and goal; odometry in another frame is refused.',
+        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
+        'is in another frame.',
         **_FIXED)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
@@ -91,6 +92,11 @@ def _parameters() -> Iterator[Parameter]:
     yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
         'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
         range=_NOT_NEGATIVE)
+    yield robot('robot.max_wheel_acceleration', _DOUBLE, 0.0, 'rad/s^2',
+        'Limit of either wheel: from one command to the next it changes by no more in a '
+        '`control_period`, and a stop is a ramp, along which the way must be clear. 0 means no '
+        'limit, and a stop at once; above 0 it needs code of its own.',
+        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
         "Radius of the robot's footprint; obstacles grow and the road narrows by it.",
         range=_NOT_NEGATIVE)
@@ -223,6 +229,10 @@ def _parameters() -> Iterator[Parameter]:
         range=_NOT_NEGATIVE)
     yield safety('safety.between_samples', _BOOL, True, '',
         'Whether the path must be clear between control steps, too.')
+    yield safety('safety.stopping_time', _DOUBLE, 0.5, 's',
+        'How much longer than modelled the robot may take to come to rest: where no plan passes '
+        'what is in its way, it approaches so slowly that it stops before it even then.',
+        range=_NOT_NEGATIVE)
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

@@ -18,6 +18,9 @@ _LARGEST_LENGTHS: Final = {
 }
 """Beyond what wheeled robots have [m], and far below what the smallest has in millimetres."""
 
+_LONGEST_BRAKING: Final = 5.0
+"""Longest time that a robot on wheels brakes for [s]."""
+
 _ANGLES: Final = (
     *('goal.heading', 'goal.heading_tolerance', 'start.pose', 'initial_pose'),
     'solver.heading_trust_region',
@@ -34,6 +37,12 @@ def plausibility_warnings(values: Values) -> Iterator[str]:
     for key, largest in _LARGEST_LENGTHS.items():
         if values[key] > largest:
             yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'
+    limit, acceleration = values['robot.max_wheel_speed'], values['robot.max_wheel_acceleration']
+    if limit > _LONGEST_BRAKING * acceleration > 0.0:
+        yield (
+            f'robot.max_wheel_acceleration = {acceleration:g} looks like m/s^2, it is in rad/s^2:'
+            f' from full speed the robot would brake for {limit / acceleration:.3g} s.'
+        )
     headings = [each for each in values if each.endswith('.heading') and each not in _ANGLES]
     for key in (*_ANGLES, *headings):
         value = values[key]

@@ -227,6 +227,7 @@ def _robot(values: Values) -> DifferentialDrive:
         wheel_radius=values['robot.wheel_radius'],
         half_track=values['robot.half_track'],
         max_wheel_speed=values['robot.max_wheel_speed'] or math.inf,
+        max_wheel_acceleration=values['robot.max_wheel_acceleration'] or math.inf,
     )
 
 

@@ -26,11 +26,13 @@ class DifferentialDrive:
         wheel_radius: The paper's ``r`` [m].
         half_track: Distance from a wheel to the robot's centre, the paper's ``L`` [m].
         max_wheel_speed: Limit (94) of either wheel [rad/s]; infinite when there is none.
+        max_wheel_acceleration: Limit of either wheel [rad/s^2]; infinite when there is none.
     """
 
     wheel_radius: float = 0.035
     half_track: float = 0.055
     max_wheel_speed: float = math.inf
+    max_wheel_acceleration: float = math.inf
 
     @property
     def max_speed(self) -> float:

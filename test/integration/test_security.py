@@ -24,16 +24,21 @@ CONFIG = Path(__file__).parents[2] / 'config'
 NODES = ('guidance', 'sim', 'recorder', 'viewer', 'player')
 ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
 
-# What may go unused: the simulator's transforms, for tf2 is not on the Python package index, and
-# topics of the table, which may hang on parameters that are not set here.
-OPTIONAL = {('sim', 'publish', '/tf')} | {
-    (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)
-    for each in TOPICS
-    if (
-        name := '/'
-        + each.name.replace('~', each.node).replace('<namespace>', '*').removeprefix('/')
-    )
-}
+# What may go unused: transforms, for tf2 is not on the Python package index, and topics of the
+# table, which may hang on parameters that are not set here.
+TRANSFORMS = {('guidance', 'subscribe', each) for each in ('/tf', '/tf_static')}
+OPTIONAL = (
+    TRANSFORMS
+    | {('sim', 'publish', '/tf')}
+    | {
+        (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)
+        for each in TOPICS
+        if (
+            name := '/'
+            + each.name.replace('~', each.node).replace('<namespace>', '*').removeprefix('/')
+        )
+    }
+)
 
 
 def granted():

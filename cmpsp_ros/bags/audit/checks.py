@@ -43,6 +43,12 @@ CHECKS: Final = (
     _Check('finite', 'Commands: finite', command_checks.finite),
     _Check('wheel_limits', 'Commands: wheel limits', command_checks.wheel_limits, _WHEELS),
     _Check(
+        'acceleration',
+        'Commands: acceleration',
+        command_checks.acceleration,
+        (*_WHEELS[:2], 'control_period'),
+    ),
+    _Check(
         'commanded',
         'Commands: safe to drive',
         path_checks.commanded,
@@ -58,7 +64,7 @@ CHECKS: Final = (
     ),
     _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
     _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
-    _Check('stop_at_end', 'Stop: at the end', command_checks.stop_at_end, ('control_period',)),
+    _Check('stop_at_end', 'Stop: at the end', fallback_checks.stop_at_end, ('control_period',)),
     _Check('reasons', 'Fallback: reasons given', fallback_checks.reasons),
     _Check(
         'shifted', 'Fallback: old plans dropped', fallback_checks.shifted, ('failure_tolerance',)

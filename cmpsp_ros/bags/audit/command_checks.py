@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,7 @@ from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import AuditRecord, Leg
 from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -21,7 +24,7 @@ Array = NDArray[np.float64]
 _ROUNDING = 1e-9
 """Part of a wheel speed that is lost on the way to a twist and back."""
 
-_LATE = 1.5
+LATE: Final = 1.5
 """Control periods after which the next command is missing."""
 
 _SLACK = 0.15
@@ -75,6 +78,30 @@ def wheel_limits(record: AuditRecord) -> Verdict:
     return passed_if(
         passed, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
     )
+
+
+def acceleration(record: AuditRecord) -> Verdict:
+    """Whether the wheels can follow from each command to the next, as the first from rest.
+
+    A halt need not be followed: it is for what nobody can plan for.
+    """
+    settings = record.history.epochs[0].settings
+    limit = settings.max_wheel_change
+    if not math.isfinite(limit):
+        return skipped('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
+    wheels = settings.robot.wheel_speeds(record.commands.twists)
+    changes = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
+    changes[_unplanned(record)] = 0.0
+    index = int(changes.argmax())
+    worst = float(changes[index])
+    passed = worst <= limit + CHANGE_ROUNDING
+    sentence = (
+        'The wheels can follow from each command to the next.'
+        if passed
+        else f'A wheel is to change by {worst:.4g} rad/s from one command to the next.'
+    )
+    at = record.seconds(int(record.commands.stamps[index]))
+    return passed_if(passed, sentence, worst=worst, limit=limit, unit='rad/s', at=at)
 
 
 def as_decided(record: AuditRecord) -> Verdict:
@@ -140,7 +167,7 @@ def rate(record: AuditRecord) -> Verdict:
 
     Where odometry drops out there is nothing to answer, and after a stop nothing is missing.
     """
-    limit = _LATE * record.history.epochs[0].settings.control_period
+    limit = LATE * record.history.epochs[0].settings.control_period
     worst, at = 0.0, record.start
     for leg in record.legs:
         for run in leg.runs:
@@ -224,21 +251,19 @@ def silence(record: AuditRecord) -> Verdict:
     )
 
 
-def stop_at_end(record: AuditRecord) -> Verdict:
-    """Whether the last command of all is a stop."""
-    leg = record.legs[-1]
-    last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
-    run = leg.runs[-1]
-    settings = record.history.at(run.start)
-    speed, turn = leg.commands.twists[-1]
-    figures = {'worst': math.hypot(speed, turn), 'limit': 0.0, 'at': record.seconds(last)}
-    if not leg.commands.moving[-1]:
-        return passed_if(True, 'The last command is a stop.', **figures)
-    final = run.start + to_nanoseconds(settings.final_time)
-    if received < final and received - last <= _LATE * settings.control_period * NANOSECONDS:
-        return skipped('The recording ends while the robot is on its way.')
-    sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
-    return passed_if(False, sentence, **figures)
+def _unplanned(record: AuditRecord) -> NDArray[np.bool_]:
+    """Which commands follow from no other: halts, and the first where the one before is unknown."""
+    if not record.decisions:
+        unplanned = ~record.commands.moving
+        unplanned[0] = True
+        return unplanned
+    unplanned = np.zeros(len(record.commands.stamps), dtype=bool)
+    pairs, decisions = record.pairs, record.decisions
+    unplanned[: pairs.commands + 1] = decisions[pairs.decisions].step > 0
+    answered = decisions[pairs.decisions :][: pairs.count]
+    for index, (before, after) in enumerate(pairwise(answered), pairs.commands + 1):
+        unplanned[index] = after.halted or after.run != before.run
+    return unplanned
 
 
 def _held(
@@ -250,7 +275,7 @@ def _held(
     begins, ends = effects[:-1], effects[1:]
     durations = ends - begins
     periods = durations / (settings.control_period * NANOSECONDS)
-    chosen = (periods >= _BRIEF) & (periods <= _LATE)
+    chosen = (periods >= _BRIEF) & (periods <= LATE)
     chosen &= (begins >= leg.path.stamps[0]) & (ends <= leg.path.stamps[-1])
     chosen &= np.isfinite(twists[:-1]).all(axis=1)
     settled = begins + np.round(_SETTLED * durations).astype(np.int64)
@@ -274,4 +299,4 @@ def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:
     stamps = leg.odometry.stamps
     inside = stamps[(stamps > begin) & (stamps < end)]
     times = np.concatenate([[begin], inside, [end]])
-    return bool(np.diff(times).max() > (1.0 - 1.0 / _LATE) * limit * NANOSECONDS)
+    return bool(np.diff(times).max() > (1.0 - 1.0 / LATE) * limit * NANOSECONDS)

@@ -1,30 +1,34 @@
-"""Checks of the fallback levels: whether each was where it should be."""
+"""Checks of the fallback levels and the last stop: whether each was where it should be."""
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from cmpsp_ros.bags.audit.command_checks import LATE
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 
 _ROUNDING = 1e-6
 """What rounding may take from a clearance [m]."""
 
 
 def reasons(record: AuditRecord) -> Verdict:
-    """Whether every level is a known one with a reason, and every stop a stop."""
+    """Whether every level is a known one with a reason, and every stop a stop or braking."""
     if not record.decisions:
         return _no_decision(record)
     known = {level.name.lower() for level in FallbackLevel}
     wrong = []
+    ramps = math.isfinite(record.history.epochs[0].settings.max_wheel_change)
     for each in record.decisions:
         if each.level not in known:
             wrong.append((each, f'has level {each.level!r}, which does not exist'))
         elif not each.reason.strip():
             wrong.append((each, f'has level {each.level} without a reason'))
-        elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0):
+        elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0) and not ramps:
             wrong.append((each, 'has level stop with wheels that turn'))
         elif each.finished and each.level != 'stop':
             wrong.append((each, f'has level {each.level} after the final time'))
@@ -97,6 +101,23 @@ def nominal(record: AuditRecord) -> Verdict:
         else f'While the level is nominal, the path driven is {-worst:.3g} m too close.'
     )
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+
+
+def stop_at_end(record: AuditRecord) -> Verdict:
+    """Whether the last command of all is a stop."""
+    leg = record.legs[-1]
+    last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
+    run = leg.runs[-1]
+    settings = record.history.at(run.start)
+    speed, turn = leg.commands.twists[-1]
+    figures = {'worst': math.hypot(speed, turn), 'limit': 0.0, 'at': record.seconds(last)}
+    if not leg.commands.moving[-1]:
+        return passed_if(True, 'The last command is a stop.', **figures)
+    final = run.start + to_nanoseconds(settings.final_time)
+    if received < final and received - last <= LATE * settings.control_period * NANOSECONDS:
+        return skipped('The recording ends while the robot is on its way.')
+    sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
+    return passed_if(False, sentence, **figures)
 
 
 def _no_decision(record: AuditRecord) -> Verdict:

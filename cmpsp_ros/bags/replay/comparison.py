@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.key_values import MOVING, decision_to_key_values, waypoi
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
-_INPUTS = frozenset(('halted', 'late', 'skipped', 'run', 'revision', MOVING))
+_INPUTS = frozenset(('halted', 'late', 'skipped', 'pose', 'run', 'revision', MOVING))
 """Entries that say what the law received: they are followed, not compared."""
 
 _NUMBER = re.compile(r'-?\d+(\.\d+)?(e[+-]?\d+)?')

@@ -3,13 +3,16 @@
 Odometry is in the bag, and so are goals, moving obstacles and plans of other robots. What they do
 not show - stops by the node's clock, resets, live changes of parameters, how many goals, which
 obstacles and which plans had come by then - every decision says of itself: `halted`,
-`late`, `skipped`, `run`, `revision`, `told`, `moving_obstacles`.
+`late`, `skipped`, `run`, `revision`, `told`, `moving_obstacles` - and `pose`, where a transform
+led to it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+
+import numpy as np
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
@@ -129,7 +132,7 @@ class Inputs:
                 continue
             begins = before is None or _began_anew(before, decision)
             odometry = None if decision.halted else self._find(decision)
-            if odometry is not None:
+            if odometry is not None and decision.pose is None:
                 received_all = received_all and not begins and not decision.skipped
                 yield from self._between(odometry, received_all=received_all)
             if before is None or begins:
@@ -153,6 +156,8 @@ class Inputs:
 
     def _find(self, decision: DecisionRecord) -> OdometrySample | None:
         waiting, stamp = self._recording.odometry, decision.stamp
+        if decision.pose is not None:
+            return OdometrySample(decision.received, stamp, np.array(decision.pose))
         return next((each for each in waiting if each.stamp == stamp), None)
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:

@@ -27,6 +27,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.qp.riccati.fill import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
@@ -130,18 +131,7 @@ class GuidanceProblem(OptimalControlProblem):
         path, terminal = np.zeros((N + 1, self.size.path), row), np.zeros(self.size.output, row)
         data = with_parameters(self.data, hessian=_HESSIANS[hessian])
         ocp_functions.linearise(data, np.ascontiguousarray(X), U, stages, path, terminal)
-        of_stages = {name: stages[name].copy() for name in ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU')}
-        return Linearisation(
-            A=stages['A'][:N].copy(),
-            B=stages['B'][:N].copy(),
-            output_error=terminal['value'].copy(),
-            h_X=terminal['X'].copy(),
-            h_U=terminal['U'].copy(),
-            g=path['value'].copy(),
-            g_X=path['X'].copy(),
-            g_U=path['U'].copy(),
-            **of_stages,
-        )
+        return derivatives_in(stages, path, terminal, self.size)
 
 
 def guidance_data(

@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.formulation.guidance_problem import Cost
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.mpsp.models.control_rate import rate_rows
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.inter_sample_margin import at_ends
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
@@ -38,9 +39,11 @@ class OcpFormulation:
     Attributes:
         settings: All settings of the guidance law.
         cost: Weights of the cost.
-        penalty_path: Weight of each path constraint, shape ``(2 + M + S,)`` [1/m]: edges first,
-            then static obstacles, then the slots of moving ones.
+        penalty_path: Weight of each path constraint, shape ``(2 + M + S + R,)`` [1/m]: edges first,
+            then static obstacles, the slots of moving ones, and the limit of acceleration.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
+        remembers_control: Whether the previous control is part of the state: it has a cost, or a
+            limit.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -50,10 +53,15 @@ class OcpFormulation:
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
+        # What exceeds its acceleration the robot cannot do: that is never relaxed.
+        changes = rate_rows(settings.max_wheel_change, 2)
         self.penalty_path = np.array(
-            [_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + [_OBSTACLE_PENALTY] * obstacles
+            [_EDGE_PENALTY] * N_EDGE_CONSTRAINTS
+            + [_OBSTACLE_PENALTY] * obstacles
+            + [math.inf] * changes
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
+        self.remembers_control = weights.control_rate > 0.0 or changes > 0
         self._by_guess = settings.safety.between_samples and math.isinf(
             settings.robot.max_wheel_speed
         )

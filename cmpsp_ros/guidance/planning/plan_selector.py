@@ -148,9 +148,8 @@ class PlanSelector:
         """A plan, or one from another guess, if that is better."""
         planner, score = self._pool.take(), self._ranking.score
         fresh = self._improve(planner, guess, context)
-        better = score(fresh, context.previous_control).beats(
-            score(known, context.previous_control)
-        )
+        previous = context.start.previous_control
+        better = score(fresh, previous).beats(score(known, previous))
         self._pool.follow_better(planner, better=better)
         return fresh if better else known
 
@@ -247,7 +246,7 @@ class PlanSelector:
         began = self._timer()
         centers = np.concatenate([self._centers, context.encounters.centers])
         sides = class_of(context.road_frame, centers, candidate.plan.poses)
-        score = self._ranking.score(candidate, context.previous_control)
+        score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)
 

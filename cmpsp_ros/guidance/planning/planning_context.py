@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon, shift
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.plan_start import AT_REST, PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -56,7 +56,6 @@ class PlanningContext:
         start: Where they begin.
         goal: What the robot is to meet.
         horizon: Their horizon.
-        previous_control: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
         plan: The one followed until now, if any.
         pending: Verdict on the path to where they begin, if there is one.
         halvings: How often the work of the step is halved.
@@ -66,18 +65,21 @@ class PlanningContext:
     start: PlanStart
     goal: Target
     horizon: Horizon
-    previous_control: Array
     plan: Plan | None = None
     pending: Verdict | None = None
     halvings: int = 0
 
     @classmethod
     def at_pose(
-        cls, settings: GuidanceSettings, pose: Array, horizon: Horizon, previous_control: Array
+        cls,
+        settings: GuidanceSettings,
+        pose: Array,
+        horizon: Horizon,
+        previous_control: Array = AT_REST,
     ) -> PlanningContext:
         """To plan from a pose to the goal of the settings, without a plan or pending commands."""
-        start = PlanStart(pose, settings.robot)
-        return cls(settings, start, settings.target, horizon, previous_control)
+        start = PlanStart(pose, settings.robot, previous_control=previous_control)
+        return cls(settings, start, settings.target, horizon)
 
     @cached_property
     def target(self) -> Target:

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
@@ -25,6 +26,9 @@ TOUCHING: Final = 1e-3
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
+
+CHANGE_ROUNDING: Final = 1e-6
+"""What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
 
 
 class Verdict(NamedTuple):
@@ -38,6 +42,8 @@ class Verdict(NamedTuple):
         nearest: What the whole plan comes nearest to.
         edge_margin: Least clearance of the whole plan from the road's edges [m].
         obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
+        ramp: Commands by which the robot can stop after the first one, shape ``(K, 2)`` [rad/s];
+            none where it stops at once.
     """
 
     passed: bool
@@ -47,6 +53,7 @@ class Verdict(NamedTuple):
     nearest: str
     edge_margin: float
     obstacle_margin: float
+    ramp: Array = NO_RAMP
 
     def followed_by(self, later: Verdict) -> Verdict:
         """The verdict on this path and the one that follows it: both must pass.
@@ -63,11 +70,16 @@ class Verdict(NamedTuple):
             nearer.nearest,
             later.edge_margin,
             later.obstacle_margin,
+            later.ramp,
         )
 
 
 class Audit:
-    """Checks plans: finite, within the wheel limits, first control period swept."""
+    """Checks plans: finite, within the wheel limits, clear for the first control period.
+
+    With a limit of acceleration it must be clear from there until at rest, too, for a robot that
+    brakes along the plan or else along its curvature: the next control step can always stop.
+    """
 
     def __init__(self, settings: GuidanceSettings, *, with_margin: bool = False) -> None:
         """Take limits, road and obstacles from the settings.
@@ -83,7 +95,8 @@ class Audit:
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
         )
-        self._found, self._worst = np.empty(FOUND), np.empty(len(self._names))
+        self._period, self._max_change = settings.control_period, settings.max_wheel_change
+        self._found, self._scratch = np.empty(FOUND), np.empty((2, len(self._names)))
         start = PlanStart(np.zeros(3), settings.robot)
         self._sweep = entry_for(sweep_plan, *self._arguments(start, np.zeros((2, 2)), np.ones(1)))
 
@@ -110,9 +123,8 @@ class Audit:
 
     def _check(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         limit = start.robot.max_wheel_speed
-        fastest, margin, worst_margin, nearest, shortfall, short, tightest, *of_kinds = self._swept(
-            start, controls, durations
-        )
+        found = self._swept(start, controls, durations)
+        fastest, margin, worst_margin, nearest, shortfall, short, tightest, edges, others = found
         if not math.isfinite(fastest):
             return _refused('The plan has a wheel speed that is not a finite number.')
         if fastest > limit:
@@ -121,14 +133,39 @@ class Audit:
             )
         if not (math.isfinite(margin) and math.isfinite(worst_margin)):
             return _refused('The path of the plan is not finite.')
-        reason = ''
+        reason, ramp = '', NO_RAMP
         if shortfall > 0.0:
             reason = (
                 f'The next {durations[0]:.3g} s would come {-tightest:.3g} m too close'
                 f' to {self._name(int(short), start.moving)}.'
             )
+        elif self._max_change < math.inf:
+            reason, ramp = self._ramp(start, controls, durations)
         name = self._name(int(nearest), start.moving)
-        return Verdict(not reason, reason, margin, worst_margin, name, *of_kinds)
+        return Verdict(not reason, reason, margin, worst_margin, name, edges, others, ramp)
+
+    def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
+        """How the robot can stop after the first command; or why not, or why not even follow."""
+        commands = np.vstack([start.previous_control, controls[: len(durations)]])
+        change = float(np.abs(np.diff(commands, axis=0)).max())
+        if not change <= self._max_change + CHANGE_ROUNDING:
+            reason = (
+                f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
+                f' limit is {self._max_change!r} rad/s.'
+            )
+            return reason, NO_RAMP
+        reason = ''
+        for along in (True, False):
+            ramp = braking(controls, durations, self._period, self._max_change, along=along)
+            held = np.append(durations[:1], np.full(len(ramp), self._period))
+            path = np.vstack([controls[:1], ramp])
+            found = self._swept(start, path, held, len(held))
+            shortfall, short, tightest = found[4:7]
+            if not shortfall > _ROUNDING:
+                return '', ramp
+            name = self._name(int(short), start.moving)
+            reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
+        return reason, NO_RAMP
 
     def check_pending(self, start: PlanStart, wheel_speeds: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.
@@ -149,9 +186,8 @@ class Audit:
         return reduce(Verdict.followed_by, arcs)
 
     def _check_arc(self, start: PlanStart, wheel_speeds: Array, duration: Array) -> Verdict:
-        _, margin, _, nearest, shortfall, short, tightest, *of_kinds = self._swept(
-            start, wheel_speeds, duration
-        )
+        found = self._swept(start, wheel_speeds, duration)
+        _, margin, _, nearest, shortfall, short, tightest, edges, others = found
         if not math.isfinite(margin):
             return _refused('The way under the commands given before is not finite.')
         reason = ''
@@ -161,27 +197,33 @@ class Audit:
                 f' to {self._name(int(short), start.moving)}.'
             )
         name = self._name(int(nearest), start.moving)
-        return Verdict(not reason, reason, margin, margin, name, *of_kinds)
+        return Verdict(not reason, reason, margin, margin, name, edges, others)
 
-    def _swept(self, start: PlanStart, controls: Array, durations: Array) -> list[float]:
-        self._sweep(*self._arguments(start, controls, durations))
+    def _swept(
+        self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
+    ) -> list[float]:
+        self._sweep(*self._arguments(start, controls, durations, committed))
         values: list[float] = self._found.tolist()
         return values
 
-    def _arguments(self, start: PlanStart, controls: Array, durations: Array) -> tuple[Any, ...]:
+    def _arguments(
+        self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
+    ) -> tuple[Any, ...]:
         """Of `sweep_plan`, each always of the same type."""
-        pose, robot, moving, progress = start
-        space, worst, discs = self._space, self._worst, moving
+        pose, robot, moving, progress, _ = start
+        space, scratch, discs = self._space, self._scratch, moving
         if len(moving):
-            worst, discs = np.empty(len(self._names) + len(moving)), moving.grown(self._radius)
+            discs = moving.grown(self._radius)
+            scratch = np.empty((2, len(self._names) + len(moving)))
         return (
             self._found,
-            worst,
+            scratch,
             np.ascontiguousarray(pose, np.float64),
             np.ascontiguousarray(controls, np.float64),
             np.ascontiguousarray(durations, np.float64),
             robot.wheel_radius,
             robot.half_track,
+            committed,
             self._between,
             space.road,
             space.corners,

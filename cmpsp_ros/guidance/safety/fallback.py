@@ -10,6 +10,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.acceleration import within_ramp
 
 Array = NDArray[np.float64]
 
@@ -24,7 +25,7 @@ class Fallback:
             settings: All settings of the guidance law.
             audit: For what a plan has looked at.
         """
-        self._audit = audit
+        self._audit, self._max_change = audit, settings.max_wheel_change
         self._margin_audit = Audit(settings, with_margin=True)
 
     def shifted(
@@ -47,6 +48,9 @@ class Fallback:
         if plan is None:
             return None
         controls = shift(plan.controls, plan.horizon, horizon)
+        controls = within_ramp(
+            controls, horizon.durations, start.previous_control, self._max_change
+        )
         verdict = self._audit.check(start, controls, horizon.durations, pending)
         if not verdict.passed:
             return None

@@ -30,12 +30,13 @@ _SAMPLE_TOLERANCE = 1e-3
 @allocation_free
 def sweep_plan(
     found: Array,
-    worst: Array,
+    scratch: Array,
     pose: Array,
     controls: Array,
     durations: Array,
     wheel_radius: float,
     half_track: float,
+    committed: int,
     between: bool,
     road: RoadSpace,
     corners: Array,
@@ -48,16 +49,17 @@ def sweep_plan(
     """Drive a plan arc by arc.
 
     Args:
-        found: Filled with the largest wheel speed; the least clearance of the first step and of
-            the whole plan, and what it is from; by how much the first step falls short of what it
-            must keep, what it comes too close to, and its clearance from that; the least clearance
-            of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
-        worst: Scratch, shape ``(2 + M + D,)``.
+        found: Filled with the largest wheel speed; the least clearance of the committed steps and
+            of the whole plan, and what it is from; by how much those steps fall short of what they
+            must keep, what they come too close to, and their clearance from that; the least
+            clearance of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
+        scratch: Shape ``(2, 2 + M + D)``.
         pose: Where it begins.
         controls: Wheel speeds.
         durations: Of the steps.
         wheel_radius: Of the robot.
         half_track: Of the robot.
+        committed: How many steps must be clear.
         between: Whether the path between samples counts.
         road: Where on it the robot's centre may be.
         corners: Of the obstacles, as `shape_functions` has them.
@@ -76,15 +78,20 @@ def sweep_plan(
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
     progress, _, over, over_other = road_functions.lateral_error(road, 0, x, y, progress)
-    worst[0], worst[1] = -over, -over_other
+    # A robot that is too close already must not get closer: what it keeps if it stands.
+    worst, at_rest = scratch[0], scratch[1]
+    at_rest[0], at_rest[1] = -over, -over_other
     moved = N_EDGE_CONSTRAINTS + radii.shape[0]
     for j in range(radii.shape[0]):
-        worst[N_EDGE_CONSTRAINTS + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
+        at_rest[N_EDGE_CONSTRAINTS + j] = distance_from(corners, first, 0, j, x, y) - radii[j]
         if first[j + 1] - first[j] > 1:
-            worst[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
+            at_rest[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
+    standing = durations[0]
+    for k in range(1, committed):
+        standing += durations[k]
     for j in range(moving.shape[1]):
-        worst[moved + j] = (
-            _clearance_at_rest(moving, j, growth, x, y, durations[0], between) - ROUGHNESS
+        at_rest[moved + j] = (
+            _clearance_at_rest(moving, j, growth, x, y, standing, between) - ROUGHNESS
         )
     for k in range(durations.shape[0]):
         right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
@@ -97,12 +104,14 @@ def sweep_plan(
             arc = arc_from(x, y, heading, 0.0, 0.0)
         bound, bound_other = (worst[0], worst[1]) if k > 0 else (math.inf, math.inf)
         progress, clearance, other = road_functions.sweep(road, arc, progress, bound, bound_other)
-        _record(found, worst, k, 0, clearance, between)
-        _record(found, worst, k, 1, other, between)
+        must = k < committed
+        _record(found, worst, at_rest, k, 0, clearance, must, between)
+        _record(found, worst, at_rest, k, 1, other, must, between)
         for j in range(radii.shape[0]):
             bound = worst[N_EDGE_CONSTRAINTS + j] + radii[j] if k > 0 else math.inf
             least = sweep(arc, corners, first, j, bound)
-            _record(found, worst, k, N_EDGE_CONSTRAINTS + j, least - radii[j], between)
+            what = N_EDGE_CONSTRAINTS + j
+            _record(found, worst, at_rest, k, what, least - radii[j], must, between)
         # Where only the samples count, so does only the end of the time.
         begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
         for j in range(moving.shape[1]):
@@ -111,7 +120,7 @@ def sweep_plan(
             there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
             bound = worst[moved + j] + radius if k > 0 else math.inf
             least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
-            _record(found, worst, k, moved + j, least - radius, between)
+            _record(found, worst, at_rest, k, moved + j, least - radius, must, between)
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
@@ -142,19 +151,24 @@ def _clearance_at_rest(
 
 
 @allocation_free
-def _record(found: Array, worst: Array, k: int, what: int, clearance: float, between: bool) -> None:
-    """Record the clearance of one step from one thing.
-
-    A robot that is too close already must not get closer. That is what `worst` holds before the
-    first step.
-    """
-    if k == 0:
-        allowed = min(worst[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
-        if what == 0 or not clearance >= found[1]:
+def _record(
+    found: Array,
+    worst: Array,
+    at_rest: Array,
+    k: int,
+    what: int,
+    clearance: float,
+    must: bool,
+    between: bool,
+) -> None:
+    """Record the clearance of one step from one thing, and whether it must be clear."""
+    if must:
+        begins = k == 0 and what == 0
+        allowed = min(at_rest[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
+        if begins or not clearance >= found[1]:
             found[1] = clearance
-        if what == 0 or not allowed - clearance <= found[4]:
+        if begins or not allowed - clearance <= found[4]:
             found[4], found[5], found[6] = allowed - clearance, what, clearance
-        worst[what] = clearance
     # NaN comes in, and nothing replaces it.
-    elif clearance < worst[what] or math.isnan(clearance):
+    if k == 0 or clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance

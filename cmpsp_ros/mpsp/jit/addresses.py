@@ -15,6 +15,7 @@ from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
 from cmpsp_ros.mpsp.jit import internals
+from cmpsp_ros.mpsp.jit.compiled import overload_for
 
 _RETURNED: Final[dict[type | None, Any]] = {
     None: types.none,
@@ -34,13 +35,10 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
     Raises:
         TypeError: It returns something else.
     """
-    dispatcher: Any = function
-    kinds = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
-    dispatcher.compile(kinds)
-    overload = dispatcher.overloads[kinds]
-    found, wanted = overload.signature.return_type, _RETURNED[returned]
+    overload = overload_for(function, arguments)
+    found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]
     if found != wanted:
-        raise TypeError(f'{dispatcher.__name__}: found {found} returned, wanted {wanted}')
+        raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
     return internals.address(overload)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
 import numba
+import numpy as np
 
 from cmpsp_ros.mpsp.jit import internals
 from cmpsp_ros.mpsp.jit.cache import KernelCache
@@ -17,6 +18,8 @@ ALLOCATION_FREE: Final = {'_nrt': False, 'error_model': 'numpy', 'no_cfunc_wrapp
 Division by zero gives what IEEE 754 says: to look for it at every division takes a tenth of the
 solver's time, and results are checked to be finite where it counts.
 """
+
+_overloads: Final[dict[Any, Any]] = {}
 
 _P = ParamSpec('_P')
 _R = TypeVar('_R')
@@ -52,17 +55,35 @@ def entry_for(function: Callable[_P, _R], *arguments: Any) -> Callable[_P, _R]:
     """The machine code for arguments of these types, called without looking for it each time.
 
     Looking at the types of a few named tuples of arrays takes microseconds. It relies on
-    `typeof_pyval`, `compile` and `overloads[...].entry_point` of numba's dispatchers.
+    `typeof_pyval`, `compile` and `overloads[...].entry_point` of numba's dispatchers. What was
+    asked for once is found without them: a law makes hundreds of entries when it is configured.
 
     Args:
         function: A compiled function.
         arguments: Examples. All arguments of a call must have the very same types, arrays the
             same layout: nothing checks it.
     """
-    dispatcher: Any = function
-    types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
-    dispatcher.compile(types)
-    return cast('Callable[_P, _R]', dispatcher.overloads[types].entry_point)
+    return cast('Callable[_P, _R]', overload_for(function, arguments).entry_point)
+
+
+def overload_for(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+    """What numba has compiled of a function for arguments of these types."""
+    key = function, _kind(arguments)
+    if key not in _overloads:
+        dispatcher: Any = function
+        types = tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
+        dispatcher.compile(types)
+        _overloads[key] = dispatcher.overloads[types]
+    return _overloads[key]
+
+
+def _kind(value: Any) -> Any:
+    """All that a type depends on: numba itself takes milliseconds to tell that of a few records."""
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        layout = flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+        return value.dtype, value.ndim, layout
+    return (type(value), *map(_kind, value)) if isinstance(value, tuple) else type(value)
 
 
 def _compile(function: Callable[_P, _R], **options: Any) -> Callable[_P, _R]:

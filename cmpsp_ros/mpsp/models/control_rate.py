@@ -1,12 +1,18 @@
-"""A cost on the change of the control from one stage to the next, for any problem."""
+"""A cost and a limit on the change of the control from one stage to the next, for any problem.
+
+The form (1)-(6) knows costs and constraints of one stage only, so the previous control joins the
+state: it is the last ``r`` components of ``X_k``, and the cost has cross terms ``L_XU``.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.jit.addresses import call, call_for_float
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import (
     Array,
@@ -16,135 +22,153 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.qp.riccati.active_set import Indices
+from cmpsp_ros.mpsp.qp.riccati.fill import derivatives_in, put_derivatives
+from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.sqp.driver import Functions
 
 
-class ControlRateProblem(OptimalControlProblem):
-    """Adds ``w/2 sum |U_k - U_(k-1)|^2`` to a problem.
-
-    The form (1)-(6) knows only costs of one stage, so the previous control joins the state: it is
-    the last ``r`` components of ``X_k``, and the cost has cross terms ``L_XU``.
-    """
-
-    def __init__(self, problem: OptimalControlProblem, weight: float, previous: Array) -> None:
-        """Wrap a problem.
-
-        Args:
-            problem: The problem without the cost.
-            weight: ``w``, not negative.
-            previous: Control held before the horizon begins, shape ``(r,)``.
-
-        Raises:
-            ProblemError: The weight is negative, or ``previous`` has the wrong shape.
-        """
-        inner = problem.size
-        if not weight >= 0.0:
-            raise ProblemError(f'weight: found {weight}, wanted a number >= 0')
-        if previous.shape != (inner.control,):
-            raise ProblemError(f'previous: found shape {previous.shape}, wanted {(inner.control,)}')
-        self.size = Dimensions(
-            inner.horizon, inner.state + inner.control, inner.control, inner.output, inner.path
-        )
-        self.control_lower = problem.control_lower
-        self.control_upper = problem.control_upper
-        self.target = problem.target
-        self._inner = problem
-        self._weight = weight
-        self._previous = previous
-
-    def predict(self, U: Array) -> Array:
-        """States of the inner problem, each beside the control before it."""
-        return np.hstack([self._inner.predict(U), np.vstack([self._previous, U[:-1]])])
-
-    def evaluate(self, X: Array, U: Array) -> Evaluation:
-        """Value of the inner problem and the cost of its changes of control."""
-        n = self._inner.size.state
-        inner = self._inner.evaluate(X[:, :n], U)
-        change = U - X[:, n:]
-        cost = inner.cost + 0.5 * self._weight * float(np.vdot(change, change))
-        return Evaluation(cost, inner.output_error, inner.g)
-
-    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
-        """Derivatives of the inner problem, with those of the added cost and state."""
-        n, r, stages = self._inner.size.state, self.size.control, self.size.horizon + 1
-        lin = self._inner.linearise(X[:, :n], U, hessian)
-        pull = self._weight * (U - X[:, n:])
-        curvature = self._weight * np.eye(r)
-        A = np.zeros((stages - 1, n + r, n + r))
-        A[:, :n, :n] = lin.A
-        L_XX = np.zeros((stages, n + r, n + r))
-        L_XX[:, :n, :n] = lin.L_XX
-        L_XX[:, n:, n:] = curvature
-        B = np.concatenate([lin.B, np.tile(np.eye(r), (stages - 1, 1, 1))], axis=1)
-        L_UX = np.concatenate([lin.L_UX, np.tile(-curvature, (stages, 1, 1))], axis=2)
-        no_rows = np.zeros((stages, self.size.path, r))
-        return Linearisation(
-            A=A,
-            B=B,
-            L_X=np.hstack([lin.L_X, -pull]),
-            L_U=lin.L_U + pull,
-            L_XX=L_XX,
-            L_UX=L_UX,
-            L_UU=lin.L_UU + curvature,
-            output_error=lin.output_error,
-            h_X=np.hstack([lin.h_X, np.zeros((self.size.output, r))]),
-            h_U=lin.h_U,
-            g=lin.g,
-            g_X=np.concatenate([lin.g_X, no_rows], axis=2),
-            g_U=lin.g_U,
-        )
-
-    def constraint_curvature(
-        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
-    ) -> tuple[Array, Array, Array]:
-        """That of the inner problem: the added state follows a linear equation."""
-        n, r, stages = self._inner.size.state, self.size.control, len(U)
-        inner = self._inner.constraint_curvature(X[:, :n], U, costates[:, :n], terminal, path)
-        XX, UX = np.zeros((stages, n + r, n + r)), np.zeros((stages, r, n + r))
-        XX[:, :n, :n], UX[:, :, :n] = inner[:2]
-        return XX, UX, inner[2]
-
-
 class ControlRateData(NamedTuple):
-    """Data of a compiled problem with the cost.
+    """Data of a compiled problem with a cost and a limit on the change of the control.
 
     Attributes:
-        inner: Data of the problem without it.
+        inner: Data of the problem without them.
         steps: ``N``.
-        weight: ``w``.
+        weight: ``w`` of the cost ``w/2 sum |U_k - U_(k-1)|^2``.
         previous: Control held before the horizon begins, shape ``(r,)``.
+        max_change: Largest change of each control at the stages ``0 ... N - 1``; infinite where
+            there is no such constraint. ``U_N`` moves nothing.
+        functions: `Functions.addresses` of the problem without them.
     """
 
     inner: object
     steps: int
     weight: float
     previous: Array
+    max_change: float = math.inf
+    functions: Indices | None = None
+
+    def rows(self) -> int:
+        """How many path constraints a stage has for it, after those of the inner problem."""
+        return rate_rows(self.max_change, len(self.previous))
 
 
-def with_control_rate(functions: Functions) -> Functions:
-    """The functions of a compiled problem, for `ControlRateData`."""
+def rate_rows(max_change: float, controls: int) -> int:
+    """How many path constraints limit the change: two a control, none without a limit."""
+    return 2 * controls if max_change < math.inf else 0
 
-    def predict(data: ControlRateData, U: Array, X: Array) -> None:
-        functions.predict(data.inner, U, X)
-        _put_previous(data.previous, data.steps, U, X)
 
-    def evaluate(data: ControlRateData, X: Array, U: Array, output_error: Array, g: Array) -> float:
-        cost = functions.evaluate(data.inner, X, U, output_error, g)
-        return cost + 0.5 * data.weight * _squared_changes(data.steps, X, U)
+@allocation_free
+def _predict(data: Any, U: Array, X: Array) -> None:
+    call(data.functions[0], (data.inner, U, X))
+    _put_previous(data.previous, data.steps, U, X)
 
-    def linearise(
-        data: ControlRateData,
-        X: Array,
-        U: Array,
-        stages: Records,
-        path: Records,
-        terminal: Records,
+
+@allocation_free
+def _evaluate(data: Any, X: Array, U: Array, output_error: Array, g: Array) -> float:
+    cost: float = call_for_float(data.functions[1], (data.inner, X, U, output_error, g))
+    return cost + _evaluate_changes(data.weight, data.max_change, data.steps, X, U, g)
+
+
+@allocation_free
+def _linearise(
+    data: Any, X: Array, U: Array, stages: Records, path: Records, terminal: Records
+) -> None:
+    call(data.functions[2], (data.inner, X, U, stages, path, terminal))
+    _add_derivatives(data.weight, data.max_change, data.steps, X, U, stages, path)
+
+
+CONTROL_RATE: Final = Functions(_predict, _evaluate, _linearise)
+"""A compiled problem with cost and limit, for `ControlRateData`.
+
+The problem's own functions leave the last `rate_rows` path constraints of a stage alone.
+"""
+
+
+class ControlRateProblem(OptimalControlProblem):
+    """The same for a problem in Python."""
+
+    def __init__(
+        self,
+        problem: OptimalControlProblem,
+        weight: float,
+        previous: Array,
+        max_change: float = math.inf,
     ) -> None:
-        functions.linearise(data.inner, X, U, stages, path, terminal)
-        _add_derivatives(data.weight, data.steps, X, U, stages)
+        """Wrap a problem.
 
-    return Functions(predict, evaluate, linearise)
+        Args:
+            problem: The problem without them.
+            weight: As in `ControlRateData`, not negative.
+            previous: See `weight`; shape ``(r,)``.
+            max_change: See `weight`; positive.
+
+        Raises:
+            ProblemError: The weight or the limit is out of range, or ``previous`` has the wrong
+                shape.
+        """
+        inner = problem.size
+        if not weight >= 0.0:
+            raise ProblemError(f'weight: found {weight}, wanted a number >= 0')
+        if not max_change > 0.0:
+            raise ProblemError(f'max_change: found {max_change}, wanted a number > 0')
+        if previous.shape != (inner.control,):
+            raise ProblemError(f'previous: found shape {previous.shape}, wanted {(inner.control,)}')
+        self._data = ControlRateData(problem, inner.horizon, weight, previous, max_change)
+        self.size = Dimensions(
+            inner.horizon,
+            inner.state + inner.control,
+            inner.control,
+            inner.output,
+            inner.path + self._data.rows(),
+        )
+        self.control_lower = problem.control_lower
+        self.control_upper = problem.control_upper
+        self.target = problem.target
+        self._inner = problem
+
+    def predict(self, U: Array) -> Array:
+        """States of the inner problem, each beside the control before it."""
+        X = np.empty((self.size.horizon + 1, self.size.state))
+        X[:, : self._inner.size.state] = self._inner.predict(U)
+        _put_previous(self._data.previous, self._data.steps, np.ascontiguousarray(U), X)
+        return X
+
+    def evaluate(self, X: Array, U: Array) -> Evaluation:
+        """Value of the inner problem and the cost of its changes of control."""
+        _, steps, weight, _, max_change, _ = self._data
+        inner = self._inner.evaluate(X[:, : self._inner.size.state], U)
+        g = np.empty((steps + 1, self.size.path))
+        g[:, : self._inner.size.path] = inner.g
+        X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
+        cost = _evaluate_changes(weight, max_change, steps, X, U, g)
+        return Evaluation(inner.cost + cost, inner.output_error, g)
+
+    def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
+        """Derivatives of the inner problem, with those of what is added."""
+        size, (_, steps, weight, _, max_change, _) = self.size, self._data
+        row = row_type(size.state, size.control)
+        stages = np.zeros(steps + 1, stage_type(size.state, size.control))
+        path, terminal = np.zeros((steps + 1, size.path), row), np.zeros(size.output, row)
+        inner = self._inner.linearise(X[:, : self._inner.size.state], U, hessian)
+        put_derivatives(stages, path[:, : self._inner.size.path], terminal, inner)
+        X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
+        _add_derivatives(weight, max_change, steps, X, U, stages, path)
+        return derivatives_in(stages, path, terminal, size)
+
+    def constraint_curvature(
+        self, X: Array, U: Array, costates: Array, terminal: Array, path: Array
+    ) -> tuple[Array, Array, Array]:
+        """That of the inner problem: all that is added is linear."""
+        inner, r, stages = self._inner.size, self.size.control, len(U)
+        n = inner.state
+        found = self._inner.constraint_curvature(
+            X[:, :n], U, costates[:, :n], terminal, path[:, : inner.path]
+        )
+        XX, UX = np.zeros((stages, n + r, n + r)), np.zeros((stages, r, n + r))
+        XX[:, :n, :n], UX[:, :, :n] = found[:2]
+        return XX, UX, found[2]
 
 
 @allocation_free
@@ -157,27 +181,49 @@ def _put_previous(previous: Array, steps: int, U: Array, X: Array) -> None:
 
 
 @allocation_free
-def _squared_changes(steps: int, X: Array, U: Array) -> float:
+def _evaluate_changes(
+    weight: float, max_change: float, steps: int, X: Array, U: Array, g: Array
+) -> float:
+    """Cost of the changes; the limit's path constraints are filled in."""
     r = U.shape[1]
-    n = X.shape[1] - r
+    n, first = X.shape[1] - r, g.shape[1] - 2 * r
     total = 0.0
     for k in range(steps + 1):
         for a in range(r):
-            total += (U[k, a] - X[k, n + a]) ** 2
-    return total
+            change = U[k, a] - X[k, n + a]
+            total += change**2
+            if max_change < math.inf:
+                g[k, first + 2 * a] = change - max_change if k < steps else -math.inf
+                g[k, first + 2 * a + 1] = -change - max_change if k < steps else -math.inf
+    return 0.5 * weight * total
 
 
 @allocation_free
-def _add_derivatives(weight: float, steps: int, X: Array, U: Array, stages: Records) -> None:
+def _add_derivatives(
+    weight: float,
+    max_change: float,
+    steps: int,
+    X: Array,
+    U: Array,
+    stages: Records,
+    path: Records,
+) -> None:
     r = U.shape[1]
-    n = X.shape[1] - r
+    n, first = X.shape[1] - r, path.shape[1] - 2 * r
     for k in range(steps + 1):
         stage = stages[k]
         for a in range(r):
-            slope = weight * (U[k, a] - X[k, n + a])
+            change = U[k, a] - X[k, n + a]
+            slope = weight * change
             stage.L_X[n + a] = -slope
             stage.L_U[a] += slope
             stage.L_XX[n + a, n + a] = weight
             stage.L_UX[a, n + a] = -weight
             stage.L_UU[a, a] += weight
             stage.B[n + a, a] = 1.0
+            if max_change < math.inf:
+                above, below = path[k, first + 2 * a], path[k, first + 2 * a + 1]
+                above.value = change - max_change if k < steps else -math.inf
+                below.value = -change - max_change if k < steps else -math.inf
+                above.U[a], above.X[n + a] = 1.0, -1.0
+                below.U[a], below.X[n + a] = -1.0, 1.0

@@ -12,6 +12,8 @@ from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.sqp.workspace import Trajectory
 
 _ABOVE_MULTIPLIER = 1.1
+# Violation of a hard constraint that rounding may leave in a step that meets it.
+_ROUNDING = 1e-7
 
 
 @allocation_free
@@ -31,7 +33,10 @@ def update_penalties(p: Program) -> None:
 
 @allocation_free
 def violation(p: Program, at: Trajectory) -> float:
-    """Weighted violation of the constraints, the part of the merit that is not cost."""
+    """Weighted violation of the constraints, the part of the merit that is not cost.
+
+    It is infinite where a hard path constraint, one of infinite weight, is violated.
+    """
     total = 0.0
     for j in range(p.terminal.shape[0]):
         total += p.terminal[j].merit * abs(at.output_error[j])
@@ -39,7 +44,9 @@ def violation(p: Program, at: Trajectory) -> float:
         for j in range(p.path.shape[1]):
             # Not `max`, which drops NaN.
             if not at.g[k, j] <= 0.0:
-                total += p.path[k, j].merit * at.g[k, j]
+                merit = p.path[k, j].merit
+                if not (merit == math.inf and at.g[k, j] <= _ROUNDING):
+                    total += merit * at.g[k, j]
     return total
 
 
@@ -81,7 +88,9 @@ def predicted_reduction(p: Program, slack: Array) -> float:
             if row.value == -np.inf:
                 continue
             then = row.value + product(row, stage)
-            decrease += row.merit * (max(row.value, 0.0) - max(then, 0.0))
+            # A hard constraint is met before the step, and after it.
+            if row.merit < math.inf:
+                decrease += row.merit * (max(row.value, 0.0) - max(then, 0.0))
             slack[j] = max(slack[j], then)
     for j in range(p.terminal.shape[0]):
         row = p.terminal[j]

@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.road_messages import RoadInput
@@ -22,6 +22,7 @@ from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ class GuidanceLoop:
         self._law = GuidanceLaw(settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._obstacles = ObstacleInput(node, settings)
+        self._transforms = TransformInput(node)
         self.road = RoadInput(node, values)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
         self._goals = GOAL_POSE.listen_on(node, self._on_goal)
@@ -87,6 +89,7 @@ class GuidanceLoop:
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
         self._obstacles.close()
+        self._transforms.close()
         self.road.close()
         self._outputs.close()
 
@@ -165,8 +168,10 @@ class GuidanceLoop:
         began, now = time.perf_counter_ns(), self._now()
         try:
             message, skipped = self._newest(data, now)
-            pose, stamp = pose_of(message, self._settings.frame_id), stamp_of(message)
-            check_age(stamp, now, self._settings.odom_timeout)
+            frame_id, timeout = self._settings.frame_id, self._settings.odom_timeout
+            pose, is_transformed = self._transforms.pose_of(message, frame_id, timeout)
+            stamp = stamp_of(message)
+            check_age(stamp, now, timeout)
         except OdometryError as error:
             self._halt_for(str(error))
             return
@@ -187,6 +192,8 @@ class GuidanceLoop:
             return
         sent = self._now()
         decision = decision._replace(skipped=skipped)
+        if is_transformed:
+            decision = decision._replace(pose=tuple(self._pose))
         period, took = self._settings.control_period, (sent - now) / NANOSECONDS
         if took > period and decision.plan is not None:
             decision = self._law.withdraw(decision, took)

@@ -101,15 +101,31 @@ def drive(task: Task) -> Driven:
                 computer.take(law, law.update(stamp, pose))
                 _hand_over(plant, driven, computer, stamp)
         _hand_over(plant, driven, computer, final)
+        _advance(plant, driven, final)
+        if task.settings.max_wheel_change < math.inf:
+            _brake(plant, driven, law, period)
     except Exception as error:
         # The study goes on and reports it.
         text = ' '.join(str(error).split())
         driven.exception = f'{type(error).__name__}: {text}'
         plant.command(plant.stamp_ns, 0.0, 0.0)
-    _advance(plant, driven, final)
-    plant.command(final, 0.0, 0.0)
-    _advance(plant, driven, final + to_nanoseconds(_to_rest(task.plant)))
+    end = max(final, plant.stamp_ns)
+    _advance(plant, driven, end)
+    plant.command(end, 0.0, 0.0)
+    _advance(plant, driven, end + to_nanoseconds(_to_rest(task.plant)))
     return driven
+
+
+def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
+    """Let the law bring the robot to rest after the final time."""
+    moves = True
+    while moves:
+        pose = plant.measure()
+        decision = None if pose is None else law.update(plant.stamp_ns, pose)
+        if decision is not None:
+            plant.command(plant.stamp_ns, *decision.twist.tolist())
+            moves = bool(np.any(decision.twist))
+        _advance(plant, driven, plant.stamp_ns + period)
 
 
 def outcome(driven: Driven) -> Outcome:
@@ -160,6 +176,10 @@ def farthest(task: Task) -> float:
     obeyed = max(time - plant.actuation_delay, 0.0)
     lag = plant.wheel_lag
     behind = lag * -math.expm1(-obeyed / lag) if lag > 0.0 else 0.0
+    # The first commands are slower, as far as the acceleration is limited.
+    steps = plant.robot.max_wheel_speed / task.settings.max_wheel_change
+    slower = sum(1.0 - k / steps for k in range(1, math.ceil(steps)))
+    behind += task.settings.control_period * slower
     return plant.robot.max_speed * grip * (obeyed - behind)
 
 

@@ -9,6 +9,8 @@ from functools import cache
 from types import MappingProxyType
 from typing import Any, Final
 
+import numpy as np
+
 from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
@@ -41,12 +43,15 @@ class Kind:
         tolerance: Miss up to which a run has arrived [m].
         draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
         lateness: Longest time that a control step takes, in control periods.
+        lag: Least and greatest time constant of the wheels, drawn for each run [s]; None for that
+            of the parameters.
     """
 
     changes: Mapping[str, Any]
     tolerance: float
     draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
     lateness: float = 0.0
+    lag: tuple[float, float] | None = None
 
     @property
     def has_own_roads(self) -> bool:
@@ -76,6 +81,10 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
             0.05,
             lateness=1.5,
+        ),
+        # The law knows what the motors are asked for, and nothing of the mass that they move.
+        'heavy': Kind(
+            {'robot.max_wheel_acceleration': 60.0, 'safety.margin': 0.05}, 0.05, lag=(0.1, 0.3)
         ),
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
@@ -144,6 +153,9 @@ class Study:
         """What the run of that number is."""
         settings, plant = self.told()
         drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
+        if self.kind.lag is not None:
+            lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
+            plant = replace(plant, wheel_lag=lag)
         return Task(
             drawn,
             replace(settings, obstacles=drawn.obstacles, **drawn.changes),

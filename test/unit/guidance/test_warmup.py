@@ -20,6 +20,7 @@ PERIOD = 200_000_000
 PROGRAM = """
 import gc
 import math
+import sys
 from itertools import product
 
 import numpy as np
@@ -40,7 +41,8 @@ def code():
     return {(each.__module__, each.__name__, str(sig)) for each in ours for sig in each.signatures}
 
 
-values = TABLE.resolve(load_parameter_file('case3') | {'solver.candidates': 1})
+given = {'solver.candidates': 1, 'robot.max_wheel_acceleration': float(sys.argv[1])}
+values = TABLE.resolve(load_parameter_file('case3') | given)
 prepare(guidance_settings(values))
 before = code()
 assert before
@@ -93,7 +95,9 @@ riccati_backend.solve_program = lambda *_: asked.append(1) or ITERATION_LIMIT
 for radius, (rungs, speeds) in zip((1.0, 2.0), own, strict=True):
     found = general(radius)
     assert found[0] == rungs, (found, rungs)
-    np.testing.assert_allclose(found[1], speeds, atol=1e-5)
+    # With a limit the multipliers are not unique, nor are the step lengths that they lead to.
+    if not given['robot.max_wheel_acceleration']:
+        np.testing.assert_allclose(found[1], speeds, atol=1e-5)
 assert asked
 print(*sorted(code() - before), sep='\\n')
 """
@@ -108,9 +112,10 @@ def test_a_node_that_needs_no_spline_starts_without_scipy():
 
 
 @pytest.mark.slow
-def test_no_code_is_missing_after_it():
+@pytest.mark.parametrize('acceleration', ['0', '100'])
+def test_no_code_is_missing_after_it(acceleration):
     done = subprocess.run(
-        [sys.executable, '-c', PROGRAM], capture_output=True, text=True, check=True
+        [sys.executable, '-c', PROGRAM, acceleration], capture_output=True, text=True, check=True
     )
     assert done.stdout.split() == []
 

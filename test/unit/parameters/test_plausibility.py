@@ -21,6 +21,7 @@ def test_presets_and_robots_are_in_metres_and_radians(name):
         ('robot.wheel_radius', 35.0, 'millimetres'),
         ('robot.half_track', 55.0, 'millimetres'),
         ('robot.radius', 220.0, 'millimetres'),
+        ('robot.max_wheel_acceleration', 1.0, r'm/s^2'),
         ('safety.margin', 50.0, 'millimetres'),
         ('others.radius', 300.0, 'millimetres'),
         ('goal.tolerance', 10.0, 'millimetres'),

@@ -106,15 +106,22 @@ def put_derivatives(stages: Records, path: Records, terminal: Records, lin: Line
         array[...] = getattr(lin, field.name)
 
 
+def derivatives_in(
+    stages: Records, path: Records, terminal: Records, size: Dimensions
+) -> Linearisation:
+    """The derivatives in records, in arrays of their own."""
+    return Linearisation(*(each.copy() for each in _derivatives(stages, path, terminal, size)))
+
+
 def subproblem_in(of: Space) -> Subproblem:
     """The program in records, on their present horizon, in arrays of its own."""
     program = of.program
     size = replace(of.size, horizon=int(program.head['horizon'][0]))
-    arrays = _derivatives(program.stages, program.path, program.terminal, size)
+    linearisation = derivatives_in(program.stages, program.path, program.terminal, size)
     stages, r = program.stages[: size.horizon + 1], size.control
     lower, upper = stages['lower'][:, :r].copy(), stages['upper'][:, :r].copy()
     trust_radius = program.head['trust_radius'][0, : size.state].copy()
-    return Subproblem(Linearisation(*(a.copy() for a in arrays)), lower, upper, trust_radius)
+    return Subproblem(linearisation, lower, upper, trust_radius)
 
 
 def _derivatives(

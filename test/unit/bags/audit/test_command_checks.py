@@ -140,3 +140,44 @@ def test_a_start_that_the_recorder_missed_is_no_wrong_command(drive, outcomes):
     del drive.commands[:2]
     findings = outcomes(drive)
     assert findings['as_decided'].outcome is PASSED
+
+
+@pytest.fixture(scope='module')
+def gentle():
+    """A drive that keeps a limit of acceleration, until it is at rest."""
+    return drive_case(rest=1.4, **{'robot.max_wheel_acceleration': 100.0})
+
+
+def test_a_drive_within_the_acceleration_passes(gentle, outcomes):
+    findings = outcomes(gentle)
+    assert not failed(findings)
+    assert findings['acceleration'].outcome is PASSED
+    assert findings['acceleration'].worst == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize('seconds', [0.0, 4.0, 10.0])
+def test_a_jump_of_the_command_is_caught(gentle, outcomes, seconds):
+    """At the start, on the way, and where the robot should only brake."""
+    drive = gentle.copy()
+    drive.commands[drive.at(seconds)].twist = np.array([-0.2, 0.0])
+    findings = outcomes(drive)
+    assert 'acceleration' in failed(findings)
+    assert findings['acceleration'].at == pytest.approx(seconds, abs=0.21)
+
+
+def test_commands_of_another_program_are_judged_alike(gentle, outcomes):
+    drive = gentle.without_node()
+    drive.parameters = gentle.parameters
+    assert outcomes(drive)['acceleration'].worst == pytest.approx(20.0)
+
+
+def test_a_halt_may_be_sudden(gentle, outcomes):
+    drive = gentle.copy()
+    index = drive.at(4.0)
+    drive.commands[index].twist = np.zeros(2)
+    stop = {'wheel_speeds': np.zeros(2), 'twist': np.zeros(2), 'rung': FallbackLevel.STOP}
+    drive.decisions[index] = drive.decisions[index]._replace(halted=True, **stop)
+    for each in drive.commands[index + 1 :]:
+        each.twist = np.zeros(2)
+    drive.decisions[index + 1 :] = [each._replace(**stop) for each in drive.decisions[index + 1 :]]
+    assert 'acceleration' not in failed(outcomes(drive))

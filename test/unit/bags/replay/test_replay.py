@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import partial
 
 import numpy as np
 import pytest
@@ -56,6 +57,27 @@ def test_a_computer_that_is_late_is_replayed_as_it_was(drive, bag, seconds):
     outcome = replay(bag, NAMES)
     assert (outcome.differences, outcome.first) == (0, None), outcome.first
     assert (outcome.decisions, outcome.commands) == (len(run.decisions), len(run.decisions) - 3)
+
+
+def test_a_run_by_poses_of_another_frame_is_replayed_without_transforms(drive, bag, alter):
+    with drive() as run:
+        run.publish = partial(publish_with_pose, run, run.publish)
+        run.go(2.0)
+
+    def elsewhere(topic, _index, message):
+        if topic == '/odom':
+            message.header.frame_id = 'drifting'
+            message.pose.pose.position.x += 3.0
+        return message
+
+    for path in (bag, alter(elsewhere)):
+        outcome = replay(path, NAMES)
+        assert (outcome.differences, outcome.first) == (0, None), outcome.first
+        assert outcome.decisions == len(run.decisions) == 10
+
+
+def publish_with_pose(run, publish, decision):
+    publish(decision._replace(pose=tuple(run.measured().tolist())))
 
 
 def test_two_replays_are_one(faulty):

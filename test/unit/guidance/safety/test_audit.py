@@ -48,6 +48,53 @@ def test_a_pose_that_is_not_finite(pose):
     assert not verdict.passed
 
 
+def accelerating(limit, obstacles=(FIRST, SECOND)):
+    given = settings(obstacles, 51.0)
+    return replace(given, robot=replace(given.robot, max_wheel_acceleration=limit))
+
+
+@pytest.mark.parametrize('place', [(0, 0), (0, 1), (3, 1), (4, 0)])
+def test_a_plan_that_the_wheels_cannot_follow(place):
+    given, plan = accelerating(10.0), controls(30, 30)
+    start = start_of(given, HERE, previous_control=np.array([29.0, 31.0]))
+    assert Audit(given).check(start, plan, TIMES).passed
+    plan[place] = 27.0 if place[1] == 0 else 34.0
+    verdict = Audit(given).check(start, plan, TIMES)
+    assert not verdict.passed
+    assert 'rad/s from one command to the next, the limit is 2.0 rad/s' in verdict.reason
+    # The last control moves nothing.
+    plan = controls(30, 30)
+    plan[5] = 0.0
+    assert Audit(given).check(start, plan, TIMES).passed
+
+
+@pytest.mark.parametrize(('limit', 'passed'), [(15.0, False), (60.0, True), (math.inf, True)])
+def test_a_plan_after_whose_first_command_the_robot_cannot_stop(limit, passed):
+    """It is clear for the next 0.2 s, and leads into an obstacle 1 m ahead."""
+    given = accelerating(limit, (Obstacle('rock', (1.3, -10.0), 0.3),))
+    held = np.array([30.0, 30.0])
+    start, plan = start_of(given, HERE, previous_control=held), controls(30, 30)
+    verdict = Audit(given).check(start, plan, TIMES)
+    assert verdict.margin == pytest.approx(1.0 - 0.21, abs=2e-3)
+    assert verdict.passed == passed
+    if passed:
+        ramp = verdict.ramp
+        assert len(ramp) == (3 if limit < math.inf else 0)
+    else:
+        assert verdict.reason.startswith('To stop after the next 0.2 s leads ')
+        assert verdict.reason.endswith(' into obstacle rock.')
+
+
+def test_a_robot_brakes_along_its_plan_where_its_curvature_leads_into_something():
+    """The plan turns away from a rock that the first command points at."""
+    given = accelerating(60.0, (Obstacle('rock', (1.2, -10.0), 0.3),))
+    plan = np.array([[36, 36], [40, 26], [40, 26], [40, 26], [36, 36], [0, 0]], dtype=float)
+    start = start_of(given, HERE, previous_control=plan[0])
+    verdict = Audit(given).check(start, plan, TIMES)
+    assert verdict.passed
+    assert np.ptp(verdict.ramp[0]) > 1.0
+
+
 def test_wheel_limits():
     for place in ((0, 0), (4, 1), (5, 1)):
         plan = controls(51, -51)

@@ -1,6 +1,7 @@
 """The compiled iteration does what `CMPSP` does, step for step."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -18,12 +19,13 @@ from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PR
 from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models.control_rate import (
+    CONTROL_RATE,
     ControlRateData,
     ControlRateProblem,
-    with_control_rate,
 )
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
+from cmpsp_ros.robots.acceleration import within_ramp
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 # What they call takes long to compile: by one worker.
@@ -228,24 +230,33 @@ def test_a_horizon_that_becomes_shorter_in_the_same_memory(limit):
     assert 0 < warm <= 1.05 * cold
 
 
-def test_a_cost_on_changes_of_control():
+@pytest.mark.parametrize('limit', [np.inf, 1.5])
+def test_a_cost_and_a_limit_on_changes_of_control(limit):
     """Five states, and functions that wrap the compiled ones."""
-    previous, inner = np.array([40.0, 47.0]), robot_problem(20)
-    problem = ControlRateProblem(inner, 0.7, previous)
-    data = ControlRateData(inner.data, 20, 0.7, previous)
+    previous, inner = np.array([45.0, 44.0]), robot_problem(20)
+    problem = ControlRateProblem(inner, 0.7, previous, limit)
+    data = ControlRateData(inner.data, 20, 0.7, previous, limit)
     options, guess = robot_options(problem), guesses(20, 3.0)
+    if limit < np.inf:
+        hard = np.append(options.penalty_path[:-4], np.full(4, np.inf))
+        options = replace(options, penalty_path=hard)
+        guess = within_ramp(guess, np.full(20, 0.2), previous, limit)
     driver = driver_for(problem, options)
-    functions = with_control_rate(FUNCTIONS.machine_code(inner.data, driver.ws))
+    data = data._replace(functions=FUNCTIONS.addresses(inner.data, driver.ws))
+    entries = CONTROL_RATE.entries(data, driver.ws)
     for iterate in iterates(problem, options, guess, 5)[1:]:
-        ws = improve(driver, data, guess, iterate.index, functions=functions)
+        ws = improve(driver, data, guess, iterate.index, functions=entries)
         assert_same(ws, iterate)
     # Nothing may add up from one linearisation to the next.
     U, X = guess, problem.predict(guess)
     p = ws.program
-    functions.linearise(data, X, U, p.stages, p.path, p.terminal)
-    functions.linearise(data, X, U, p.stages, p.path, p.terminal)
+    linearise = entries.functions.linearise
+    linearise(data, X, U, p.stages, p.path, p.terminal)
+    linearise(data, X, U, p.stages, p.path, p.terminal)
     wanted = problem.linearise(X, U)
     for name in ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU'):
         np.testing.assert_allclose(p.stages[name], getattr(wanted, name), rtol=1e-13, err_msg=name)
     np.testing.assert_allclose(p.stages['A'][:20], wanted.A, rtol=1e-13)
     np.testing.assert_allclose(p.stages['B'][:20], wanted.B, rtol=1e-13)
+    np.testing.assert_allclose(p.path['X'], wanted.g_X, rtol=1e-13)
+    np.testing.assert_allclose(p.path['U'], wanted.g_U, rtol=1e-13)

@@ -1,0 +1,110 @@
+"""The speed before what a plan leads into: the robot is to stop before it, and not at the last arc.
+
+Where no plan passes an obstacle the best one leads through it, and only its first arc is audited. A
+robot that is heavier than its model is beyond that arc before it stands.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.safety.audit import TOUCHING
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.acceleration import braking, least_scale
+from cmpsp_ros.world.free_space import FreeSpace
+
+Array = NDArray[np.float64]
+
+STANDSTILL: Final = 0.02
+"""Speed below which the robot may as well stand [m/s]."""
+
+
+class Contact(NamedTuple):
+    """The first thing that a plan leads into.
+
+    Attributes:
+        name: What it is.
+        distance: How far along the plan it is away, at least [m].
+        speed: The largest with which the robot can still stop before it [m/s].
+    """
+
+    name: str
+    distance: float
+    speed: float
+
+    def __str__(self) -> str:
+        return f'{self.name} is {self.distance:.2g} m ahead, and no plan passes it.'
+
+
+class Approach:
+    """Slows plans down before what they lead into."""
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Take limits, road and obstacles from the settings."""
+        self._settings = settings
+        self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        names = (f'obstacle {each.name}' for each in settings.obstacles)
+        self._names = (*settings.road.edge_names, *names)
+
+    def contact(self, plan: Plan, start: PlanStart) -> Contact | None:
+        """What a plan leads into first, if anything that stands; but for what it begins in.
+
+        Where it takes the wheels a while to stop, that is part of the plan.
+        """
+        controls, durations = self._to_rest(plan)
+        poses, twists = (
+            start.robot.roll_out(start.pose, controls, durations),
+            start.robot.twist(controls),
+        )
+        begins = self._space.at(poses[:1], start.progress)[0]
+        swept = self._space.along(poses[:-1], twists, durations, start.progress)
+        hits = (swept < -TOUCHING) & (begins >= -TOUCHING)
+        if not hits.any():
+            return None
+        step = int(hits.any(axis=1).argmax())
+        what = int(np.where(hits[step], swept[step], np.inf).argmin())
+        # As near as it came to it before, it is at least as far away where that arc begins.
+        before = begins[what] if step == 0 else swept[step - 1, what]
+        lengths = np.abs(twists[:step, 0]) * durations[:step]
+        distance = float(lengths.sum()) + max(float(before), 0.0)
+        return Contact(self._names[what], distance, self._speed(distance, float(durations[0])))
+
+    def slowed(self, plan: Plan, start: PlanStart, speed: float) -> Plan | None:
+        """A plan with all its commands scaled alike to a speed, as far as the wheels can follow.
+
+        Its first arc is a part of the one before; None where the plan is no faster.
+        """
+        driven = abs(float(start.robot.twist(plan.controls[0])[0]))
+        if driven <= speed:
+            return None
+        limit = self._settings.max_wheel_change
+        scale = max(speed / driven, least_scale(plan.controls[0], start.previous_control, limit))
+        controls = scale * plan.controls
+        poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
+        return plan._replace(controls=controls, poses=poses)
+
+    def _to_rest(self, plan: Plan) -> tuple[Array, Array]:
+        """Commands of a plan, until the robot is at rest at the latest, and their durations."""
+        controls, durations = plan.controls[:-1], plan.horizon.durations
+        period, limit = self._settings.control_period, self._settings.max_wheel_change
+        if limit == math.inf:
+            return controls, durations
+        late = np.array([self._settings.safety.stopping_time])
+        ramp = braking(plan.controls[-2:], late, period, limit, along=False)
+        held = np.full(len(ramp), period)
+        return np.vstack([controls, controls[-1:], ramp]), np.concatenate([durations, late, held])
+
+    def _speed(self, distance: float, period: float) -> float:
+        """The largest with which the robot, after a control period more, can stop in a distance."""
+        settings, robot = self._settings, self._settings.robot
+        time = period + settings.safety.stopping_time
+        room = max(distance - settings.safety.margin, 0.0)
+        braking = robot.wheel_radius * robot.max_wheel_acceleration
+        # The root of speed * time + speed^2 / (2 * braking) = room.
+        return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))

@@ -1,0 +1,132 @@
+"""What a limit of the wheels' acceleration makes of commands: the ramp, and braking."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.mpsp.jit.compiled import allocation_free
+
+Array = NDArray[np.float64]
+
+_REST: Final = 1e-9
+"""Speed of a wheel that rounding may leave of none [rad/s]."""
+
+NO_RAMP: Array = np.zeros((0, 2))
+"""That of a robot at rest, and of one that stops at once."""
+
+
+def within_ramp(plan: Array, durations: Array, previous: Array, max_change: float) -> Array:
+    """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
+
+    Args:
+        plan: Wheel speeds wanted ``(N + 1, 2)``, of which the last moves nothing [rad/s].
+        durations: Length of its steps, shape ``(N,)`` [s].
+        previous: The command before it, shape ``(2,)`` [rad/s].
+        max_change: Largest change of a wheel from one command to the next; infinite for none
+            [rad/s].
+
+    Returns:
+        Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
+    """
+    if max_change == math.inf:
+        return plan
+    commands, steps = plan.copy(), len(durations)
+    _pace(commands[:-1], plan, durations, durations, -1, previous, max_change, steps, brakes=False)
+    return commands
+
+
+def braking(
+    plan: Array, durations: Array, period: float, max_change: float, *, along: bool
+) -> Array:
+    """Commands that bring a robot to rest once the first command of a plan has been held.
+
+    Args:
+        plan: As in `within_ramp`.
+        durations: See `plan`.
+        period: How long each command of the result is held [s].
+        max_change: Largest change of a wheel from one command to the next [rad/s].
+        along: Whether to brake along the plan, as far as the wheels can follow it so; else along
+            the curvature of its first command.
+
+    Returns:
+        Shape ``(K, 2)`` [rad/s]; the last is 0, and there is none for a robot at rest.
+    """
+    fastest = math.ceil(float(np.abs(plan).max()) / max_change)
+    following = 2 * fastest if along else 0
+    ramp = np.zeros((following + fastest + 1, 2))
+    held = np.full(len(ramp), period)
+    count = _pace(ramp, plan, durations, held, 0, plan[0], max_change, following, brakes=True)
+    return ramp[:count]
+
+
+def least_scale(command: Array, previous: Array, max_change: float) -> float:
+    """The least factor of a command that the wheels can follow, which could follow it itself.
+
+    Args:
+        command: Wheel speeds, shape ``(2,)`` [rad/s].
+        previous: The command before it, shape ``(2,)`` [rad/s].
+        max_change: As in `within_ramp`.
+    """
+    wheels = zip(command.tolist(), previous.tolist(), strict=True)
+    least = [
+        (math.copysign(before, before * to) - max_change) / abs(to) for to, before in wheels if to
+    ]
+    return min(max(0.0, *least), 1.0) if least else 0.0
+
+
+@allocation_free
+def _pace(
+    commands: Array,
+    plan: Array,
+    durations: Array,
+    held: Array,
+    step: int,
+    before: Array,
+    max_change: float,
+    following: int,
+    brakes: bool,
+) -> int:
+    """Fill commands that follow a plan from the end of a step on, as fast as the wheels can.
+
+    Each is the plan's at the place reached, both wheels scaled by the largest factor up to 1 that
+    the limit allows; to brake by the least, for so many commands. Where there is none the robot
+    brakes along its curvature.
+
+    Returns:
+        How many commands there are; fewer than fit in where the robot is at rest before.
+    """
+    last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
+    right, left, scale, reached = before[0], before[1], 1.0, 0.0
+    for count in range(most):
+        if brakes and right == 0.0 and left == 0.0:
+            return count
+        while step < last and end <= reached + 0.5 * scale * held[count]:
+            step += 1
+            end += durations[step]
+        low, high = _scales(plan[step, 0], right, max_change, 0.0, 1.0)
+        low, high = _scales(plan[step, 1], left, max_change, low, high)
+        if count < following and low <= high:
+            scale = low if brakes else high
+            right, left = scale * plan[step, 0], scale * plan[step, 1]
+        else:
+            slower = max(0.0, 1.0 - max_change / max(abs(right), abs(left)))
+            scale *= slower
+            right, left = slower * right, slower * left
+        if brakes and max(abs(right), abs(left)) < _REST:
+            right = left = 0.0
+        commands[count, 0], commands[count, 1] = right, left
+        reached += scale * held[count]
+    return most
+
+
+@allocation_free
+def _scales(wanted: float, before: float, max_change: float, low: float, high: float) -> Any:
+    """Of some factors of a wheel's speed, the least and the largest that a limit allows."""
+    if wanted == 0.0:
+        return low, high if abs(before) <= max_change else -1.0
+    one, other = (before - max_change) / wanted, (before + max_change) / wanted
+    return max(low, min(one, other)), min(high, max(one, other))

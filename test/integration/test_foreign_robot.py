@@ -1,0 +1,58 @@
+"""A robot that shares nothing with this package, driven by what doc/user/your_robot.md says."""
+
+from __future__ import annotations
+
+import math
+import sys
+import textwrap
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.nodes import MODULES
+from cmpsp_ros.nodes.common.topics import DECISION
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.world.free_space import FreeSpace
+
+pytestmark = pytest.mark.integration
+
+HERE = Path(__file__).parent
+CONFIG = HERE.parents[1] / 'config'
+PAGE = HERE.parents[1] / 'doc' / 'user' / 'your_robot.md'
+LIMIT = 60.0
+
+
+@pytest.mark.parametrize('course', ['case3'])
+def test_it_comes_within_5_cm_of_the_goal_and_touches_nothing(spawn, ros, tmp_path, course):
+    """In real time, with the parameters that the page has."""
+    mine = tmp_path / 'my_robot.yaml'
+    block = PAGE.read_text(encoding='utf-8').partition('```yaml\n')[2].partition('```')[0]
+    mine.write_text(textwrap.dedent(block))
+    given = load_parameter_file(course)
+    start, path = given['initial_pose'], tmp_path / 'path'
+    files = [CONFIG / f'{course}.yaml', mine]
+    flags = [part for each in files for part in ('--params-file', each)]
+    module = [sys.executable, '-m', MODULES['guidance_node']]
+    guidance = spawn([*module, '--ros-args', *flags, '-p', 'autostart:=true'])
+    decisions = []
+    ros.node.create_subscription(DECISION.type, '/guidance/decision', decisions.append, 100)
+    robot = spawn([sys.executable, HERE / 'foreign_robot.py', *map(str, start), path])
+
+    def is_over():
+        return decisions and "key='finished', value='true'" in str(decisions[-1].status[0].values)
+
+    ros.spin_until(is_over, LIMIT)
+    guidance.end()
+    robot.end()
+    times, *rest = np.loadtxt(path).T
+    settings = guidance_settings(TABLE.resolve(given))
+    stamp = decisions[0].header.stamp
+    end = stamp.sec + stamp.nanosec / 1e9 + settings.final_time
+    x, y = (float(np.interp(end, times, each)) for each in rest[:2])
+    assert math.dist((x, y), settings.goal) < 0.05
+    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    driven = np.column_stack(rest)[times <= end]
+    assert space.at(driven).min() > 0.0

@@ -1,0 +1,146 @@
+"""Before what no plan passes the robot is slow enough to stop, also if it is heavier than said."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, start_of
+
+from cmpsp_ros.guidance.decision import FallbackLevel, Plan
+from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.safety.approach import Approach
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
+from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+HERE = np.array([0.0, -10.0, 0.0])
+ROCK = Obstacle('rock', (1.5, -10.0), 0.3)
+
+
+def plan_of(given, speed, pose=HERE, steps=10):
+    controls = np.full((steps + 1, 2), speed / given.robot.wheel_radius)
+    horizon = Horizon.between([k * PERIOD for k in range(steps + 1)])
+    return Plan(horizon, controls, given.robot.roll_out(pose, controls, horizon.durations))
+
+
+def given_with(time, acceleration=math.inf, margin=0.0, obstacles=(ROCK,)):
+    given = settings(obstacles, 51.0, ROAD, safety=Safety(margin, stopping_time=time))
+    return replace(given, robot=replace(given.robot, max_wheel_acceleration=acceleration))
+
+
+@pytest.mark.parametrize('speed', [0.5, 1.0, 1.7])
+@pytest.mark.parametrize('margin', [0.0, 0.05])
+@pytest.mark.parametrize('acceleration', [math.inf, 30.0])
+def test_the_speed_leaves_room_to_stop(speed, margin, acceleration):
+    given = given_with(0.4, acceleration, margin)
+    plan, start = plan_of(given, speed, steps=20), start_of(given, HERE)
+    found = Approach(given).contact(plan, start)
+    assert found.name == 'obstacle rock'
+    # At least: the arc that leads into it is not looked at closely.
+    assert 1.2 - 0.2 * speed <= found.distance <= 1.2 + 1e-9
+    needed = found.speed * (0.2 + 0.4) + found.speed**2 / (2.0 * 0.035 * acceleration)
+    assert needed == pytest.approx(found.distance - margin)
+
+
+def test_a_clear_plan_meets_nothing():
+    given = given_with(0.5, obstacles=(FIRST,))
+    plan = plan_of(given, 0.3)
+    assert Approach(given).contact(plan, start_of(given, HERE)) is None
+
+
+def test_what_the_robot_is_in_does_not_hold_it():
+    """Off the road it is led back; it is what comes then that counts."""
+    given = given_with(0.5)
+    pose = np.array([0.0, -11.1, 0.0])
+    found = Approach(given).contact(plan_of(given, 1.0, pose), start_of(given, pose))
+    assert found is None
+
+
+def test_a_plan_is_slowed_down_along_its_path():
+    given = given_with(0.5)
+    plan, start = plan_of(given, 1.0), start_of(given, HERE)
+    slowed = Approach(given).slowed(plan, start, 0.25)
+    np.testing.assert_allclose(slowed.controls, 0.25 * plan.controls)
+    poses = given.robot.roll_out(HERE, slowed.controls, plan.horizon.durations)
+    np.testing.assert_array_equal(slowed.poses, poses)
+    assert Approach(given).slowed(plan, start, 1.1) is None
+
+
+def test_no_faster_than_the_wheels_can():
+    given = given_with(0.5, 10.0)
+    plan = plan_of(given, 1.0)
+    start = start_of(given, HERE, previous_control=plan.controls[0])
+    slowed = Approach(given).slowed(plan, start, 0.1)
+    np.testing.assert_allclose(plan.controls[0] - slowed.controls[0], 2.0)
+
+
+def test_it_says_so_and_stops_clear():
+    wall = tuple(Obstacle(f'wall {r:g}', (r, 0.0), 0.15) for r in np.arange(9.0, 11.1, 0.25))
+    given = settings(wall, 51.0, ROAD, goal=(0.0, 10.0))
+    run = closed_loop(given, steps=80)
+    slow = [each for each in run.decisions if 'Slows down to ' in each.reason]
+    assert len(slow) > 2
+    assert all(each.reason.endswith(' m ahead, and no plan passes it.') for each in slow)
+    for each in slow:
+        said = float(each.reason.split('Slows down to ')[1].split(' m/s')[0])
+        assert said == pytest.approx(abs(each.twist[0]), rel=1e-2)
+    assert all(each.rung is not FallbackLevel.NOMINAL for each in slow)
+    # From the first such step on it is never fast again.
+    speeds = [abs(each.twist[0]) for each in run.moves[slow[0].step :]]
+    assert max(speeds) <= speeds[0]
+
+
+def course_with_a_wall(**changes):
+    """Case 3 with a wall 0.1 m thick across the road instead of its obstacles."""
+    given = load_parameter_file('case3')
+    given = {key: value for key, value in given.items() if not key.startswith('obstacles.')}
+    ends = {'start': 8.9, 'end': 11.1}
+    wall = {
+        f'obstacles.wall.{end}': [radius * math.cos(-0.35), radius * math.sin(-0.35)]
+        for end, radius in ends.items()
+    }
+    wall |= {'obstacles.names': ['wall'], 'obstacles.wall.type': 'capsule'}
+    wall |= {'obstacles.wall.radius': 0.05, 'initial_guess.type': 'road'}
+    return TABLE.resolve({**given, **wall, **changes})
+
+
+@pytest.mark.parametrize(
+    'plant',
+    [{'wheel_lag': 0.1}, {'wheel_lag': 0.2}, {'plant': 'mujoco'}],
+    ids=['lag 0.1', 'lag 0.2', 'mujoco'],
+)
+@pytest.mark.parametrize('acceleration', [0.0, 60.0])
+def test_a_robot_heavier_than_its_model_stops_before_a_wall(plant, acceleration):
+    if 'plant' in plant:
+        pytest.importorskip('mujoco')
+    values = course_with_a_wall(**plant, **{'robot.max_wheel_acceleration': acceleration})
+    given, body = guidance_settings(values), Plant(plant_settings(values))
+    law, motions = GuidanceLaw(given), []
+    for stamp in range(0, 11_000 * MS, 20 * MS):
+        motions += [*body.advance(stamp), body.motion]
+        decision = law.update(stamp, body.measure())
+        if decision is not None:
+            body.command(stamp, *decision.twist.tolist())
+    poses, twists = (
+        np.array([getattr(each, name) for each in motions]) for name in ('pose', 'twist')
+    )
+    durations = np.diff([each.stamp_ns for each in motions]) / 1e9
+    space = FreeSpace.of(given.road, given.obstacles, 0.0)
+    clearance = space.along(poses[:-1], twists[:-1], durations)
+    assert clearance.min() > 0.0
+    # It came near it.
+    assert clearance[:, 2].min() < 0.5
+
+
+def test_far_away_nothing_is_slowed_down():
+    """A first plan that is not good yet leads into something, far ahead."""
+    given = settings((FIRST,), 51.0, ROAD)
+    law = GuidanceLaw(given)
+    run = drive(law, given, [k * PERIOD for k in range(50)])
+    assert not any('Slows' in each.reason for each in run.decisions)

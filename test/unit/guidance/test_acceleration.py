@@ -1,0 +1,166 @@
+"""The guidance law with wheels of limited acceleration: it can always stop in time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import (
+    CASES,
+    PERIOD,
+    ROAD,
+    START,
+    clearance,
+    closed_loop,
+    context_of,
+    drive,
+    settings,
+    start_of,
+)
+
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.mpsp.qp import CLARABEL
+from cmpsp_ros.world.obstacles.shapes import Obstacle
+
+# What they call takes long to compile: by one worker.
+pytestmark = pytest.mark.xdist_group('control_rate')
+
+LIMIT, FINAL = 30.0, 12.0
+STEPS = round(FINAL / 0.2)
+
+
+def limited(given, acceleration=LIMIT, **changes):
+    robot = replace(given.robot, max_wheel_acceleration=acceleration)
+    return replace(given, robot=robot, final_time=FINAL, initial_guess=ROAD, **changes)
+
+
+WALL = tuple(Obstacle(f'wall {r:g}', (r, 0.0), 0.15) for r in np.arange(9.0, 11.1, 0.25))
+
+
+def assert_gentle(run, given):
+    """Every command can be followed from the one before it, and the first from rest."""
+    changes = np.diff(run.controls, axis=0, prepend=np.zeros((1, 2)))
+    assert np.abs(changes).max() <= given.max_wheel_change + CHANGE_ROUNDING
+
+
+@pytest.mark.parametrize('name', ['case 1', 'case 3'])
+@pytest.mark.parametrize('acceleration', [LIMIT, 100.0])
+def test_the_robot_sets_out_arrives_and_brakes_gently(name, acceleration):
+    given = limited(CASES[name], acceleration)
+    run = closed_loop(given, steps=STEPS + 10)
+    assert_gentle(run, given)
+    assert {each.rung for each in run.moves} == {FallbackLevel.NOMINAL}
+    final = run.decisions[STEPS]
+    assert final.finished
+    assert not final.missed
+    assert final.miss < 1e-6
+    # It drives through the goal, and comes to rest behind it.
+    assert 'It brakes to' in final.reason
+    assert 0.0 < final.twist[0] < run.decisions[STEPS - 1].twist[0]
+    assert not np.any(run.decisions[-1].wheel_speeds)
+    assert clearance(run.path, given) >= 0.0
+
+
+def test_after_every_command_there_is_a_clear_way_to_stop():
+    given = limited(CASES['case 3'])
+    run, previous, pose = closed_loop(given, steps=STEPS), np.zeros(2), np.array(START)
+    audit, durations = Audit(given), np.full(40, 0.2)
+    for decision in run.moves:
+        start = start_of(given, pose, previous_control=previous)
+        verdict = audit.check(start, decision.plan.controls, decision.plan.horizon.durations)
+        assert verdict.passed
+        ramp = verdict.ramp
+        assert np.abs(np.diff(ramp, axis=0, prepend=decision.wheel_speeds[None])).max() < 6.0 + 1e-6
+        previous = decision.wheel_speeds
+        pose = given.robot.roll_out(pose, previous[None], durations[:1])[-1]
+        fine = np.repeat(ramp, 20, axis=0)
+        path = given.robot.roll_out(pose, fine, np.full(len(fine), 0.01))
+        assert clearance(path, given) > -1e-6
+
+
+@pytest.mark.parametrize('acceleration', [15.0, LIMIT])
+def test_before_a_closed_road_it_stops_clear(acceleration):
+    given = limited(settings(WALL, 51.0, ROAD), acceleration, goal=(0.0, 10.0))
+    run = closed_loop(given, steps=STEPS + 5)
+    assert_gentle(run, given)
+    assert clearance(run.path, given) > 0.0
+    assert not np.any(run.decisions[-1].wheel_speeds)
+    # It came near it.
+    assert clearance(run.path[-1:], given) < 3.0
+
+
+def test_a_stop_is_the_ramp_that_was_audited():
+    """The law is told of an obstacle where its plan leads: no plan is left, and it brakes."""
+    # It is not slowed down before.
+    given = limited(CASES['case 1'], safety=Safety(stopping_time=0.0))
+
+    def block(run, _stamp):
+        if len(run.decisions) == 20:
+            ahead = np.arctan2(run.pose[1], run.pose[0]) + 0.26
+            center = 10.0 * np.cos(ahead), 10.0 * np.sin(ahead)
+            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 1.05),)))
+
+    law = GuidanceLaw(given)
+    run = drive(law, given, [k * PERIOD for k in range(40)], before=block)
+    assert_gentle(run, given)
+    stops = [each for each in run.decisions if each.rung == FallbackLevel.STOP]
+    assert stops
+    assert all('It brakes to' in each.reason or not np.any(each.twist) for each in stops)
+    assert clearance(run.path, law.task) > 0.0
+
+
+def test_a_halt_is_at_once_but_for_the_final_time():
+    given = limited(CASES['case 1'])
+    law = GuidanceLaw(given)
+    run = drive(law, given, [k * PERIOD for k in range(10)])
+    held = run.decisions[-1].wheel_speeds
+    by_clock = law.halt(9 * PERIOD + PERIOD, 'The final time has passed.', finished=True)
+    assert 0.0 < np.abs(held - by_clock.wheel_speeds).max() <= 6.0 + CHANGE_ROUNDING
+    # The next odometry comes at once, and the ramp goes on when a period is over.
+    again = law.update(10 * PERIOD + PERIOD // 10, run.pose)
+    assert again is not None
+    halted = law.halt(11 * PERIOD, 'Odometry is lost.')
+    np.testing.assert_array_equal(halted.wheel_speeds, [0.0, 0.0])
+    np.testing.assert_array_equal(halted.twist, [0.0, 0.0])
+
+
+def test_a_new_goal_behind_the_robot_is_turned_to_gently():
+    given = limited(settings((), 51.0, ROAD))
+    law = GuidanceLaw(given)
+
+    def turn(run, stamp):
+        if len(run.decisions) == 15:
+            law.tell(stamp, Goal((-10.0, 0.0), 20.0))
+
+    run = drive(law, given, [k * PERIOD for k in range(60)], before=turn)
+    assert_gentle(run, given)
+    assert clearance(run.path, given) > 0.0
+
+
+@pytest.mark.parametrize('delay', [0.06, 0.3])
+def test_with_a_delay_the_last_command_counts(delay):
+    given = limited(CASES['case 3'], command_delay=delay)
+    law = GuidanceLaw(given)
+    run = drive(law, given, [k * PERIOD for k in range(30)])
+    assert_gentle(run, given)
+
+
+@pytest.mark.parametrize('qp', ['riccati_active_set', CLARABEL])
+def test_the_limit_is_kept_however_far_the_goal(qp):
+    """The goal, the edges and the obstacles are relaxed; what the motors give is not."""
+    given = limited(settings(WALL, 51.0, ROAD), 10.0)
+    given = replace(given, final_time=4.0, solver=replace(given.solver, qp=qp))
+    horizon = remaining(0, PERIOD, to_nanoseconds(4.0))
+    context = context_of(given, START, horizon, (8.0, 8.0))
+    planner = Planner(OcpFormulation(given))
+    result = planner.improve(context, context.center_line_guess, iterations=4)
+    assert result.solved
+    assert result.elastic
+    commands = np.vstack([[8.0, 8.0], result.plan.controls[:-1]])
+    assert np.abs(np.diff(commands, axis=0)).max() <= 2.0 + CHANGE_ROUNDING

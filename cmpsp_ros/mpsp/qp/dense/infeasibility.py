@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.dense.condensing import gradient
 from cmpsp_ros.mpsp.qp.dense.sparse_qp import SparseQP, row_of
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
@@ -65,10 +64,8 @@ def _combine(
     used = np.flatnonzero(ray)
     limit = np.where(ray > 0.0, program.upper, program.lower)[used]
     parts = -ray[used] * limit
-    lin, controls = subproblem.linearisation, subproblem.lower.size
-    by_control, by_state = np.split(program.G.T @ ray, [controls])
-    by_state = np.vstack([np.zeros_like(lin.L_X[:1]), by_state.reshape(lin.L_X[1:].shape)])
-    slope = gradient(lin.A, lin.B, by_state, by_control.reshape(subproblem.lower.shape))
+    controls = subproblem.lower.size
+    slope = _eliminate_states(subproblem, program.G.T @ ray)
     # Where the sum is least: the bound whose multiplier would be the slope.
     bound = np.where(slope > 0.0, -subproblem.lower, subproblem.upper)
     at_bound = np.isfinite(bound) & (np.abs(slope) > threshold)
@@ -78,6 +75,26 @@ def _combine(
     if not total > _ROUNDING * (size + np.abs(ray[used]) @ row_lengths(program)[used]):
         return None
     return [*used.tolist(), *(len(ray) - controls + np.flatnonzero(at_bound)).tolist()]
+
+
+def _eliminate_states(subproblem: Subproblem, gradient: Array) -> Array:
+    """Gradient in the controls alone, ``(N + 1, r)``, by the adjoint of the dynamics.
+
+    In plain numpy: what is compiled has to be compiled before a robot moves.
+
+    Args:
+        subproblem: The program.
+        gradient: In ``(dU_0 ... dU_N, dX_1 ... dX_N)``.
+    """
+    lin, size = subproblem.linearisation, subproblem.size
+    by_control, by_state = np.split(gradient, [subproblem.lower.size])
+    slope, by_state = by_control.reshape(subproblem.lower.shape), by_state.reshape(-1, size.state)
+    costate = by_state[-1]
+    for k in range(size.horizon - 1, -1, -1):
+        slope[k] += lin.B[k].T @ costate
+        if k:
+            costate = by_state[k - 1] + lin.A[k].T @ costate
+    return slope
 
 
 def _order(row: Row) -> tuple[bool, int, int, int]:

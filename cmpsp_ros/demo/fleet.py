@@ -49,14 +49,7 @@ def load_fleet(
     lockstep: bool = False,
     robot: str | None = None,
 ) -> tuple[Scenario, ...]:
-    """Read a file with a section for each of several robots, change it, and check the whole.
-
-    Args:
-        preset: As of `load_scenario`.
-        namespaces: Of the robots, as from `cmpsp_ros.parameters.presets.robots_in`.
-        assignments: Changes for all robots, each as `key=value`.
-        lockstep: As of `load_scenario`; it is refused.
-        robot: As of `load_scenario`, for all robots.
+    """Load the scenario of each robot in a file, as from `load_scenario`, and check the whole.
 
     Raises:
         ParameterError: A key or value is wrong, robots stand too near to each other, or simulated
@@ -89,21 +82,7 @@ def run_fleet(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> tuple[Robot, ...]:
-    """Make one run of several robots and keep everything of it in a folder.
-
-    Args:
-        fleet: What to run.
-        folder: Existing folder for bag, picture, figures and logs.
-        progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the first robot, live; without it there is none.
-
-    Returns:
-        Figures of each robot; they are also in `summary.json`.
-
-    Raises:
-        DemoError: A node failed, or the run came to no end.
-        BagError: The recording does not cover the run.
-    """
+    """As `cmpsp_ros.demo.run.run`, for several robots at once; the page shows the first of them."""
     write_fleet_file(folder / 'parameters.yaml', {each.namespace: each.values for each in fleet})
     with driven(fleet, folder, progress, view_port):
         return _sum_up(fleet, folder)

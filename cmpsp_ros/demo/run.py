@@ -76,13 +76,7 @@ def driven(
 ) -> Iterator[None]:
     """Make a run of one robot or several at once; its bag is whole before the block begins.
 
-    The other nodes end while the block is worked on, and have ended after it.
-
-    Args:
-        robots: As of `started`.
-        folder: As of `started`.
-        progress: Called with the time of the run so far [s].
-        view_port: As of `started`.
+    The other nodes end during the block. Arguments as of `started` and `run`.
 
     Raises:
         DemoError: A node failed, the run came to no end, or not all of it was recorded.

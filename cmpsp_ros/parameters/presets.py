@@ -146,24 +146,16 @@ def parse_assignment(text: str) -> tuple[str, Any]:
 
 
 def write_parameter_file(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
-    """Writes a parameter file for all nodes, from which ROS reads the same values bit for bit.
-
-    Args:
-        path: Where to; what is there already is overwritten.
-        values: Plain Python values by key, such as a resolved set.
-
-    Raises:
-        ParameterError: If the file cannot be written.
-    """
+    """As `write_fleet_file`, for all nodes in any namespace."""
     write_fleet_file(path, {'': values})
 
 
 def write_fleet_file(path: str | os.PathLike[str], robots: Mapping[str, Mapping[str, Any]]) -> None:
-    """Writes a parameter file with a section for all nodes of each robot.
+    """Write a parameter file, from which ROS reads the same values bit for bit.
 
     Args:
-        path: Where to; what is there already is overwritten.
-        robots: Plain Python values by key, by the namespace of a robot.
+        path: The file; an existing one is overwritten.
+        robots: Plain Python values by key, by the namespace of a robot: a section for each.
 
     Raises:
         ParameterError: If the file cannot be written.

@@ -105,10 +105,9 @@ def clearance(views: Sequence[View]) -> Figure:
 def position(views: Sequence[View]) -> Figure:
     """Position and heading, in two panels."""
     traces = []
+    columns = (('x', 'solid'), ('y', 'dash'), ('heading', 'solid'))
     for number, view in enumerate(views):
-        for column, (name, dash) in enumerate(
-            (('x', 'solid'), ('y', 'dash'), ('heading', 'solid'))
-        ):
+        for column, (name, dash) in enumerate(columns):
             line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
             trace = _line(_named(views, view, name), view.times, view.poses[:, column], line)
             traces.append(trace | ({'yaxis': 'y2'} if name == 'heading' else {}))

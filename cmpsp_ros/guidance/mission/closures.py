@@ -47,6 +47,9 @@ def closures(
     """
     if not road.has_center_line:
         return
+    gaps = _gaps(road, tuple(obstacles))
+    if not ((gaps < wanted) | (gaps <= 0.0)).any():
+        return
     pose = np.array([*start, math.nan])
     whole = arc_length_to(road, pose, goal)
     places = [[arc_length_to(road, pose, each) for each in shape.corners] for shape in obstacles]
@@ -55,7 +58,8 @@ def closures(
         for index, each in enumerate(places)
         if all(0.0 < place / (whole or math.inf) < 1.0 for place in each)
     ]
-    gaps = _gaps(road, tuple(obstacles[index] for index in between))
+    kept = [*range(_EDGES), *(_EDGES + index for index in between)]
+    gaps = gaps[np.ix_(kept, kept)]
     is_closed = (gaps < wanted) | (gaps <= 0.0)
     while chain := _chain(is_closed):
         links = [float(gaps[a, b]) for a, b in pairwise(chain)]

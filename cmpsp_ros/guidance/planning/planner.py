@@ -27,13 +27,12 @@ from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.settings import UNLIMITED
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.models.control_rate import ControlRateData, with_control_rate
+from cmpsp_ros.mpsp.models.control_rate import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.sqp.driver import Driver, Entries, Functions
-from cmpsp_ros.mpsp.sqp.workspace import Workspace
+from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.robots.acceleration import within_ramp
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
@@ -71,6 +70,8 @@ class Planner:
         self._known: tuple[FreeSpace, Target, DifferentialDrive] | None = None
         self._given: GuidanceData
         self._horizon: Horizon | None = None
+        # Addresses of the functions that `CONTROL_RATE` calls.
+        self._inner: NDArray[np.int64] | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, and kept for when that is asked for again; the second are for
@@ -81,7 +82,12 @@ class Planner:
         self._use_driver(len(longest.durations))
         nothing = np.zeros((len(longest.edges), 2))
         context = PlanningContext.at_pose(settings, np.zeros(3), longest)
-        self._functions = _compiled(self._data(context, nothing), self._ws)
+        data = self._data(context, nothing)
+        if isinstance(data, ControlRateData):
+            self._inner = FUNCTIONS.addresses(data.inner, self._ws)
+            data = data._replace(functions=self._inner)
+        functions = CONTROL_RATE if formulation.remembers_control else FUNCTIONS
+        self._functions = functions.entries(data, self._ws)
 
     def forget(self) -> None:
         """Begin the next plan without a warm start."""
@@ -161,7 +167,8 @@ class Planner:
         data = begun_at(self._given, pose, durations, progress)
         if formulation.remembers_control:
             previous = np.ascontiguousarray(previous, dtype=np.float64)
-            return ControlRateData(data, len(durations), self._rate, previous, self._max_change)
+            limit = self._max_change
+            return ControlRateData(data, len(durations), self._rate, previous, limit, self._inner)
         return data
 
     def _use_driver(self, steps: int) -> None:
@@ -211,12 +218,6 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     """Goal, shape ``(2,)`` [m], and heading, NaN for any [rad]."""
     heading = math.nan if target.heading is None else target.heading
     return np.array(target.position, dtype=float), heading
-
-
-def _compiled(data: GuidanceData | ControlRateData, ws: Workspace) -> Functions | Entries:
-    if isinstance(data, ControlRateData):
-        return with_control_rate(FUNCTIONS.machine_code(data.inner, ws))
-    return FUNCTIONS.entries(data, ws)
 
 
 def _counters(driver: Driver) -> tuple[NDArray[np.int64], ...]:

@@ -36,7 +36,7 @@ def address_of(returned: type | None, function: Callable[..., Any], *arguments: 
         TypeError: It returns something else.
     """
     overload = overload_for(function, arguments)
-    found, wanted = overload.signature.return_type, _RETURNED[returned]
+    found, wanted = types.unliteral(overload.signature.return_type), _RETURNED[returned]
     if found != wanted:
         raise TypeError(f'{function.__name__}: found {found} returned, wanted {wanted}')
     return internals.address(overload)

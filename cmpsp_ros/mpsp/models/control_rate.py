@@ -7,11 +7,12 @@ state: it is the last ``r`` components of ``X_k``, and the cost has cross terms 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
 from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp.jit.addresses import call, call_for_float
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import (
     Array,
@@ -21,6 +22,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
+from cmpsp_ros.mpsp.qp.riccati.active_set import Indices
 from cmpsp_ros.mpsp.qp.riccati.fill import derivatives_in, put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.mpsp.qp.riccati.program import Records
@@ -37,6 +39,7 @@ class ControlRateData(NamedTuple):
         previous: Control held before the horizon begins, shape ``(r,)``.
         max_change: Largest change of each control at the stages ``0 ... N - 1``; infinite where
             there is no such constraint. ``U_N`` moves nothing.
+        functions: `Functions.addresses` of the problem without them.
     """
 
     inner: object
@@ -44,6 +47,7 @@ class ControlRateData(NamedTuple):
     weight: float
     previous: Array
     max_change: float = math.inf
+    functions: Indices | None = None
 
     def rows(self) -> int:
         """How many path constraints a stage has for it, after those of the inner problem."""
@@ -55,32 +59,31 @@ def rate_rows(max_change: float, controls: int) -> int:
     return 2 * controls if max_change < math.inf else 0
 
 
-def with_control_rate(functions: Functions) -> Functions:
-    """The functions of a compiled problem, for `ControlRateData`.
+@allocation_free
+def _predict(data: Any, U: Array, X: Array) -> None:
+    call(data.functions[0], (data.inner, U, X))
+    _put_previous(data.previous, data.steps, U, X)
 
-    They leave the last `rate_rows` path constraints of a stage alone.
-    """
 
-    def predict(data: ControlRateData, U: Array, X: Array) -> None:
-        functions.predict(data.inner, U, X)
-        _put_previous(data.previous, data.steps, U, X)
+@allocation_free
+def _evaluate(data: Any, X: Array, U: Array, output_error: Array, g: Array) -> float:
+    cost: float = call_for_float(data.functions[1], (data.inner, X, U, output_error, g))
+    return cost + _evaluate_changes(data.weight, data.max_change, data.steps, X, U, g)
 
-    def evaluate(data: ControlRateData, X: Array, U: Array, output_error: Array, g: Array) -> float:
-        cost = functions.evaluate(data.inner, X, U, output_error, g)
-        return cost + _evaluate(data.weight, data.max_change, data.steps, X, U, g)
 
-    def linearise(
-        data: ControlRateData,
-        X: Array,
-        U: Array,
-        stages: Records,
-        path: Records,
-        terminal: Records,
-    ) -> None:
-        functions.linearise(data.inner, X, U, stages, path, terminal)
-        _add_derivatives(data.weight, data.max_change, data.steps, X, U, stages, path)
+@allocation_free
+def _linearise(
+    data: Any, X: Array, U: Array, stages: Records, path: Records, terminal: Records
+) -> None:
+    call(data.functions[2], (data.inner, X, U, stages, path, terminal))
+    _add_derivatives(data.weight, data.max_change, data.steps, X, U, stages, path)
 
-    return Functions(predict, evaluate, linearise)
+
+CONTROL_RATE: Final = Functions(_predict, _evaluate, _linearise)
+"""A compiled problem with cost and limit, for `ControlRateData`.
+
+The problem's own functions leave the last `rate_rows` path constraints of a stage alone.
+"""
 
 
 class ControlRateProblem(OptimalControlProblem):
@@ -134,17 +137,17 @@ class ControlRateProblem(OptimalControlProblem):
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of the inner problem and the cost of its changes of control."""
-        _, steps, weight, _, max_change = self._data
+        _, steps, weight, _, max_change, _ = self._data
         inner = self._inner.evaluate(X[:, : self._inner.size.state], U)
         g = np.empty((steps + 1, self.size.path))
         g[:, : self._inner.size.path] = inner.g
         X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
-        cost = _evaluate(weight, max_change, steps, X, U, g)
+        cost = _evaluate_changes(weight, max_change, steps, X, U, g)
         return Evaluation(inner.cost + cost, inner.output_error, g)
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
         """Derivatives of the inner problem, with those of what is added."""
-        size, (_, steps, weight, _, max_change) = self.size, self._data
+        size, (_, steps, weight, _, max_change, _) = self.size, self._data
         row = row_type(size.state, size.control)
         stages = np.zeros(steps + 1, stage_type(size.state, size.control))
         path, terminal = np.zeros((steps + 1, size.path), row), np.zeros(size.output, row)
@@ -178,7 +181,9 @@ def _put_previous(previous: Array, steps: int, U: Array, X: Array) -> None:
 
 
 @allocation_free
-def _evaluate(weight: float, max_change: float, steps: int, X: Array, U: Array, g: Array) -> float:
+def _evaluate_changes(
+    weight: float, max_change: float, steps: int, X: Array, U: Array, g: Array
+) -> float:
     """Cost of the changes; the limit's path constraints are filled in."""
     r = U.shape[1]
     n, first = X.shape[1] - r, g.shape[1] - 2 * r

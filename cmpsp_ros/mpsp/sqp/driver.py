@@ -59,17 +59,20 @@ class Functions(NamedTuple):
             entry_for(self.linearise, *linearise),
         )
 
-    def entries(self, data: Any, ws: Workspace) -> Entries:
-        """Compiled functions in one piece with the iteration, for data of this type."""
+    def addresses(self, data: Any, ws: Workspace) -> Indices:
+        """Where the machine code of compiled functions is, shape ``(3,)``."""
         predict, evaluate, linearise = _arguments(data, ws)
-        addresses = np.array(
+        return np.array(
             [
                 address_of(None, self.predict, *predict),
                 address_of(float, self.evaluate, *evaluate),
                 address_of(None, self.linearise, *linearise),
             ]
         )
-        n, r = ws.program.stages['B'].shape[1:]
+
+    def entries(self, data: Any, ws: Workspace) -> Entries:
+        """Compiled functions in one piece with the iteration, for data of this type."""
+        addresses, (n, r) = self.addresses(data, ws), ws.program.stages['B'].shape[1:]
         active, warm = empty_active_set(1, n, r, 1, 1), empty_warm_start(1, n, r, 1, 1)
         whole = entry_for(run, ws, active, warm, warm, addresses, addresses, data)
         return Entries(self.machine_code(data, ws), addresses, whole)
@@ -90,7 +93,7 @@ class Entries(NamedTuple):
 
     Attributes:
         functions: To be called one by one, where a QP back end solves the subproblems.
-        addresses: Of all three.
+        addresses: `Functions.addresses`.
         run: The whole iteration: `cmpsp_ros.mpsp.sqp.run.run`.
     """
 

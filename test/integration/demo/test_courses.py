@@ -19,26 +19,32 @@ from cmpsp_ros.parameters.settings import guidance_settings
 pytestmark = pytest.mark.integration
 
 
+@pytest.fixture
+def drive(start_demo, tmp_path):
+    """Drive a preset in lockstep, all steps nominal: `drive(preset, steps)`; folder and summary."""
+
+    def drive(preset, steps, name='run'):
+        folder = tmp_path / name
+        running = start_demo(preset, '--lockstep', '--output', folder)
+        assert running.wait(LIMIT) == 0, running.stderr
+        summary = json.loads((folder / 'summary.json').read_text())
+        assert summary['rungs'] == {'nominal': steps, 'elastic': 0, 'shifted': 0, 'stop': 0}
+        assert summary['clearance_m'] >= 0.0
+        return folder, summary
+
+    return drive
+
+
 # A road that crosses itself; a thousand points and ten obstacles; shapes on open floor.
 @pytest.mark.parametrize(('preset', 'steps'), [('corridor', 100), ('mapped', 50), ('floor', 40)])
-def test_what_stands_still_in_lockstep(start_demo, judge, tmp_path, preset, steps):
-    folder = tmp_path / 'run'
-    running = start_demo(preset, '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
-    summary = json.loads((folder / 'summary.json').read_text())
-    assert summary['rungs'] == {'nominal': steps, 'elastic': 0, 'shifted': 0, 'stop': 0}
-    assert summary['clearance_m'] >= 0.0
+def test_what_stands_still_in_lockstep(drive, judge, preset, steps):
+    folder, summary = drive(preset, steps)
     assert summary['miss_m'] < 1e-6
     judge(folder / 'bag')
 
 
-def test_a_road_from_a_topic_in_lockstep(start_demo, judge, tmp_path):
-    folder = tmp_path / 'run'
-    running = start_demo('road_topic', '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
-    summary = json.loads((folder / 'summary.json').read_text())
-    assert summary['rungs'] == {'nominal': 100, 'elastic': 0, 'shifted': 0, 'stop': 0}
-    assert summary['clearance_m'] >= 0.0
+def test_a_road_from_a_topic_in_lockstep(drive, judge):
+    folder, summary = drive('road_topic', 100)
     assert summary['miss_m'] < 1e-6
     said = (folder / 'guidance_node.log').read_text()
     assert said.index('waiting for a road') < said.index('a road of 31 points') < said.index('plan')
@@ -47,26 +53,16 @@ def test_a_road_from_a_topic_in_lockstep(start_demo, judge, tmp_path):
     judge(folder / 'bag')
 
 
-def test_a_road_without_end_in_lockstep(start_demo, tmp_path):
-    folder = tmp_path / 'run'
-    running = start_demo('endless', '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
-    summary = json.loads((folder / 'summary.json').read_text())
+def test_a_road_without_end_in_lockstep(drive):
+    _, summary = drive('endless', 300)
     assert summary['speed_m_s'] == pytest.approx(1.2, rel=0.01)
     assert summary['miss_m'] is None
-    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
-    assert summary['clearance_m'] >= 0.0
 
 
-def test_obstacles_that_move_in_lockstep(start_demo, judge, tmp_path):
+def test_obstacles_that_move_in_lockstep(drive, judge, tmp_path):
     runs = []
     for name in ('one', 'two'):
-        folder = tmp_path / name
-        running = start_demo('moving', '--lockstep', '--output', folder)
-        assert running.wait(LIMIT) == 0, running.stderr
-        summary = json.loads((folder / 'summary.json').read_text())
-        assert summary['rungs'] == {'nominal': 50, 'elastic': 0, 'shifted': 0, 'stop': 0}
-        assert summary['clearance_m'] >= 0.0
+        folder, summary = drive('moving', 50, name)
         assert summary['miss_m'] < 1e-3
         runs.append(read_run(folder / 'bag'))
     one, two = runs
@@ -77,30 +73,21 @@ def test_obstacles_that_move_in_lockstep(start_demo, judge, tmp_path):
     assert 'moving obstacles clear' in audited
 
 
-def test_goals_one_after_another_in_lockstep(start_demo, tmp_path):
-    folder = tmp_path / 'run'
-    running = start_demo('goals', '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
-    summary = json.loads((folder / 'summary.json').read_text())
+def test_goals_one_after_another_in_lockstep(drive):
+    folder, summary = drive('goals', 300)
     assert [each['name'] for each in summary['goals']] == ['a', 'b', 'c', 'd', 'e', 'goal']
     assert all(each['miss_m'] < 1e-6 for each in summary['goals'])
     assert summary['goals'][1]['heading_miss_rad'] < 1e-6
-    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
-    assert summary['clearance_m'] >= 0.0
     with Bag(folder / 'bag') as bag:
         *_, (_, shown) = bag.messages('/guidance/markers')
     pale = [each.color.a < 0.5 for each in shown.markers if each.ns == 'goal']
     assert pale == [True] * 5 + [False]
 
 
-def test_a_course_past_what_moves_in_lockstep(start_demo, start_cmpsp, judge, tmp_path):
-    folder = tmp_path / 'run'
-    running = start_demo('course', '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 0, running.stderr
-    summary = json.loads((folder / 'summary.json').read_text())
+def test_a_course_past_what_moves_in_lockstep(drive, start_demo, start_cmpsp, judge, tmp_path):
+    folder, summary = drive('course', 300)
     assert [each['name'] for each in summary['goals']] == ['a', 'b', 'c', 'd', 'e', 'goal']
     assert all(each['miss_m'] < 0.01 for each in summary['goals'])
-    assert summary['rungs'] == {'nominal': 300, 'elastic': 0, 'shifted': 0, 'stop': 0}
     run, settings = read_run(folder / 'bag'), recorded_settings(folder)
     assert {each.id for each in run.tracks} == {0, 1, 2}
     begin, end = run.decisions[0].stamp, run.decisions[0].stamp + 60 * 10**9

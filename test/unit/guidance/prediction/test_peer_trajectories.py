@@ -160,7 +160,7 @@ def test_two_that_meet_on_a_road_pass_each_other(offset, late):
     robots = meeting(offset)
     least, _ = drive(robots, 11.0, late)
     assert_arrived(robots)
-    assert least > 0.1
+    assert least > 0.05
 
 
 def test_without_knowing_of_each_other_they_would_collide():

@@ -19,9 +19,9 @@ from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PR
 from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models.control_rate import (
+    CONTROL_RATE,
     ControlRateData,
     ControlRateProblem,
-    with_control_rate,
 )
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
@@ -242,15 +242,17 @@ def test_a_cost_and_a_limit_on_changes_of_control(limit):
         options = replace(options, penalty_path=hard)
         guess = within_ramp(guess, np.full(20, 0.2), previous, limit)
     driver = driver_for(problem, options)
-    functions = with_control_rate(FUNCTIONS.machine_code(inner.data, driver.ws))
+    data = data._replace(functions=FUNCTIONS.addresses(inner.data, driver.ws))
+    entries = CONTROL_RATE.entries(data, driver.ws)
     for iterate in iterates(problem, options, guess, 5)[1:]:
-        ws = improve(driver, data, guess, iterate.index, functions=functions)
+        ws = improve(driver, data, guess, iterate.index, functions=entries)
         assert_same(ws, iterate)
     # Nothing may add up from one linearisation to the next.
     U, X = guess, problem.predict(guess)
     p = ws.program
-    functions.linearise(data, X, U, p.stages, p.path, p.terminal)
-    functions.linearise(data, X, U, p.stages, p.path, p.terminal)
+    linearise = entries.functions.linearise
+    linearise(data, X, U, p.stages, p.path, p.terminal)
+    linearise(data, X, U, p.stages, p.path, p.terminal)
     wanted = problem.linearise(X, U)
     for name in ('L_X', 'L_U', 'L_XX', 'L_UX', 'L_UU'):
         np.testing.assert_allclose(p.stages[name], getattr(wanted, name), rtol=1e-13, err_msg=name)

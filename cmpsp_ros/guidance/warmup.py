@@ -22,6 +22,7 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
+from cmpsp_ros.robots.acceleration import with_lag
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Capsule
@@ -81,6 +82,7 @@ def run_kernels(settings: GuidanceSettings) -> None:
     pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
     on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
     on_road.robot.roll_out(pose, controls, durations)
+    with_lag(np.zeros(2), controls, np.ones(2), 1.0, 1)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     searched_line(space, pose[:2], np.array(on_road.goal))

@@ -67,6 +67,7 @@ for hessian, limit, between, delay in changes:
         'robot.max_wheel_speed': limit,
         'safety.between_samples': between,
         'command_delay': delay,
+        'max_wheel_lag': delay,
         'obstacles.a.radius': 1.0,
         'solver.candidates': 4,
     }

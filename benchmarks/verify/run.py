@@ -13,7 +13,7 @@ from typing import NamedTuple
 from benchmarks.verify.case import Origin
 from benchmarks.verify.compare import Comparison, compare
 from benchmarks.verify.contestant import Contestant, contestant
-from benchmarks.verify.families import PROGRAMS_PER_SEED, SHARES, case, cases
+from benchmarks.verify.programs.families import PROGRAMS_PER_SEED, SHARES, case, cases
 
 
 class Batch(NamedTuple):

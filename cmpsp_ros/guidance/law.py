@@ -56,7 +56,7 @@ class GuidanceLaw:
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
-        self._approach = Approach(settings)
+        self._approach = Approach(settings, self._audit)
         self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -103,6 +103,7 @@ class GuidanceLaw:
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
         if state.end_period(settings, stamp, pose):
             self._selector.restart()
+        state.advance_wheels(settings, stamp)
         start, pending = self._predict(stamp, pose, moving)
         here = PlanStart(pose, state.robot, moving, state.progress)
         goals = state.goals
@@ -292,6 +293,15 @@ class GuidanceLaw:
                 plan, verdict = slowed, checked
                 speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
                 reason += f' Slows down to {speed:.3g} m/s: {ahead}'
+        calm = self._approach.calmed(plan, verdict, start, context.pending, state.slow_wheels)
+        if calm is None:
+            self._drop_plan_after_failures()
+            why = 'The robot stops: if its wheels lag, no speed is clear.'
+            return self._stop(stamp, pose, f'{why} {reason}', result, moving=start.moving)
+        if calm[0] is not plan:
+            plan, verdict = calm
+            speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
+            reason += f' Slowed to {speed:.3g} m/s: its wheels may lag.'
         state.follow(plan, verdict)
         self._drop_plan_after_failures()
         return decision_builder.follow(
@@ -442,6 +452,7 @@ class GuidanceLaw:
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state
+        state.advance_wheels(self._settings, decision.stamp)
         state.pending.add(decision.stamp, decision.wheel_speeds)
         state.commanded_at = decision.stamp
         if state.used_slip == 0.0 and not tracks:

@@ -166,6 +166,7 @@ class GuidanceSettings:
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
+        max_lag: Longest time constant with which the wheels may follow a command [s].
         max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
         start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
@@ -197,6 +198,7 @@ class GuidanceSettings:
     odom_timeout: float = 0.5
     failure_tolerance: int = 3
     max_slip: float = 0.0
+    max_lag: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
 

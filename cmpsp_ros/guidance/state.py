@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
@@ -16,7 +17,7 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.acceleration import NO_RAMP
+from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
@@ -42,6 +43,9 @@ class LawState:
         progress: Arc length of the robot along the road, NaN if not needed [m].
         previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
         commanded_at: Time stamp that this command answers [ns].
+        slow_wheels: Wheel speeds by now if they lag as much as they may, shape ``(2,)``
+            [rad/s].
+        wheels_at: Time stamp of them [ns].
         ramp: Commands by which it can be stopped, audited; shape ``(K, 2)`` [rad/s].
         plan: The plan that is followed, if any.
         waiting: A plan that is improved while the robot waits.
@@ -67,6 +71,8 @@ class LawState:
     progress: float = math.nan
     previous_control: Array = field(default_factory=lambda: np.zeros(2))
     commanded_at: int = 0
+    slow_wheels: Array = field(default_factory=lambda: np.zeros(2))
+    wheels_at: int = 0
     ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
     waiting: Plan | None = None
@@ -87,6 +93,13 @@ class LawState:
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
         self.previous_control, self.ramp = plan.controls[0], verdict.ramp
+
+    def advance_wheels(self, settings: GuidanceSettings, stamp: int) -> None:
+        """Let wheels that lag follow the last command until an instant [ns]."""
+        lag, held = settings.max_lag, (stamp - self.wheels_at) / NANOSECONDS
+        self.wheels_at = stamp
+        if lag > 0.0 and held > 0.0:
+            with_lag(self.slow_wheels, self.pending.latest[None], np.array([held]), lag, 1)
 
     def begin_period(
         self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int

@@ -22,7 +22,6 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
-from cmpsp_ros.mpsp.qp.dense.condensing import gradient
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Capsule
@@ -136,13 +135,12 @@ def _meet_trouble(settings: GuidanceSettings) -> None:
 
 
 def _meet_difficulties(settings: GuidanceSettings) -> None:
-    """Run what is seldom needed: Clarabel, imported when it is first asked, and its proofs."""
+    """Run what is seldom needed: Clarabel, which is imported when it is first asked."""
     by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
     context = PlanningContext.at_pose(by_name, pose, horizon, np.zeros(2))
     Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
-    gradient(np.zeros((1, 3, 3)), np.zeros((1, 3, 2)), np.zeros((2, 3)), np.zeros((2, 2)))
 
 
 def _compare_plans(settings: GuidanceSettings) -> None:

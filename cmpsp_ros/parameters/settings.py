@@ -89,6 +89,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         command_delay=values['command_delay'],
         max_command_delay=values['max_command_delay'],
         max_slip=values['max_wheel_slip'],
+        max_lag=values['max_wheel_lag'],
         obstacles=obstacles_of(values),
         moving_obstacles=MovingObstacles(
             values['moving_obstacles.capacity'],

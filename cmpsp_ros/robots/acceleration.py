@@ -78,6 +78,41 @@ def least_scale(command: Array, previous: Array, max_change: float) -> float:
     return min(max(0.0, *least), 1.0) if least else 0.0
 
 
+def with_lag(
+    wheels: Array, commands: Array, held: Array, time_constant: float, slices: int
+) -> tuple[Array, Array]:
+    """What wheels do that follow commands with a first-order lag, in slices of constant speeds.
+
+    Args:
+        wheels: Their speeds at first, shape ``(2,)`` [rad/s]; those in the end are written here.
+        commands: Shape ``(K, 2)`` [rad/s].
+        held: How long each holds, shape ``(K,)`` [s].
+        time_constant: Of the lag, positive [s].
+        slices: How many there are of each.
+
+    Returns:
+        Wheel speeds, shape ``(K * slices, 2)`` [rad/s], and how long each pair holds [s].
+    """
+    means = np.empty((len(commands) * slices, 2))
+    _lag(means, wheels, np.ascontiguousarray(commands), held, time_constant, slices)
+    return means, np.repeat(held / slices, slices)
+
+
+@allocation_free
+def _lag(
+    means: Array, wheels: Array, commands: Array, held: Array, time_constant: float, slices: int
+) -> None:
+    for k in range(commands.shape[0]):
+        passed = held[k] / slices / time_constant
+        left = math.exp(-passed)
+        mean = (1.0 - left) / passed if passed > 0.0 else 1.0
+        for i in range(slices):
+            for a in range(2):
+                behind = wheels[a] - commands[k, a]
+                means[k * slices + i, a] = commands[k, a] + mean * behind
+                wheels[a] = commands[k, a] + left * behind
+
+
 @allocation_free
 def _pace(
     commands: Array,

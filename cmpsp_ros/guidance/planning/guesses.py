@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
-from cmpsp_ros.guidance.planning.homotopy.path_search import GuidePath, guide_paths, turning_first
+from cmpsp_ros.guidance.planning.homotopy.path_search import (
+    GuidePath,
+    guide_paths,
+    searched_paths,
+    turning_first,
+)
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 
@@ -48,23 +54,27 @@ class Guesses:
             limit: How many at most.
             without: Classes that are not wanted.
         """
-        paths = self._paths(context, limit, without)
+        paths = self._paths(context, guide_paths, limit, without)
         return [path.guess for path in paths] or [context.center_line_guess]
 
     def turning(self, context: PlanningContext) -> list[Array]:
-        """Of the most promising homotopy classes, but each begins with a turn on the spot."""
-        durations = context.horizon.durations
+        """Of the most promising homotopy classes, but each begins with a turn on the spot.
+
+        A searched path is among them: a way may lead on where a robot could not follow it.
+        """
+        paths = self._paths(context, guide_paths, self._limit)
+        paths += self._paths(context, searched_paths)
         return [
-            turning_first(context.settings, path, context.start, durations)
-            for path in self._paths(context, self._limit)
+            turning_first(context.settings, path, context.start, context.horizon.durations)
+            for path in paths
         ]
 
     def _paths(
-        self, context: PlanningContext, limit: int, without: Collection[HomotopyClass] = ()
+        self, context: PlanningContext, find: Callable[..., list[GuidePath]], *arguments: Any
     ) -> list[GuidePath]:
         settings, target, durations = context.settings, context.target, context.horizon.durations
         if not settings.obstacles and not context.encounters.names:
             return []
         static = self._formulation.static_free_space(context.center_line_guess, durations, target)
         space = context.encounters.taken_from(static)
-        return guide_paths(settings, space, context.start, target, durations, limit, without)
+        return find(settings, space, context.start, target, durations, *arguments)

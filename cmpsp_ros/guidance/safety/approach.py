@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import TOUCHING
+from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
+
+_SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 
 STANDSTILL: Final = 0.02
 """Speed below which the robot may as well stand [m/s]."""
@@ -45,9 +47,14 @@ class Contact(NamedTuple):
 class Approach:
     """Slows plans down before what they lead into."""
 
-    def __init__(self, settings: GuidanceSettings) -> None:
-        """Take limits, road and obstacles from the settings."""
-        self._settings = settings
+    def __init__(self, settings: GuidanceSettings, audit: Audit) -> None:
+        """Take limits, road and obstacles from the settings.
+
+        Args:
+            settings: All settings of the guidance law.
+            audit: What a plan that is slowed down must pass.
+        """
+        self._settings, self._audit = settings, audit
         self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         names = (f'obstacle {each.name}' for each in settings.obstacles)
         self._names = (*settings.road.edge_names, *names)
@@ -81,13 +88,50 @@ class Approach:
         Its first arc is a part of the one before; None where the plan is no faster.
         """
         driven = abs(float(start.robot.twist(plan.controls[0])[0]))
-        if driven <= speed:
-            return None
+        return None if driven <= speed else self.scaled(plan, start, speed / driven)
+
+    def scaled(self, plan: Plan, start: PlanStart, scale: float) -> Plan:
+        """A plan with all its commands scaled alike, as far as the wheels can follow."""
         limit = self._settings.max_wheel_change
-        scale = max(speed / driven, least_scale(plan.controls[0], start.previous_control, limit))
+        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit))
         controls = scale * plan.controls
         poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
         return plan._replace(controls=controls, poses=poses)
+
+    def calmed(
+        self,
+        plan: Plan,
+        verdict: Verdict,
+        start: PlanStart,
+        pending: Verdict | None,
+        wheels: Array,
+    ) -> tuple[Plan, Verdict] | None:
+        """A plan so slow that its first command and a stop are clear if the wheels lag, too.
+
+        Args:
+            plan: One that has passed its audit.
+            verdict: Of it.
+            start: Where it begins.
+            pending: Verdict on the path to its beginning, if there is one.
+            wheels: Speeds of the wheels by now if they lag, shape ``(2,)`` [rad/s].
+
+        Returns:
+            It and its verdict, at the largest speed tried that is clear; None where none is.
+        """
+        lag = self._settings.max_lag
+        if lag == 0.0:
+            return plan, verdict
+        for fraction in _SPEEDS:
+            slower, checked = plan, verdict
+            if fraction < 1.0:
+                slower = self.scaled(plan, start, fraction)
+                durations = plan.horizon.durations
+                checked = self._audit.check(start, slower.controls, durations, pending)
+            if checked.passed and self._audit.is_clear_with_lag(
+                start, slower, checked.ramp, wheels, lag
+            ):
+                return slower, checked
+        return None
 
     def _to_rest(self, plan: Plan) -> tuple[Array, Array]:
         """Commands of a plan, until the robot is at rest at the latest, and their durations."""

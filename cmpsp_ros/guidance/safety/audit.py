@@ -10,12 +10,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
@@ -26,6 +27,11 @@ TOUCHING: Final = 1e-3
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
+
+_TO_REST: Final = 4.0
+_SLICES: Final = 4
+"""How many time constants a lagging wheel is watched for after the last command, and in how many
+arcs each command is driven."""
 
 CHANGE_ROUNDING: Final = 1e-6
 """What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
@@ -166,6 +172,24 @@ class Audit:
             name = self._name(int(short), start.moving)
             reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
         return reason, NO_RAMP
+
+    def is_clear_with_lag(
+        self, start: PlanStart, plan: Plan, ramp: Array, wheels: Array, lag: float
+    ) -> bool:
+        """Whether the first command of a plan, and then the ramp, are clear if the wheels lag.
+
+        Args:
+            start: Where the plan begins.
+            plan: The plan.
+            ramp: Commands after its first, shape ``(K, 2)`` [rad/s].
+            wheels: Speeds of the wheels at first, shape ``(2,)`` [rad/s].
+            lag: Time constant of the wheels [s].
+        """
+        commands = np.vstack([plan.controls[:1], ramp, np.zeros((1, 2))])
+        held = np.full(len(commands), self._period)
+        held[0], held[-1] = plan.horizon.durations[0], _TO_REST * lag
+        path = with_lag(wheels.copy(), commands, held, lag, _SLICES)
+        return not self._swept(start, *path, len(path[1]))[4] > _ROUNDING
 
     def check_pending(self, start: PlanStart, wheel_speeds: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.

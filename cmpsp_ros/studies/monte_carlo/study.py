@@ -82,9 +82,15 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             0.05,
             lateness=1.5,
         ),
-        # The law knows what the motors are asked for, and nothing of the mass that they move.
+        # The law plans for wheels that obey at once, and is told how much they lag at most.
         'heavy': Kind(
-            {'robot.max_wheel_acceleration': 60.0, 'safety.margin': 0.05}, 0.05, lag=(0.1, 0.3)
+            {
+                'robot.max_wheel_acceleration': 60.0,
+                'max_wheel_lag': 0.3,
+                'safety.margin': 0.05,
+            },
+            0.05,
+            lag=(0.1, 0.3),
         ),
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.acceleration import braking, within_ramp
+from cmpsp_ros.robots.acceleration import braking, with_lag, within_ramp
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 ROBOT, LIMIT, PERIOD = DifferentialDrive(), 6.0, 0.2
@@ -91,3 +91,17 @@ def test_braking_along_a_plan_stays_near_its_path():
 def test_a_robot_at_rest_has_nothing_to_brake():
     plan = np.vstack([np.zeros((1, 2)), np.full((3, 2), 5.0)])
     assert len(braking(plan, np.full(3, PERIOD), PERIOD, LIMIT, along=True)) == 0
+
+
+def test_wheels_that_lag_turn_as_far_as_the_exact_response():
+    wheels, lag = np.array([5.0, -3.0]), 0.2
+    commands, held = np.array([[20.0, 10.0], [0.0, 12.0]]), np.array([0.2, 0.3])
+    exact, turned = wheels.copy(), np.zeros(2)
+    for command, time in zip(commands, held, strict=True):
+        decay = math.exp(-time / lag)
+        turned += command * time + (exact - command) * lag * (1.0 - decay)
+        exact = command + (exact - command) * decay
+    means, durations = with_lag(wheels, commands, held, lag, 5)
+    assert len(means) == len(durations) == 10
+    np.testing.assert_allclose(means.T @ durations, turned)
+    np.testing.assert_allclose(wheels, exact)

@@ -105,10 +105,8 @@ def guide_paths(
     at, lateral = (each.tolist() for each in frame.coordinates(space.centers))
     stretches = stretches_of(frame, gaps, at)
     trails = search(frame, stretches, lateral)
-    if not trails and not frame.polar:
-        path = _searched_path(settings, space, start, target, durations, frame)
-        if path is not None:
-            return [] if path.homotopy_class in without else [path]
+    if not trails and (found := searched_paths(settings, space, start, target, durations)):
+        return [path for path in found if path.homotopy_class not in without]
     if not trails:
         # From a pocket, such as between an obstacle and an edge, the path leads back and around.
         stretches[0] = replace(stretches[0], gaps=gaps[0])
@@ -146,23 +144,24 @@ def guide_paths(
     ]
 
 
-def _searched_path(
-    settings: GuidanceSettings,
-    space: FreeSpace,
-    start: PlanStart,
-    target: Target,
-    durations: Array,
-    frame: RoadFrame,
-) -> GuidePath | None:
-    """The path out of a dead end, or into one."""
-    points = searched_line(space, start.pose[:2], np.array(target.position))
+def searched_paths(
+    settings: GuidanceSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
+) -> list[GuidePath]:
+    """The path out of a dead end, or into one, if there is any; arguments as of `guide_paths`.
+
+    In polar coordinates none is searched.
+    """
+    frame = road_frame(settings, start, target)
+    if frame.polar:
+        return []
+    points = searched_line(between_samples(space, 0.0), start.pose[:2], np.array(target.position))
     if len(points) < 2:
-        return None
+        return []
     line, profile = frame_along(points), np.zeros(len(points))
     poses = np.column_stack([points, np.zeros(len(points))])
     homotopy_class = class_of(frame, space.centers, poses)
     guess = follow_profile(settings, start, durations, line, profile)
-    return GuidePath(homotopy_class, guess, line, profile, line.length)
+    return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 
 
 def turning_first(

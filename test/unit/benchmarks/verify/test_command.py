@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.verify import run
-from benchmarks.verify.families import cases
+from benchmarks.verify.programs.families import cases
 from benchmarks.verify.run import batches, compare_batch
 from cmpsp_ros.cli import app
 

@@ -8,7 +8,7 @@ import pytest
 from benchmarks.verify.case import Program
 from benchmarks.verify.compare import compare
 from benchmarks.verify.contestant import contestant
-from benchmarks.verify.families import FAMILIES, cases
+from benchmarks.verify.programs.families import FAMILIES, cases
 from benchmarks.verify.references import Verdict
 from benchmarks.verify.run import verify_case
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Row

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from benchmarks.errors import BenchError
-from benchmarks.verify import clarabel_reference, degenerate, infeasible
+from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Origin, Program
-from benchmarks.verify.families import FAMILIES, PROGRAMS_PER_SEED, SHARES, case, cases
-from benchmarks.verify.general import random_program, row_values
-from benchmarks.verify.loop import subproblems
-from benchmarks.verify.scenario import draw_horizon, tangent
+from benchmarks.verify.programs import degenerate, infeasible
+from benchmarks.verify.programs.families import FAMILIES, PROGRAMS_PER_SEED, SHARES, case, cases
+from benchmarks.verify.programs.general import random_program, row_values
+from benchmarks.verify.programs.loop import subproblems
+from benchmarks.verify.programs.scenario import draw_horizon, tangent
 from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp import QPStatus
 

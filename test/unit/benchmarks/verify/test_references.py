@@ -8,10 +8,10 @@ import pytest
 
 from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Program
-from benchmarks.verify.families import cases
 from benchmarks.verify.feasibility import nearly_feasible, nearly_infeasible
-from benchmarks.verify.general import random_program
 from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
+from benchmarks.verify.programs.families import cases
+from benchmarks.verify.programs.general import random_program
 from benchmarks.verify.references import Verdict, references, verdict
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus
 from cmpsp_ros.mpsp.qp.dense import daqp_backend

@@ -7,7 +7,7 @@ from itertools import islice
 import pytest
 
 from benchmarks.errors import BenchError
-from benchmarks.verify.families import SHARES
+from benchmarks.verify.programs.families import SHARES
 from benchmarks.verify.report import lines, mismatches, to_json
 from benchmarks.verify.run import Batch, batches, compare_batch, verify, verify_case
 from cmpsp_ros.mpsp.errors import ProblemError

@@ -8,6 +8,7 @@ import pytest
 from scenarios import ROAD, closed_loop, settings
 
 from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -87,6 +88,18 @@ def dead_end(x, deep, wide=1.6):
 def test_a_dead_end_is_left_and_entered_where_it_is_open(obstacles):
     given = given_on(FLOOR, obstacles, final_time=14.0)
     assert_arrives_clear(closed_loop(given, START, steps=70), given)
+
+
+def test_a_way_that_leads_on_where_no_robot_can_follow_is_no_trap():
+    """Past the tip of a slanted wall, beside which station by station there is a gap."""
+    tip, corner, back, end = (-1.44, 0.33), (0.0, -0.92), (0.89, 0.12), (-0.53, 1.38)
+    sides = ((tip, corner), (corner, back), (back, end))
+    walls = tuple(Capsule(f'wall{i}', *side, 0.05) for i, side in enumerate(sides))
+    safe = Safety(margin=0.02)
+    given = given_on(
+        FLOOR, walls, goal=(-3.1, -6.82), final_time=15.2, robot_radius=0.1, safety=safe
+    )
+    assert_arrives_clear(closed_loop(given, (0.0, 0.0, -1.68), steps=76), given)
 
 
 def test_behind_walls_all_round_nothing_is_found():

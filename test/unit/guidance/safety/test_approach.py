@@ -11,11 +11,15 @@ from cmpsp_ros.guidance.decision import FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.safety.approach import Approach
+from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.studies.monte_carlo.driving import drive as drive_study
+from cmpsp_ros.studies.monte_carlo.driving import outcome
+from cmpsp_ros.studies.monte_carlo.study import Study
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
@@ -34,13 +38,17 @@ def given_with(time, acceleration=math.inf, margin=0.0, obstacles=(ROCK,)):
     return replace(given, robot=replace(given.robot, max_wheel_acceleration=acceleration))
 
 
+def approach(given):
+    return Approach(given, Audit(given))
+
+
 @pytest.mark.parametrize('speed', [0.5, 1.0, 1.7])
 @pytest.mark.parametrize('margin', [0.0, 0.05])
 @pytest.mark.parametrize('acceleration', [math.inf, 30.0])
 def test_the_speed_leaves_room_to_stop(speed, margin, acceleration):
     given = given_with(0.4, acceleration, margin)
     plan, start = plan_of(given, speed, steps=20), start_of(given, HERE)
-    found = Approach(given).contact(plan, start)
+    found = approach(given).contact(plan, start)
     assert found.name == 'obstacle rock'
     # At least: the arc that leads into it is not looked at closely.
     assert 1.2 - 0.2 * speed <= found.distance <= 1.2 + 1e-9
@@ -51,32 +59,32 @@ def test_the_speed_leaves_room_to_stop(speed, margin, acceleration):
 def test_a_clear_plan_meets_nothing():
     given = given_with(0.5, obstacles=(FIRST,))
     plan = plan_of(given, 0.3)
-    assert Approach(given).contact(plan, start_of(given, HERE)) is None
+    assert approach(given).contact(plan, start_of(given, HERE)) is None
 
 
 def test_what_the_robot_is_in_does_not_hold_it():
     """Off the road it is led back; it is what comes then that counts."""
     given = given_with(0.5)
     pose = np.array([0.0, -11.1, 0.0])
-    found = Approach(given).contact(plan_of(given, 1.0, pose), start_of(given, pose))
+    found = approach(given).contact(plan_of(given, 1.0, pose), start_of(given, pose))
     assert found is None
 
 
 def test_a_plan_is_slowed_down_along_its_path():
     given = given_with(0.5)
     plan, start = plan_of(given, 1.0), start_of(given, HERE)
-    slowed = Approach(given).slowed(plan, start, 0.25)
+    slowed = approach(given).slowed(plan, start, 0.25)
     np.testing.assert_allclose(slowed.controls, 0.25 * plan.controls)
     poses = given.robot.roll_out(HERE, slowed.controls, plan.horizon.durations)
     np.testing.assert_array_equal(slowed.poses, poses)
-    assert Approach(given).slowed(plan, start, 1.1) is None
+    assert approach(given).slowed(plan, start, 1.1) is None
 
 
 def test_no_faster_than_the_wheels_can():
     given = given_with(0.5, 10.0)
     plan = plan_of(given, 1.0)
     start = start_of(given, HERE, previous_control=plan.controls[0])
-    slowed = Approach(given).slowed(plan, start, 0.1)
+    slowed = approach(given).slowed(plan, start, 0.1)
     np.testing.assert_allclose(plan.controls[0] - slowed.controls[0], 2.0)
 
 
@@ -144,3 +152,16 @@ def test_far_away_nothing_is_slowed_down():
     law = GuidanceLaw(given)
     run = drive(law, given, [k * PERIOD for k in range(50)])
     assert not any('Slows' in each.reason for each in run.decisions)
+
+
+@pytest.mark.parametrize('number', [14, 43])
+def test_wheels_that_lag_as_much_as_they_may_touch_nothing(number):
+    """Without it, this heavy robot leaves the road by 14 cm and more."""
+    assert outcome(drive_study(Study('heavy').run(number))).clearance > 0.0
+    heedless = Study('heavy', assignments=('max_wheel_lag=0.0',))
+    assert outcome(drive_study(heedless.run(number))).clearance < -0.1
+
+
+def test_a_plan_that_is_slowed_for_lag_says_so():
+    decisions = drive_study(Study('heavy').run(14)).decisions
+    assert any('its wheels may lag.' in each.reason for each in decisions)

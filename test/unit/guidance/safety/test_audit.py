@@ -5,8 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import FIRST, SECOND, clearance, settings, start_of
+from scenarios import FIRST, PERIOD, SECOND, clearance, settings, start_of
 
+from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -217,3 +219,15 @@ def test_no_obstacles_and_a_single_step():
     assert verdict.passed
     assert verdict.margin == verdict.worst_margin
     assert verdict.nearest in {'the outer road edge', 'the inner road edge'}
+
+
+@pytest.mark.parametrize(('lag', 'clear'), [(0.05, True), (0.6, False)])
+def test_a_stop_that_wheels_which_lag_come_to_too_late(lag, clear):
+    """As modelled it is clear: the robot stands 0.3 m before the rock."""
+    given = accelerating(60.0, (Obstacle('rock', (1.6, -10.0), 0.3),))
+    held = np.array([40.0, 40.0])
+    start = start_of(given, HERE, previous_control=held)
+    plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(40, 40), np.zeros((6, 3)))
+    verdict = Audit(given).check(start, plan.controls, TIMES)
+    assert verdict.passed
+    assert Audit(given).is_clear_with_lag(start, plan, verdict.ramp, held, lag) == clear

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from benchmarks.verify.case import Draft, Program, Rng
 from benchmarks.verify.clarabel_reference import solve
-from benchmarks.verify.general import (
+from benchmarks.verify.programs.general import (
     Known,
     disturbed,
     random_penalties,
     random_program,
     row_values,
 )
-from benchmarks.verify.loop import subproblems
-from benchmarks.verify.scenario import ordinary, tangent
+from benchmarks.verify.programs.loop import subproblems
+from benchmarks.verify.programs.scenario import ordinary, tangent
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

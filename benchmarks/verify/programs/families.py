@@ -11,11 +11,11 @@ import numpy as np
 
 from benchmarks.errors import BenchError
 from benchmarks.verify.case import Case, Draft, Origin, Rng
-from benchmarks.verify.degenerate import degenerate
-from benchmarks.verify.general import general
-from benchmarks.verify.infeasible import infeasible
-from benchmarks.verify.loop import loops
-from benchmarks.verify.scenario import crowded, flat, ordinary
+from benchmarks.verify.programs.degenerate import degenerate
+from benchmarks.verify.programs.general import general
+from benchmarks.verify.programs.infeasible import infeasible
+from benchmarks.verify.programs.loop import loops
+from benchmarks.verify.programs.scenario import crowded, flat, ordinary
 
 PROGRAMS_PER_SEED: Final = 10
 

@@ -9,15 +9,15 @@ from typing import Final
 import numpy as np
 
 from benchmarks.verify.case import Draft, Rng
-from benchmarks.verify.degenerate import (
+from benchmarks.verify.programs.degenerate import (
     hard_and_relaxed,
     known_program,
     with_outputs,
     with_rows,
 )
-from benchmarks.verify.general import Known, row_values
-from benchmarks.verify.loop import loops
-from benchmarks.verify.scenario import blocked
+from benchmarks.verify.programs.general import Known, row_values
+from benchmarks.verify.programs.loop import loops
+from benchmarks.verify.programs.scenario import blocked
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 _BLOCKED = 0.5

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from benchmarks.verify.case import Draft, Program, Rng
 from benchmarks.verify.clarabel_reference import solve
-from benchmarks.verify.scenario import Maker, Scenario
+from benchmarks.verify.programs.scenario import Maker, Scenario
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS

@@ -1,0 +1,1 @@
+"""Families of random programs, on which back ends are verified."""

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
@@ -43,7 +43,7 @@ class LawState:
         progress: Arc length of the robot along the road, NaN if not needed [m].
         previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
         commanded_at: Time stamp that this command answers [ns].
-        slow_wheels: Wheel speeds by now if they lag as much as they may, shape ``(2,)``
+        slow_wheels: Wheel speeds by now, for each lag that they may have, shape ``(K, 2)``
             [rad/s].
         wheels_at: Time stamp of them [ns].
         ramp: Commands by which it can be stopped, audited; shape ``(K, 2)`` [rad/s].
@@ -71,7 +71,7 @@ class LawState:
     progress: float = math.nan
     previous_control: Array = field(default_factory=lambda: np.zeros(2))
     commanded_at: int = 0
-    slow_wheels: Array = field(default_factory=lambda: np.zeros(2))
+    slow_wheels: Array = field(default_factory=lambda: np.zeros((len(LAG_FRACTIONS), 2)))
     wheels_at: int = 0
     ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
@@ -96,10 +96,12 @@ class LawState:
 
     def advance_wheels(self, settings: GuidanceSettings, stamp: int) -> None:
         """Let wheels that lag follow the last command until an instant [ns]."""
-        lag, held = settings.max_lag, (stamp - self.wheels_at) / NANOSECONDS
+        held = (stamp - self.wheels_at) / NANOSECONDS
         self.wheels_at = stamp
-        if lag > 0.0 and held > 0.0:
-            with_lag(self.slow_wheels, self.pending.latest[None], np.array([held]), lag, 1)
+        if settings.max_lag > 0.0 and held > 0.0:
+            latest, durations = self.pending.latest[None], np.array([held])
+            for wheels, lag in zip(self.slow_wheels, settings.lags, strict=True):
+                with_lag(wheels, latest, durations, lag, 1)
 
     def begin_period(
         self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int

@@ -113,13 +113,12 @@ class Approach:
             verdict: Of it.
             start: Where it begins.
             pending: Verdict on the path to its beginning, if there is one.
-            wheels: Speeds of the wheels by now if they lag, shape ``(2,)`` [rad/s].
+            wheels: Speeds of the wheels by now, for each lag, shape ``(K, 2)`` [rad/s].
 
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        lag = self._settings.max_lag
-        if lag == 0.0:
+        if self._settings.max_lag == 0.0:
             return plan, verdict
         for fraction in _SPEEDS:
             slower, checked = plan, verdict
@@ -127,8 +126,9 @@ class Approach:
                 slower = self.scaled(plan, start, fraction)
                 durations = plan.horizon.durations
                 checked = self._audit.check(start, slower.controls, durations, pending)
-            if checked.passed and self._audit.is_clear_with_lag(
-                start, slower, checked.ramp, wheels, lag
+            if checked.passed and all(
+                self._audit.is_clear_with_lag(start, slower, checked.ramp, each, lag)
+                for each, lag in zip(wheels, self._settings.lags, strict=True)
             ):
                 return slower, checked
         return None

@@ -162,6 +162,30 @@ def test_wheels_that_lag_as_much_as_they_may_touch_nothing(number):
     assert outcome(drive_study(heedless.run(number))).clearance < -0.1
 
 
+@pytest.mark.parametrize('number', [86, 152, 174, 289, 396])
+def test_wheels_that_lag_by_less_than_they_may_touch_nothing(number):
+    """Clear with none and with all of the lag, these touched something by up to 4 cm."""
+    assert outcome(drive_study(Study('heavy').run(number))).clearance > 0.0
+
+
+def test_what_lies_between_the_paths_of_less_lag_and_more():
+    """It turns off to the right: at once in front of the rock, and late behind it."""
+    rock = Obstacle('rock', (0.456, -10.06), 0.03)
+    given = replace(given_with(0.5, 60.0, obstacles=(rock,)), max_lag=0.3)
+    wheels, plan = np.array([30.0, 20.0]), plan_of(given, 0.0)
+    plan = plan._replace(controls=np.tile([18.0, 30.0], (11, 1)))
+    start = start_of(given, HERE, previous_control=wheels)
+    audit = Audit(given)
+    verdict = audit.check(start, plan.controls, plan.horizon.durations)
+    assert verdict.passed
+    clear = [audit.is_clear_with_lag(start, plan, verdict.ramp, wheels, lag) for lag in given.lags]
+    assert clear == [True, False, True]
+    speeds = np.tile(wheels, (len(clear), 1))
+    assert approach(given).calmed(plan, verdict, start, None, speeds) is None
+    away = replace(given, obstacles=(FIRST,))
+    assert approach(away).calmed(plan, verdict, start, None, speeds)[0] is plan
+
+
 def test_a_plan_that_is_slowed_for_lag_says_so():
     decisions = drive_study(Study('heavy').run(14)).decisions
     assert any('its wheels may lag.' in each.reason for each in decisions)

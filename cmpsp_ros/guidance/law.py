@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance import decision_builder
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.late_commands import slowed_for_lateness
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
@@ -20,13 +21,12 @@ from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
-from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach
+from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
-from cmpsp_ros.guidance.safety.lateness import clear_fraction
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking, least_scale
+from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 
@@ -133,7 +133,7 @@ class GuidanceLaw:
                 decision = self._follow_late_plan(stamp, pose, context, late)
             else:
                 decision = self._decide(stamp, pose, context)
-        decision = self._slow_down(decision, here, start)
+        decision = slowed_for_lateness(self._audit, settings, state, decision, here, start)
         if state.step == 0:
             state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
             decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
@@ -206,16 +206,7 @@ class GuidanceLaw:
         Returns:
             What to record of it.
         """
-        state = self._state
-        held = state.previous_control = state.pending.take_back()
-        period, limit = self._settings.control_period, self._settings.max_wheel_change
-        if limit < math.inf:
-            # That of the command before is forgotten.
-            plan = np.stack([held, held])
-            state.ramp = braking(plan, np.array([period]), period, limit, along=False)
-        state.slip.lose()
-        state.lateness.add(took)
-        state.due = state.now + 1
+        self._state.take_back(self._settings, took)
         why = f'It took {took:.3g} s and was not sent, for it came too late.'
         return decision._replace(reason=f'{why} {decision.reason}', late=took)
 
@@ -264,7 +255,7 @@ class GuidanceLaw:
             # Before a moving obstacle it is not safe to wait.
             if not len(start.moving):
                 why, state.idle_steps = reason_to_wait(state.idle_steps, road, context, selected)
-            ahead = self._contact(plan, start, verdict)
+            ahead = self._approach.contact(plan, start, verdict.worst_margin)
             if not why and ahead is not None and ahead.speed < STANDSTILL:
                 why = f'The robot stops: {ahead}'
             if why:
@@ -281,47 +272,34 @@ class GuidanceLaw:
             level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
-            ahead = self._contact(plan, start, verdict)
-        # It is improved as it is: who slows it down may be wrong about what it leads into.
+            ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        # It is improved as it is: what slows it down may be wrong about what it leads into.
         state.plan = plan
-        slowed = None if ahead is None else self._approach.slowed(plan, start, ahead.speed)
-        if slowed is not None:
-            checked = self._audit.check(
-                start, slowed.controls, slowed.horizon.durations, context.pending
-            )
-            if checked.passed:
-                plan, verdict = slowed, checked
-                speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
-                reason += f' Slows down to {speed:.3g} m/s: {ahead}'
-        calm = self._approach.calmed(plan, verdict, start, context.pending, state.slow_wheels)
-        if calm is None:
-            self._drop_plan_after_failures()
+        self._drop_plan_after_failures()
+        wheels = state.slow_wheels
+        limited = self._approach.limited(plan, verdict, ahead, start, context.pending, wheels)
+        if limited is None:
             why = 'The robot stops: if its wheels lag, no speed is clear.'
             return self._stop(stamp, pose, f'{why} {reason}', result, moving=start.moving)
-        if calm[0] is not plan:
-            plan, verdict = calm
-            speed = abs(float(self._settings.robot.twist(plan.controls[0])[0]))
-            reason += f' Slowed to {speed:.3g} m/s: its wheels may lag.'
-        state.follow(plan, verdict)
-        self._drop_plan_after_failures()
-        return decision_builder.follow(
-            state,
-            stamp,
-            level,
-            reason,
-            plan,
-            verdict,
-            self._settings.robot,
-            errors,
-            result,
-            self._selector.phases,
-        )
+        plan, verdict, remark = limited
+        return self._follow(stamp, level, reason + remark, plan, verdict, errors, result)
 
-    def _contact(self, plan: Plan, start: PlanStart, verdict: Verdict) -> Contact | None:
-        """What a plan leads into, where it does."""
-        if verdict.worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
-            return None
-        return self._approach.contact(plan, start)
+    def _follow(
+        self,
+        stamp: int,
+        level: FallbackLevel,
+        reason: str,
+        plan: Plan,
+        verdict: Verdict,
+        errors: tuple[float, float | None],
+        result: SolveResult | None = None,
+    ) -> Decision:
+        self._state.follow(plan, verdict)
+        phases = UNTIMED if result is None else self._selector.phases
+        robot = self._settings.robot
+        return decision_builder.follow(
+            self._state, stamp, level, reason, plan, verdict, robot, errors, result, phases
+        )
 
     def _follow_late_plan(
         self, stamp: int, pose: Array, context: PlanningContext, late: float
@@ -341,35 +319,10 @@ class GuidanceLaw:
             state.plan, state.waiting = None, context.plan
             reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
             return self._stop(stamp, pose, reason, moving=context.start.moving)
-        state.plan, verdict = shifted
-        state.follow(*shifted)
+        state.plan = shifted[0]
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
-        level, robot = FallbackLevel.SHIFTED, self._settings.robot
-        return decision_builder.follow(
-            state, stamp, level, reason, state.plan, verdict, robot, errors
-        )
-
-    def _slow_down(self, decision: Decision, here: PlanStart, start: PlanStart) -> Decision:
-        """The same more slowly, where a command that is late would not find the path clear."""
-        state, settings = self._state, self._settings
-        latest = max(state.lateness.expected, settings.max_command_delay)
-        plan, limit = decision.plan, settings.max_wheel_change
-        if plan is None or latest <= settings.command_delay:
-            return decision
-        next_step = (state.due - state.now) / NANOSECONDS
-        fraction = clear_fraction(
-            self._audit, here, state.pending.latest, decision.wheel_speeds, next_step, latest
-        )
-        fraction = max(fraction, least_scale(decision.wheel_speeds, state.pending.latest, limit))
-        if fraction == 1.0:
-            return decision
-        controls = state.previous_control = fraction * decision.wheel_speeds
-        checked = self._audit.check(start, fraction * plan.controls, plan.horizon.durations)
-        state.ramp = checked.ramp if checked.passed else fraction * state.ramp
-        reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
-        twist = self._settings.robot.twist(controls)
-        return decision._replace(wheel_speeds=controls, twist=twist, reason=reason)
+        return self._follow(stamp, FallbackLevel.SHIFTED, reason, *shifted, errors)
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon
@@ -399,9 +352,7 @@ class GuidanceLaw:
             return self._stop(stamp, pose, reason, moving=start.moving)
         reason = 'The plan goes on: a new command comes too late to change its end.'
         errors = context.goal.errors(plan.poses[-1])
-        state.follow(*shifted)
-        level, robot = FallbackLevel.NOMINAL, self._settings.robot
-        return decision_builder.follow(state, stamp, level, reason, *shifted, robot, errors)
+        return self._follow(stamp, FallbackLevel.NOMINAL, reason, *shifted, errors)
 
     def _decide_in_time(self, start: PlanStart, plan: Plan | None, last: int) -> None:
         """Decide once more if the last command on the way to a goal may not outlast its time.
@@ -436,11 +387,7 @@ class GuidanceLaw:
         **flags: bool,
     ) -> Decision:
         state, settings = self._state, self._settings
-        # A stop by the clock and the next odometry may come at once: that is one command.
-        if not len(state.ramp):
-            state.previous_control = np.zeros(2)
-        elif stamp - state.commanded_at >= self._period // 2:
-            state.previous_control, state.ramp = state.ramp[0], state.ramp[1:]
+        state.brake(stamp, self._period)
         twist = settings.robot.twist(state.previous_control)
         if np.any(twist) and 'halted' not in flags:
             reason += f' It brakes to {abs(twist[0]):.3g} m/s.'

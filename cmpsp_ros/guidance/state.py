@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
-from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
@@ -93,6 +93,31 @@ class LawState:
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
         self.previous_control, self.ramp = plan.controls[0], verdict.ramp
+
+    def brake(self, stamp: int, period: int) -> None:
+        """Give the next command of the ramp; one at rest or without a ramp stops at once.
+
+        Args:
+            stamp: Time stamp that it answers [ns]. A stop by the clock and the next odometry may
+                come at once: that is one command.
+            period: Control period [ns].
+        """
+        if not len(self.ramp):
+            self.previous_control = np.zeros(2)
+        elif stamp - self.commanded_at >= period // 2:
+            self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
+
+    def take_back(self, settings: GuidanceSettings, took: float) -> None:
+        """Take back the last command, which was not sent since it took so long [s]."""
+        held = self.previous_control = self.pending.take_back()
+        period, limit = settings.control_period, settings.max_wheel_change
+        if limit < math.inf:
+            # The ramp of the command before is forgotten.
+            plan = np.stack([held, held])
+            self.ramp = braking(plan, np.array([period]), period, limit, along=False)
+        self.slip.lose()
+        self.lateness.add(took)
+        self.due = self.now + 1
 
     def advance_wheels(self, settings: GuidanceSettings, stamp: int) -> None:
         """Let wheels that lag follow the last command until an instant [ns]."""

@@ -59,11 +59,20 @@ class Approach:
         names = (f'obstacle {each.name}' for each in settings.obstacles)
         self._names = (*settings.road.edge_names, *names)
 
-    def contact(self, plan: Plan, start: PlanStart) -> Contact | None:
+    def contact(
+        self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
+    ) -> Contact | None:
         """What a plan leads into first, if anything that stands; but for what it begins in.
 
         Where it takes the wheels a while to stop, that is part of the plan.
+
+        Args:
+            plan: The plan.
+            start: Where it begins.
+            worst_margin: Its least clearance, where it is known [m].
         """
+        if worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
+            return None
         controls, durations = self._to_rest(plan)
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
@@ -81,6 +90,46 @@ class Approach:
         lengths = np.abs(twists[:step, 0]) * durations[:step]
         distance = float(lengths.sum()) + max(float(before), 0.0)
         return Contact(self._names[what], distance, self._speed(distance, float(durations[0])))
+
+    def limited(
+        self,
+        plan: Plan,
+        verdict: Verdict,
+        ahead: Contact | None,
+        start: PlanStart,
+        pending: Verdict | None,
+        wheels: Array,
+    ) -> tuple[Plan, Verdict, str] | None:
+        """A plan no faster than is safe before what it leads into, and if the wheels lag.
+
+        Args:
+            plan: One that has passed its audit.
+            verdict: Of it.
+            ahead: What it leads into.
+            start: Where it begins.
+            pending: As of `calmed`.
+            wheels: As of `calmed`.
+
+        Returns:
+            It, its verdict and a remark for the reason; None where no speed is safe.
+        """
+        remark = ''
+        slowed = None if ahead is None else self.slowed(plan, start, ahead.speed)
+        if slowed is not None:
+            durations = slowed.horizon.durations
+            checked = self._audit.check(start, slowed.controls, durations, pending)
+            if checked.passed:
+                plan, verdict = slowed, checked
+                remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
+        calm = self.calmed(plan, verdict, start, pending, wheels)
+        if calm is None:
+            return None
+        if calm[0] is not plan:
+            remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: its wheels may lag.'
+        return (*calm, remark)
+
+    def _speed_of(self, plan: Plan) -> float:
+        return abs(float(self._settings.robot.twist(plan.controls[0])[0]))
 
     def slowed(self, plan: Plan, start: PlanStart, speed: float) -> Plan | None:
         """A plan with all its commands scaled alike to a speed, as far as the wheels can follow.

@@ -51,6 +51,8 @@ _CLEARANCE = 0.08
 _CLEARANCE_FRACTION = 0.25
 # Cost of a path that is too long for the time left, for every metre too much [m^2].
 _TOO_LONG = 100.0
+# A path on a grid is longer than it need be by less than this.
+_ROUGHLY = 1.1
 
 
 @dataclass(frozen=True)
@@ -147,9 +149,9 @@ def guide_paths(
 def searched_paths(
     settings: GuidanceSettings, space: FreeSpace, start: PlanStart, target: Target, durations: Array
 ) -> list[GuidePath]:
-    """The path out of a dead end, or into one, if there is any; arguments as of `guide_paths`.
+    """The path out of a dead end, or into one, if there is any that the time is enough for.
 
-    In polar coordinates none is searched.
+    In polar coordinates none is searched. Arguments as of `guide_paths`.
     """
     frame = road_frame(settings, start, target)
     if frame.polar:
@@ -158,6 +160,8 @@ def searched_paths(
     if len(points) < 2:
         return []
     line, profile = frame_along(points), np.zeros(len(points))
+    if line.length > _ROUGHLY * start.robot.max_speed * float(durations.sum()):
+        return []
     poses = np.column_stack([points, np.zeros(len(points))])
     homotopy_class = class_of(frame, space.centers, poses)
     guess = follow_profile(settings, start, durations, line, profile)

@@ -120,7 +120,7 @@ def course_with_a_wall(**changes):
 
 @pytest.mark.parametrize(
     'plant',
-    [{'wheel_lag': 0.1}, {'wheel_lag': 0.2}, {'plant': 'mujoco'}],
+    [{'wheel_lag': 0.1}, {'wheel_lag': 0.2, 'safety.margin': 0.05}, {'plant': 'mujoco'}],
     ids=['lag 0.1', 'lag 0.2', 'mujoco'],
 )
 @pytest.mark.parametrize('acceleration', [0.0, 60.0])

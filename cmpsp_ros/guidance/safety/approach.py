@@ -7,6 +7,7 @@ robot that is heavier than its model is beyond that arc before it stands.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -22,6 +23,10 @@ from cmpsp_ros.world.free_space import FreeSpace
 Array = NDArray[np.float64]
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
+
+_OF_MARGIN: Final = 0.2
+"""Part of `safety.margin` that wheels which lag must keep: lags between those tried may lead a
+little nearer to something."""
 
 STANDSTILL: Final = 0.02
 """Speed below which the robot may as well stand [m/s]."""
@@ -55,6 +60,8 @@ class Approach:
             audit: What a plan that is slowed down must pass.
         """
         self._settings, self._audit = settings, audit
+        part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
+        self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
         self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         names = (f'obstacle {each.name}' for each in settings.obstacles)
         self._names = (*settings.road.edge_names, *names)
@@ -176,7 +183,7 @@ class Approach:
                 durations = plan.horizon.durations
                 checked = self._audit.check(start, slower.controls, durations, pending)
             if checked.passed and all(
-                self._audit.is_clear_with_lag(start, slower, checked.ramp, each, lag)
+                self._lag_audit.is_clear_with_lag(start, slower, checked.ramp, each, lag)
                 for each, lag in zip(wheels, self._settings.lags, strict=True)
             ):
                 return slower, checked

@@ -162,10 +162,12 @@ def test_wheels_that_lag_as_much_as_they_may_touch_nothing(number):
     assert outcome(drive_study(heedless.run(number))).clearance < -0.1
 
 
-@pytest.mark.parametrize('number', [86, 152, 174, 289, 396])
-def test_wheels_that_lag_by_less_than_they_may_touch_nothing(number):
-    """Clear with none and with all of the lag, these touched something by up to 4 cm."""
-    assert outcome(drive_study(Study('heavy').run(number))).clearance > 0.0
+@pytest.mark.parametrize(
+    ('seed', 'number'), [*((1, each) for each in (86, 152, 174, 289, 396)), (2, 79), (2, 683)]
+)
+def test_wheels_that_lag_by_less_than_they_may_touch_nothing(seed, number):
+    """With all of the lag or none alone, they touch something by up to 4 cm; 1 mm with thirds."""
+    assert outcome(drive_study(Study('heavy', seed).run(number))).clearance > 0.0
 
 
 def test_what_lies_between_the_paths_of_less_lag_and_more():

@@ -16,7 +16,8 @@ from benchmarks.families.task import Task
 from benchmarks.methods.peers import peers
 from benchmarks.quiet import collector_off, unheard
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 

@@ -11,7 +11,8 @@ from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance import decision_builder
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NEVER, Horizon, remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NEVER, Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.late_commands import slowed_for_lateness
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings

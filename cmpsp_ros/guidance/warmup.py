@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road

@@ -387,7 +387,7 @@ def test_memory_and_custom_data(record, bag):
     resident = int(status.split('VmRSS:')[1].split()[0])
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0
-    assert resident < 150_000, 'kB'
+    assert resident < 110_000, 'kB'
     with Reader(bag) as reader:
         custom = reader.storage.metadata.custom
     assert json.loads(custom['cmpsp_ros.parameters'])['/recorder']['discovery_period'] == 0.1

@@ -14,7 +14,8 @@ from benchmarks.verify.programs.scenario import Maker, Scenario
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.horizon import Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings

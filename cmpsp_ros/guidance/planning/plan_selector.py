@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.guesses import Guesses

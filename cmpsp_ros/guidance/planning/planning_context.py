@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
-from cmpsp_ros.guidance.horizon import Horizon, shift
+from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import AT_REST, PlanStart

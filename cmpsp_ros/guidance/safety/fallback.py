@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon, shift
+from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
+from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings

@@ -20,7 +20,8 @@ from scenarios import (
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import remaining, to_nanoseconds
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining, shift
 
 unhurried = hypothesis_settings(deadline=None)
 PERIOD = 200_000_000

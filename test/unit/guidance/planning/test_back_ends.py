@@ -8,7 +8,8 @@ from general_iteration import improve
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, settings, start_of
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import SolverSettings, Weights

@@ -24,7 +24,7 @@ from scenarios import (
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining, shift
+from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths

@@ -7,7 +7,7 @@ import pytest
 from scenarios import CASES, FIRST, PERIOD, ROAD, START, context_of, settings, start_of
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.settings import SolverSettings, Weights

@@ -16,7 +16,7 @@ from scenarios import (
 )
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import remaining
+from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Ranking, Score

@@ -175,7 +175,7 @@ def test_integers_for_doubles_empty_lists_and_keys_of_the_guidance_are_taken(
         client.parameter_client(DescribeParameters, 'describe_parameters'),
         DescribeParameters.Request(names=names),
     )
-    assert described.descriptors[0].description.startswith('Odometry messages in a second')
+    assert described.descriptors[0].description.startswith('Odometry messages per second')
     assert 'a number > 0' in described.descriptors[0].additional_constraints
 
 

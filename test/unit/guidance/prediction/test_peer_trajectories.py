@@ -126,8 +126,10 @@ def test_where_a_plan_leads_at_an_instant():
 def meeting(offset):
     """Two robots on one road, in opposite senses."""
     names = ['/r1', '/r2']
-    here = replace(among(WIDE, names, RADIUS), goal=(10.0, 0.0))
-    there = replace(among(WIDE, names, RADIUS), goal=(0.0, -10.0))
+    given = among(WIDE, names, RADIUS)
+    # With less work for a step they plan fewer ways past each other.
+    given = replace(given, solver=replace(given.solver, work_rate=6e7))
+    here, there = replace(given, goal=(10.0, 0.0)), replace(given, goal=(0.0, -10.0))
     return [
         Robot('/r1', here, (0.0, -10.0, 0.0)),
         Robot('/r2', there, (10.0, 0.0, -math.pi / 2), offset),
@@ -160,7 +162,7 @@ def test_two_that_meet_on_a_road_pass_each_other(offset, late):
     robots = meeting(offset)
     least, _ = drive(robots, 11.0, late)
     assert_arrived(robots)
-    assert least > 0.05
+    assert least > 0.1
 
 
 def test_without_knowing_of_each_other_they_would_collide():

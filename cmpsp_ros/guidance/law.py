@@ -270,7 +270,7 @@ class GuidanceLaw:
                 state.idle_steps = PATIENCE
                 self._drop_plan_after_failures()
                 return self._stop(stamp, pose, reason, result, moving=start.moving)
-            level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
+            level, (plan, verdict) = FallbackLevel.PREVIOUS_PLAN, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
@@ -323,7 +323,7 @@ class GuidanceLaw:
         state.plan = shifted[0]
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
-        return self._follow(stamp, FallbackLevel.SHIFTED, reason, *shifted, errors)
+        return self._follow(stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors)
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon
@@ -376,7 +376,7 @@ class GuidanceLaw:
         reason, missed = decision_builder.ending(state, self._settings, passed)
         decision = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
         error, heading_error = state.goals.target.errors(passed)
-        return decision._replace(miss=error, heading_miss=heading_error)
+        return decision._replace(terminal_error=error, heading_error=heading_error)
 
     def _stop(
         self,

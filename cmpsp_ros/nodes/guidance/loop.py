@@ -290,10 +290,10 @@ class GuidanceLoop:
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision, self._pose)
         before = self.decision
-        if before is None or (decision.rung, decision.missed) != (before.rung, before.missed):
-            said = f'{decision.rung.name.lower()}: {decision.reason}'
+        if before is None or (decision.level, decision.missed) != (before.level, before.missed):
+            said = f'{decision.level.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
-            if decision.rung == FallbackLevel.NOMINAL or decision.finished:
+            if decision.level == FallbackLevel.NOMINAL or decision.finished:
                 self._node.get_logger().info(said)
             else:
                 self._node.get_logger().warning(said)

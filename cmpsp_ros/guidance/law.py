@@ -135,13 +135,25 @@ class GuidanceLaw:
             else:
                 decision = self._decide(stamp, pose, context)
         decision = slowed_for_lateness(self._audit, settings, state, decision, here, start)
-        if state.step == 0:
-            state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
-            decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
         self._decide_in_time(start, decision.plan, last)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
+
+    def foretell(self, decision: Decision, pose: Array) -> Decision:
+        """Add to the first decision of a run what no plan of it can do.
+
+        It may take as long as a control step: the command should be out before.
+
+        Args:
+            decision: Of `update`.
+            pose: What it decided on, shape ``(3,)`` [m, m, rad].
+        """
+        if decision.step > 0 or decision.finished:
+            return decision
+        warnings = infeasibility_warnings(self.task, (pose[0], pose[1]))
+        foretold = self._state.foretold = tuple(warnings)
+        return decision._replace(reason=' '.join([decision.reason, *foretold]))
 
     @property
     def foretold(self) -> tuple[str, ...]:

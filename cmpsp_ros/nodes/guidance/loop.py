@@ -200,13 +200,14 @@ class GuidanceLoop:
             self._node.get_logger().warning(decision.reason)
         else:
             self._outputs.command(decision)
+        self._expect_end(decision, now)
+        step_ms = (time.perf_counter_ns() - began) / 1e6
+        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
+        decision = self._law.foretell(decision, pose)
         if not self._begun:
             for each in self._law.foretold:
                 self._node.get_logger().warning(each)
         self._begun = True
-        self._expect_end(decision, now)
-        step_ms = (time.perf_counter_ns() - began) / 1e6
-        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))

@@ -200,11 +200,20 @@ def shortest_way(start, goal, inner):
     return first + bend + last
 
 
+def test_what_no_plan_can_do_is_foretold_behind_the_first_command():
+    law, pose = GuidanceLaw(replace(EMPTY, final_time=5.0)), np.array(START)
+    first = law.update(0, pose)
+    assert law.foretold == ()
+    assert law.foretell(first, pose).reason == f'{first.reason} {law.foretold[0]}'
+    assert law.foretold[0].startswith('The goal is out of reach by ')
+    second = law.update(PERIOD, pose)
+    assert law.foretell(second, pose) is second
+
+
 def test_goal_out_of_reach(fault):
     given = replace(EMPTY, final_time=5.0)
     run = closed_loop(given, steps=25)
-    assert 'The goal is out of reach by' in run.moves[0].reason
-    for decision in run.moves[1:]:
+    for decision in run.moves:
         assert_is(fault, decision)
         assert f'ends {decision.terminal_error:.3g} m from the goal.' in decision.reason
     assert_safe(run, given)
@@ -217,8 +226,9 @@ def test_goal_out_of_reach(fault):
 
 def test_wheels_too_slow(fault):
     given = settings((FIRST, SECOND), 5.0, ROAD)
+    law, pose = GuidanceLaw(given), np.array(START)
+    assert_is(fault, law.foretell(law.update(0, pose), pose))
     run = closed_loop(given)
-    assert_is(fault, run.moves[0])
     assert_safe(run, given)
     driven = math.dist(run.pose[:2], START[:2])
     assert driven > 0.9 * 5.0 * 0.035 * 10.0, 'it drives for all the time that it has'

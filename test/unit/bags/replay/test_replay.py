@@ -42,6 +42,16 @@ def test_a_run_with_every_fault_is_identical(faulty):
     assert outcome.skipped == 0
 
 
+def test_what_no_plan_can_do_is_foretold_again(drive, bag):
+    with drive(final_time=5.0) as run:
+        run.go(0.5)
+    first, second = run.decisions[:2]
+    assert 'The goal is out of reach by ' in first.reason
+    assert 'out of reach' not in second.reason
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+
+
 @pytest.mark.parametrize('seconds', [0.26, 0.8])
 def test_a_computer_that_is_late_is_replayed_as_it_was(drive, bag, seconds):
     with drive() as run:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.parameters.courses.maps import NAME, NONE, map_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
@@ -20,13 +21,16 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
-    """The obstacles that stand still.
+    """The obstacles that stand still, the map among them.
 
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
-            or its vertices make no convex polygon; names the key, and the vertex.
+            or its vertices make no convex polygon, or the map is none; names the key, and the
+            vertex.
     """
-    return tuple(_obstacle(values, name) for name in values['obstacles.names'])
+    obstacles = tuple(_obstacle(values, name) for name in values['obstacles.names'])
+    known = map_of(values)
+    return obstacles if known is None else (*obstacles, known)
 
 
 def obstacle_problems(values: Values) -> Iterator[Problem]:
@@ -36,6 +40,12 @@ def obstacle_problems(values: Values) -> Iterator[Problem]:
             _obstacle(values, name)
         except ParameterError as error:
             yield from error.problems
+        if name == NAME and values['map.cells'] != NONE:
+            yield Problem('obstacles.names', repr(name), 'another name: it is that of the map')
+    try:
+        map_of(values)
+    except ParameterError as error:
+        yield from error.problems
 
 
 def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:

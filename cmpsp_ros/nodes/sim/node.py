@@ -31,6 +31,7 @@ from cmpsp_ros.nodes.common.topics import (
 )
 from cmpsp_ros.nodes.sim.moving_obstacles import Traffic, cloud_of
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
+from cmpsp_ros.nodes.sim.scanner import Scanner
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
@@ -85,6 +86,7 @@ class SimNode(Node):
         self.period_ns = round(_NS / settings.odom_rate)
         self.next_ns = 0 if has_clock else time.time_ns()
         self.plant = Plant(settings, self.next_ns)
+        self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
             SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
@@ -132,7 +134,8 @@ class SimNode(Node):
     def publish(self, message: Odometry | None) -> None:
         """Publish odometry of this instant if it is not lost.
 
-        Time and what moves come before it, for who decides on it must know them; the truth after.
+        Time, what moves and scans come before it, for who decides on it must know them; the truth
+        after.
         """
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
@@ -140,10 +143,12 @@ class SimNode(Node):
         if self._moving is not None:
             tracks = self._traffic.at(stamp_ns)
             self._moving.publish(cloud_of(tracks, stamp_ns, self.values['frame_id']))
+        if self._scanner is not None:
+            self._scanner.publish(stamp_ns)
         if message is not None:
             self.odometry.publish(message)
             if self._transforms is not None:
-                self._transforms.publish(TFMessage(transforms=[_transform(message)]))
+                self._transforms.publish(TFMessage(transforms=self._transforms_of(message)))
         self._publish_truth(self.plant.motion)
 
     def _tell_road(self) -> None:
@@ -151,8 +156,11 @@ class SimNode(Node):
             self._road.publish(path_of(self.values))
 
     def _drive_to(self, stamp_ns: int) -> None:
-        for change in self.plant.advance(stamp_ns):
+        changes = self.plant.advance(stamp_ns)
+        for change in changes:
             self._publish_truth(change)
+        if self._scanner is not None:
+            self._scanner.note(*changes, self.plant.motion)
 
     def _publish_truth(self, motion: Motion) -> None:
         # Nobody but who records or looks on listens, and it would be half of this node's work.
@@ -176,6 +184,12 @@ class SimNode(Node):
         message.twist.twist.linear.x, message.twist.twist.angular.z = twist.tolist()
         return message
 
+    def _transforms_of(self, message: Odometry) -> list[TransformStamped]:
+        transforms = [_transform(message)]
+        if self._scanner is not None:
+            transforms.append(self._scanner.transform(message.header.stamp, _BASE))
+        return transforms
+
     def _on_stamped(self, message: TwistStamped) -> None:
         self._pace.hear(message.twist, Time.from_msg(message.header.stamp).nanoseconds)
 
@@ -183,6 +197,8 @@ class SimNode(Node):
         self._pace.before_reset()
         self.plant.reset()
         self._traffic.reset()
+        if self._scanner is not None:
+            self._scanner.reset(self.plant.motion)
         self._publish_truth(self.plant.motion)
         self._pace.after_reset()
         response.success = True
@@ -198,6 +214,9 @@ class SimNode(Node):
         self._pace.before_reset()
         self.plant.reconfigure(plant_settings(values))
         before, self.values = self.values, values
+        if self._scanner is not None:
+            self._scanner.look_around(values)
+            self._scanner.note(self.plant.motion)
         if any(values[key] != before[key] for key in ('road.points', 'road.closed')):
             self._tell_road()
         return SetParametersResult(successful=True)

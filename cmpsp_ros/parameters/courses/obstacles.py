@@ -19,21 +19,25 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 """What says where an obstacle of each type is."""
 
 
-def obstacles_of(values: Values) -> tuple[Shape, ...]:
+def obstacles_of(values: Values, where: str = 'obstacles') -> tuple[Shape, ...]:
     """The obstacles that stand still.
+
+    Args:
+        values: A set resolved by the table.
+        where: Key of the section that has them.
 
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
             or its vertices make no convex polygon; names the key, and the vertex.
     """
-    return tuple(_obstacle(values, name) for name in values['obstacles.names'])
+    return tuple(_obstacle(values, f'{where}.{name}') for name in values[f'{where}.names'])
 
 
-def obstacle_problems(values: Values) -> Iterator[Problem]:
-    """What is wrong with each obstacle."""
-    for name in values['obstacles.names']:
+def obstacle_problems(values: Values, where: str = 'obstacles') -> Iterator[Problem]:
+    """What is wrong with each obstacle of a section."""
+    for name in values[f'{where}.names']:
         try:
-            _obstacle(values, name)
+            _obstacle(values, f'{where}.{name}')
         except ParameterError as error:
             yield from error.problems
 
@@ -63,8 +67,8 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
             yield Problem(key, found, wanted)
 
 
-def _obstacle(values: Values, name: str) -> Shape:
-    prefix = f'obstacles.{name}'
+def _obstacle(values: Values, prefix: str) -> Shape:
+    name = prefix.rpartition('.')[2]
     kind = values[f'{prefix}.type']
     problems = list(_block_problems(values, prefix, kind))
     if problems:

@@ -23,29 +23,41 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
     """The obstacles that stand still, the map among them.
 
+    Args:
+        values: A set resolved by the table.
+
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
             or its vertices make no convex polygon, or the map is none; names the key, and the
             vertex.
     """
-    obstacles = tuple(_obstacle(values, name) for name in values['obstacles.names'])
     known = map_of(values)
-    return obstacles if known is None else (*obstacles, known)
+    return shapes_of(values, 'obstacles') + (() if known is None else (known,))
+
+
+def shapes_of(values: Values, where: str) -> tuple[Shape, ...]:
+    """The shapes of a section, such as `obstacles`; arguments and errors as of `obstacles_of`."""
+    return tuple(_obstacle(values, f'{where}.{name}') for name in values[f'{where}.names'])
 
 
 def obstacle_problems(values: Values) -> Iterator[Problem]:
-    """What is wrong with each obstacle."""
-    for name in values['obstacles.names']:
-        try:
-            _obstacle(values, name)
-        except ParameterError as error:
-            yield from error.problems
-        if name == NAME and values['map.cells'] != NONE:
-            yield Problem('obstacles.names', repr(name), 'another name: it is that of the map')
+    """What is wrong with each obstacle, and with the map."""
+    yield from shape_problems(values, 'obstacles')
+    if NAME in values['obstacles.names'] and values['map.cells'] != NONE:
+        yield Problem('obstacles.names', repr(NAME), 'another name: it is that of the map')
     try:
         map_of(values)
     except ParameterError as error:
         yield from error.problems
+
+
+def shape_problems(values: Values, where: str) -> Iterator[Problem]:
+    """What is wrong with each shape of a section."""
+    for name in values[f'{where}.names']:
+        try:
+            _obstacle(values, f'{where}.{name}')
+        except ParameterError as error:
+            yield from error.problems
 
 
 def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:
@@ -73,8 +85,8 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
             yield Problem(key, found, wanted)
 
 
-def _obstacle(values: Values, name: str) -> Shape:
-    prefix = f'obstacles.{name}'
+def _obstacle(values: Values, prefix: str) -> Shape:
+    name = prefix.rpartition('.')[2]
     kind = values[f'{prefix}.type']
     problems = list(_block_problems(values, prefix, kind))
     if problems:

@@ -122,7 +122,7 @@ def _draw_way(axes: Axes, driven: Driven) -> None:
     for decision, end in _spans(driven.decisions):
         # One point more, so that what comes next begins where this ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
-        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.rung.name.lower()], lw=1.2)
+        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
@@ -143,7 +143,7 @@ def _draw_clearance(axes: Axes, driven: Driven) -> None:
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
     for level, color in LEVEL_COLORS.items():
-        there = [each.stamp for each in driven.decisions if each.rung.name.lower() == level]
+        there = [each.stamp for each in driven.decisions if each.level.name.lower() == level]
         if there:
             seconds = np.array(there) / NANOSECONDS
             axes.plot(seconds, [-0.02] * len(there), '|', color=color, label=level)

@@ -60,6 +60,10 @@ def _gains_enough(road: Road, context: PlanningContext, plan: Plan) -> bool:
     reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
     poses = np.ascontiguousarray(plan.poses[: soon + 1])
     along = np.abs(remaining_arc_length(road, poses, goal.position, goal.heading, start.progress))
+    if context.settings.has_map_line:
+        along = context.settings.map_lengths(poses[:, :2], goal.position)
+        if np.isfinite(along[0]):
+            return bool(along[0] - along.min() >= min(_WORTH_WHILE, _FRACTION * reach))
     straight = np.hypot(*(poses[:, :2] - goal.position).T)
     gain = float(max(along[0] - along.min(), straight[0] - straight.min()))
     return gain >= min(_WORTH_WHILE, _FRACTION * reach)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
@@ -53,6 +54,7 @@ class LawState:
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
+        closed_road: What closes the road to the present goal.
         foretold: What no plan of the run can do, in sentences.
     """
 
@@ -80,6 +82,7 @@ class LawState:
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
+    closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 
     @classmethod

@@ -105,7 +105,7 @@ def test_a_stop_is_the_ramp_that_was_audited():
         if len(run.decisions) == 20:
             ahead = np.arctan2(run.pose[1], run.pose[0]) + 0.26
             center = 10.0 * np.cos(ahead), 10.0 * np.sin(ahead)
-            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 1.05),)))
+            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 0.95),)))
 
     law = GuidanceLaw(given)
     run = drive(law, given, [k * PERIOD for k in range(40)], before=block)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.final_time import FinalTime
-from cmpsp_ros.guidance.commands.late_commands import slowed_for_lateness
+from cmpsp_ros.guidance.commands.late_commands import LateCommands
 from cmpsp_ros.guidance.commands.stopping import closed_ahead, reason_to_stop
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
@@ -61,6 +61,7 @@ class GuidanceLaw:
         self._approach = Approach(settings, self._audit)
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
+        self._late_commands = LateCommands(settings, self._audit, self._decisions)
         self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
@@ -111,6 +112,7 @@ class GuidanceLaw:
         state.advance_wheels(settings, stamp)
         start, pending = self._predict(stamp, pose, moving)
         here = PlanStart(pose, state.robot, moving, state.progress)
+        ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         if now >= goals.end:
@@ -129,7 +131,7 @@ class GuidanceLaw:
                 decision = self._follow_late_plan(stamp, pose, context, late)
             else:
                 decision = self._decide(stamp, pose, context)
-        decision = slowed_for_lateness(self._audit, settings, state, decision, here, start)
+        decision = self._late_commands.slowed(state, decision, here, start, ramp)
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
@@ -216,7 +218,7 @@ class GuidanceLaw:
         Returns:
             What to record of it.
         """
-        self._state.take_back(self._settings, took)
+        self._state.take_back(took)
         why = f'It took {took:.3g} s and was not sent, for it came too late.'
         return decision._replace(reason=f'{why} {decision.reason}', late=took)
 

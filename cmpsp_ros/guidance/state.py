@@ -18,7 +18,7 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
+from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
@@ -110,14 +110,10 @@ class LawState:
         elif stamp - self.commanded_at >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 
-    def take_back(self, settings: GuidanceSettings, took: float) -> None:
+    def take_back(self, took: float) -> None:
         """Take back the last command, which was not sent since it took so long [s]."""
-        held = self.previous_control = self.pending.take_back()
-        period, limit = settings.control_period, settings.max_wheel_change
-        if limit < math.inf:
-            # The ramp of the command before is forgotten.
-            plan = np.stack([held, held])
-            self.ramp = braking(plan, np.array([period]), period, limit, along=False)
+        # The ramp of the command before is forgotten.
+        self.previous_control, self.ramp = self.pending.take_back(), NO_RAMP
         self.slip.lose()
         self.lateness.add(took)
         self.due = self.now + 1

@@ -26,9 +26,12 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
-        'is in another frame.',
+        'Frame of road, obstacles, goals and odometry; what comes in another frame is looked up on '
+        '`/tf`.',
         **_FIXED)
+    yield task('robot_frame', _STRING, '', '',
+        "Frame of the robot's centre, midway between its wheels, where odometry is of another one: "
+        'looked up on `/tf`. Empty: the child frame of odometry.', **_FIXED, **guidance_only)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)

@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, PointCloud2
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -240,6 +240,15 @@ SIM_MOVING = Topic(
     PointCloud2,
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
     ' among the names, from 0',
+    depth=OF_A_RUN,
+)
+SIM_SCAN = Topic(
+    'sim',
+    'out',
+    'scan',
+    LaserScan,
+    'with `sim.scan.rate`: what a laser scanner sees, stamped as its first beam, just before the'
+    ' odometry that comes next',
     depth=OF_A_RUN,
 )
 SIM_ROAD = Topic(

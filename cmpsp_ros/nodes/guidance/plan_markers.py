@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.nodes.guidance.messages import set_stamp
 from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
+from cmpsp_ros.world.obstacles.shapes import outline_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -124,10 +124,9 @@ class PlanMarkers:
         settings = self._settings
         radius = track.radius + settings.moving_obstacles.growth * age
         radius += settings.robot_radius + settings.safety.margin
-        edge = outline(Obstacle(track.name, center, track.radius), radius)
         marker = Marker(ns=namespace, type=Marker.LINE_STRIP)
         marker.scale.x = _RING
-        marker.points = [Point(x=float(x), y=float(y)) for x, y in edge]
+        marker.points = [Point(x=float(x), y=float(y)) for x, y in outline_of([center], radius)]
         return marker
 
 

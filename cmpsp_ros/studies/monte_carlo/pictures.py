@@ -18,7 +18,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
 from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
 from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.world.obstacles.shapes import outlines
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -126,7 +126,7 @@ def _draw_way(axes: Axes, driven: Driven) -> None:
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
-    boxes = [outline(each, each.radius) for each in shapes]
+    boxes = [line for each in shapes for line in outlines(each, each.radius)]
     show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 

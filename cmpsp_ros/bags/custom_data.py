@@ -1,4 +1,4 @@
-"""What is kept with a bag beside its messages, and which software wrote it."""
+"""Data kept with a bag beside its messages: parameters and software versions."""
 
 from __future__ import annotations
 

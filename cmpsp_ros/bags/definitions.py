@@ -1,4 +1,4 @@
-"""Message types of a bag: those of ROS 2 Jazzy, and what the bag itself defines."""
+"""Message types of a bag: those of ROS 2 Jazzy, and those that the bag defines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values of parameters as messages hold them."""
+"""Conversion of parameter values to and from messages."""
 
 from __future__ import annotations
 

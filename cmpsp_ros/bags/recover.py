@@ -1,4 +1,4 @@
-"""A whole bag out of what a killed process or a loss of power left behind."""
+"""A valid bag from the files of a killed process or after a loss of power."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SUFFIXES = ('.mcap', '.db3')
 
 @dataclass(frozen=True)
 class Recovery:
-    """What has been recovered.
+    """Result of a recovery.
 
     Attributes:
         path: The new bag.

@@ -1,4 +1,4 @@
-"""Several robots at once: each with its own simulator and guidance, all in one bag."""
+"""Several robots: each with its own simulator and guidance, all in one bag."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from cmpsp_ros.parameters.presets import write_fleet_file
 
 @dataclass(frozen=True)
 class Robot:
-    """What the run of one robot of several came to.
+    """Result of the run of one robot of several.
 
     Attributes:
         namespace: Of the robot.
         summary: Figures of its run.
-        apart: Least distance of its footprint from any other robot's until its final time, between
-            samples too [m].
+        apart: Least distance of its footprint from any other robot's until its final time, also
+            between samples [m].
     """
 
     namespace: str

@@ -1,4 +1,4 @@
-"""Picture of a run of several robots: their paths, and where they were nearest to each other."""
+"""Picture of a run of several robots: their paths, and their closest approach."""
 
 from __future__ import annotations
 

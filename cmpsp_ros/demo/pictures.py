@@ -1,4 +1,4 @@
-"""Pictures of a run: the path on its road, and the wheel speeds in time."""
+"""Pictures of a run: the path on its road, and the wheel speeds over time."""
 
 from __future__ import annotations
 

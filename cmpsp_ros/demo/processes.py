@@ -1,4 +1,4 @@
-"""The nodes of a run as operating-system processes on a domain of their own."""
+"""The nodes of a run as operating-system processes in their own ROS domain."""
 
 from __future__ import annotations
 
@@ -82,9 +82,10 @@ class Child:
     """A node running as a process.
 
     Attributes:
-        name: Its program, of `cmpsp_ros.nodes.MODULES`, after the namespace where there is one.
+        name: Its program, of `cmpsp_ros.nodes.MODULES`, with the namespace before it if there is
+            one.
         process: The process.
-        log: File with everything it said.
+        log: File with its output.
     """
 
     name: str

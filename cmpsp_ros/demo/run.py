@@ -1,7 +1,7 @@
-"""One run: start simulator, guidance and recorder, watch them, stop them, sum up.
+"""One run: start simulator, guidance and recorder, monitor and stop them, summarise.
 
-The nodes take a second to start: what watches them is imported after they were started, and what
-sums up while they get ready.
+The nodes take a second to start, so the modules that monitor them are imported after that, and
+those that summarise while the nodes get ready.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a demo is asked to run, checked before anything starts."""
+"""The scenario of a demo, checked before anything starts."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Scenario:
     Attributes:
         name: Preset, or file without its suffix, and the robot if one was chosen.
         values: Parameters of all nodes.
-        settings: The guidance law's part of them.
-        remarks: What the user should know before the run, in sentences.
-        namespace: Of the robot, as in `/r1`; empty where it is the only one.
+        settings: The guidance settings made of them.
+        remarks: Warnings for the user before the run, in sentences.
+        namespace: Of the robot, as in `/r1`; empty for a single robot.
     """
 
     name: str

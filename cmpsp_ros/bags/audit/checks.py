@@ -1,4 +1,4 @@
-"""The list of checks, and going through it."""
+"""The list of checks, and running them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks of the commands: could they be driven, did they come in time, were they obeyed?"""
+"""Checks of the commands: were they feasible, in time, and obeyed?"""
 
 from __future__ import annotations
 

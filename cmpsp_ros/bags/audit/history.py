@@ -20,12 +20,12 @@ from cmpsp_ros.parameters.table import Values
 
 @dataclass(frozen=True)
 class Epoch:
-    """A stretch of time without a change of parameters.
+    """A period without a change of parameters.
 
     Attributes:
         since: Its beginning [ns].
         values: Parameters by key.
-        settings: The same as the guidance law knows them.
+        settings: The guidance settings made of them.
     """
 
     since: int
@@ -38,7 +38,7 @@ class History:
     """All parameters over time.
 
     Attributes:
-        given: Keys that were recorded; the others are defaults, by which nothing can be judged.
+        given: Keys that were recorded; the others are defaults, which are not evidence.
         epochs: In order of time, at least one; the first began before the recording.
     """
 

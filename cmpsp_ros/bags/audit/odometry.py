@@ -25,10 +25,10 @@ class OdometrySeries:
     """Odometry in the order in which it was received.
 
     Attributes:
-        received: When [ns], shape ``(K,)``.
-        stamps: What it says about its own time [ns], shape ``(K,)``.
+        received: Time of reception [ns], shape ``(K,)``.
+        stamps: Time stamps [ns], shape ``(K,)``.
         poses: Shape ``(K, 3)`` [m, m, rad].
-        spreads: Standard deviations of position and heading that it states, ``(K, 2)`` [m, rad].
+        spreads: Stated standard deviations of position and heading, ``(K, 2)`` [m, rad].
     """
 
     received: Stamps

@@ -1,4 +1,4 @@
-"""Checks of the path: was it clear, could it be driven, did it end where it should?"""
+"""Checks of the path: was it clear, feasible for the wheels, and did it end at the goal?"""
 
 from __future__ import annotations
 

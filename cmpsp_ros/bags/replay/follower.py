@@ -1,4 +1,4 @@
-"""A guidance law that receives what the one in a recording received."""
+"""A guidance law that receives the inputs of a recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cmpsp_ros.parameters.table import Values
 
 
 class Follower:
-    """Feeds inputs to a law, which begins with the first of them."""
+    """Feeds inputs to a law, which is created by the first of them."""
 
     law: GuidanceLaw
 

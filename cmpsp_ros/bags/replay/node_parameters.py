@@ -1,4 +1,4 @@
-"""The parameters of a recorded guidance node as they change through a recording."""
+"""The parameters of a recorded guidance node over time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ EVENTS = '/parameter_events'
 
 
 class NodeParameters:
-    """The complete set of parameters of one node, from its beginning on.
+    """The complete set of parameters of one node, from its start on.
 
     Attributes:
-        values: As they are after all that was taken.
+        values: Values after all changes applied so far.
         given: Keys that were recorded; the others are defaults.
     """
 

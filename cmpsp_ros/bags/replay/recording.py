@@ -1,4 +1,4 @@
-"""What the guidance node received and published, read from its bag in one go."""
+"""What the guidance node received and published, read from its bag in one pass."""
 
 from __future__ import annotations
 
@@ -79,10 +79,10 @@ class Names:
 
 @dataclass(frozen=True)
 class OdometrySample:
-    """Odometry that a decision can be made on.
+    """Odometry on which a decision can be made.
 
     Attributes:
-        received: When the recorder got it [ns].
+        received: Time of reception by the recorder [ns].
         stamp: Its own time stamp [ns].
         pose: Pose, shape ``(3,)`` [m, m, rad].
     """
@@ -96,11 +96,11 @@ class Recording:
     """The messages of one guidance node, each kept only as long as it may be needed.
 
     Attributes:
-        odometry: Read already and not yet used, in order.
-        unusable: Why the first unusable odometry is so; empty when there was none.
-        changes: When a live change of parameters was received [ns], and what it says; not yet
-            used, in order.
-        goals: When a goal was received [ns], with its time stamp [ns]; not yet used, in order.
+        odometry: Read and not yet used, in order.
+        unusable: Why the first invalid odometry is invalid; empty if there was none.
+        changes: Time of reception [ns] and content of live parameter changes not yet used, in
+            order.
+        goals: Time of reception and stamp [ns] of goals not yet used, in order.
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:

@@ -1,4 +1,4 @@
-"""Replay: recorded odometry through the guidance law, each decision beside the recorded one."""
+"""Replay: recorded odometry through the guidance law, compared with the recorded decisions."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 
 @dataclass
 class ReplayOutcome:
-    """What a replay came to.
+    """Result of a replay.
 
     Attributes:
-        software: What was installed where the bag was recorded, by name.
+        software: Software installed where the bag was recorded, by name.
         decisions: Decisions compared.
         stops: Of them, stops that odometry does not show; their reason is taken as recorded.
         commands: Of them, those whose command was recorded and compared too.
         plans: Of them, those whose plan was recorded and compared too.
-        skipped: Decisions before the first that begins a run; they cannot be replayed.
+        skipped: Decisions before the first run in the bag; they cannot be replayed.
         differing: Decisions that differ.
-        differences: Fields that differ, in all.
+        differences: Total number of fields that differ.
         first: The first of them; None when there is none.
     """
 

@@ -1,6 +1,6 @@
 """What if: a changed guidance law on recorded odometry, beside the one that drove.
 
-Open loop: the robot followed the recorded commands, not those of the changed law.
+It is open-loop: the robot followed the recorded commands, not those of the changed law.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ PREFIX = '/what_if'
 
 @dataclass(frozen=True)
 class Change:
-    """What is to be other than it was.
+    """The change to the recorded law.
 
     Attributes:
-        base: A set of parameters in place of the recorded one; None to keep that, with its live
+        base: A parameter set instead of the recorded one; None: the recorded one with its live
             changes.
-        assignments: Values by key, in place of those of the set.
+        assignments: Values by key that replace those of the set.
     """
 
     base: Mapping[str, Any] | None
@@ -61,13 +61,13 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on one odometry.
+    """Two laws on the same odometry.
 
     Attributes:
         settings: Of the changed law, at the beginning.
-        odometry: All that was received.
+        odometry: All odometry received.
         recorded: Decisions of the recorded law.
-        decisions: Decisions of the changed law, each with the time when its odometry was received
+        decisions: Decisions of the changed law, each with the time of reception of its odometry
             [ns].
         left_out: Topics that could not be copied.
     """

@@ -1,4 +1,4 @@
-"""The chart of the road with obstacles, paths driven, and the plan at the slider's time."""
+"""The chart of the road with obstacles, driven paths, and the plan at the slider's time."""
 
 from __future__ import annotations
 

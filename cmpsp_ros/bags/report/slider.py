@@ -1,4 +1,4 @@
-"""What the slider moves in the chart of the path: plans, robots, goals and moving obstacles."""
+"""The parts of the path chart that the slider moves: plans, robots, goals and moving obstacles."""
 
 from __future__ import annotations
 

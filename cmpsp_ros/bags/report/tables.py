@@ -1,4 +1,4 @@
-"""The tables of a report, as HTML; whatever comes from a bag is escaped."""
+"""The tables of a report, as HTML; all data from a bag are escaped."""
 
 from __future__ import annotations
 

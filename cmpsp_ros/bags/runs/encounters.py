@@ -1,4 +1,4 @@
-"""How near a robot came to obstacles that moved, and to other robots."""
+"""Distances between a robot and moving obstacles or other robots."""
 
 from __future__ import annotations
 
@@ -23,14 +23,13 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, driven while an obstacle moved as predicted, or another robot as it did.
+    """Part of a path, with its distance from one moving obstacle or other robot.
 
     Attributes:
-        name: What messages call it.
+        name: Its name in messages.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: From it, the robot's own radius taken off, shape ``(K,)`` [m].
-        stands: Whether the robot stood meanwhile, shape ``(K,)``: what then drives into it is no
-            collision of the robot's.
+        clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
+        stands: Whether the robot was at rest, shape ``(K,)``: a collision is then not its own.
     """
 
     name: str

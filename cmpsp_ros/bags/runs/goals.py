@@ -1,4 +1,4 @@
-"""Goals: which was driven to when, how exactly each was passed, how fast a road was followed."""
+"""Goals: the current one over time, the error at each, and the speed along a followed road."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Passing:
-    """Where the robot was when it should have been at a goal.
+    """The robot's position at the time of a goal.
 
     Attributes:
         goal: The goal.
-        stamp: When that was [ns].
+        stamp: Its time [ns].
         miss: Distance from it [m].
-        heading_miss: Difference of the heading from the one asked for [rad]; None for none.
-        ratio: The greater of both, each as a part of its tolerance.
+        heading_miss: Heading error [rad]; None if the goal has no heading.
+        ratio: The larger of both errors, each divided by its tolerance.
     """
 
     goal: Goal

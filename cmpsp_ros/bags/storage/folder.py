@@ -1,4 +1,4 @@
-"""The folder of a bag: its files beside the messages, and who is writing it."""
+"""The folder of a bag: its files beside the messages, and the writer's lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNFINISHED = 'unfinished.json'
 
 
 class FolderLock:
-    """The writer's lock, let go by `release` or by the end of the process, however it ends."""
+    """The writer's lock, released by `release` or by the end of the process."""
 
     def __init__(self, folder: Path) -> None:
         self._file = os.open(folder, os.O_RDONLY)

@@ -1,4 +1,4 @@
-"""What a bag may ask for: every size is bounded before anything is allocated for it."""
+"""Limits for bags: every size is bounded before anything is allocated for it."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Mcap files of anybody's making: the sizes and places in them, checked before rosbags reads them.
+"""Checks of untrusted mcap files: sizes and offsets, before rosbags reads them.
 
-The index says what rosbags will read, unpack and hold at a time; so the index is checked, and
-each chunk against it.
+The index determines what rosbags reads, decompresses and holds at a time. So the index is checked,
+and each chunk against it.
 """
 
 from __future__ import annotations

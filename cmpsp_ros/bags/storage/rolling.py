@@ -1,4 +1,4 @@
-"""The storage files of a bag being written: one, or one after the other.
+"""The storage files of a bag being written: one, or several in sequence.
 
 rosbags writes a single file.
 """
@@ -35,14 +35,14 @@ _TOPIC_METADATA_SIZE = 1536
 
 
 class RollingFiles:
-    """Storage files, each with all topics, and the metadata about them all.
+    """Storage files, each with all topics, and the metadata of all.
 
-    Every method raises `OSError` when the disk refuses; what has been written stays good.
+    Every method raises `OSError` when the disk refuses; what has been written stays valid.
 
     Args:
         folder: Folder of the bag.
         form: Format, compression, and when to begin a new file.
-        custom: What is kept with the bag, by key; as it is when a file is closed.
+        custom: Data kept with the bag, by key, written when a file is closed.
     """
 
     def __init__(self, folder: Path, form: Form, custom: Mapping[str, str]) -> None:

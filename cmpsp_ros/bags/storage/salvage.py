@@ -1,6 +1,6 @@
-"""What is left of storage files that were cut off, never closed, or damaged.
+"""Recovery of messages from storage files that were cut off, never closed, or damaged.
 
-rosbags reads whole files only.
+rosbags reads complete files only.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _from_record(file: BinaryIO, record: McapRecord, end: int, found: _Channels)
 
 
 class _Channels:
-    """The topics met so far in an mcap file, by number."""
+    """The topics found so far in an mcap file, by number."""
 
     def __init__(self, remark: Remark, name: str) -> None:
         self.remark, self.name = remark, name

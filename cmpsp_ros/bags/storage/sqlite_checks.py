@@ -1,6 +1,6 @@
-"""Sqlite3 files of anybody's making: nothing but tables of bounded size, before rosbags reads them.
+"""Checks of untrusted sqlite3 files: only tables of bounded size, before rosbags reads them.
 
-A database can hold programs - views, triggers, computed columns - and those would be run.
+A database can contain programs (views, triggers, computed columns), which would be run.
 """
 
 from __future__ import annotations

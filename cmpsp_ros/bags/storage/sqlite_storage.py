@@ -24,7 +24,7 @@ _ROW_SIZE = 32
 
 
 class SqliteStorage(Sqlite3Writer):
-    """A database that is written ahead, as rosbag2 does, and made whole when it is closed.
+    """A database with a write-ahead log, as in rosbag2, merged when it is closed.
 
     Raises:
         OSError: It cannot be created.

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 
 
 class RoadInput:
-    """Listens, where `road.source` is `topic`, and makes each road a change of parameters.
+    """Subscribes to roads where `road.source` is `topic`, and sets each as parameters.
 
-    So it is checked with the whole set, takes effect between two control steps and is recorded, as
-    any live change. One that is refused changes nothing.
+    So a road is checked with the whole set, takes effect between two control steps and is recorded
+    like any live change. A refused road changes nothing.
 
     Attributes:
-        waits: Whether the first road is still to come.
+        waits: Whether no road has been received yet.
         refusal: Why the last road was refused, if it was.
     """
 

@@ -1,4 +1,4 @@
-"""The file that runs are added to as they finish: whoever is killed, what was finished stays."""
+"""The file that runs are added to as they finish, so an interruption loses no finished run."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
 
-ROOMS: Final = (
+PACKAGES: Final = (
     *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
-"""What decides an outcome."""
+"""Packages that affect the outcome of a run."""
 
 _READ_WRITE: Final = 0o644
 
@@ -78,8 +78,8 @@ def digest() -> str:
     """Of all code that outcomes depend on: runs of different code are no one study."""
     root = Path(cmpsp_ros.__file__).parent
     digest = hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted((root / room).rglob('*.py')):
+    for package in PACKAGES:
+        for path in sorted((root / package).rglob('*.py')):
             digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
     return digest.hexdigest()[:16]
 

@@ -19,7 +19,7 @@ from pyarrow import parquet
 import cmpsp_ros
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
 from cmpsp_ros.studies.monte_carlo import judge as judges
-from cmpsp_ros.studies.monte_carlo.ledger import NAME, ROOMS, open_ledger
+from cmpsp_ros.studies.monte_carlo.ledger import NAME, PACKAGES, open_ledger
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
@@ -62,9 +62,9 @@ def test_a_study_counts_keeps_and_draws(made):
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
 
 
-@pytest.mark.parametrize('room', ROOMS)
-def test_the_digest_covers_every_room_that_decides(room):
-    assert list((Path(cmpsp_ros.__file__).parent / room).rglob('*.py'))
+@pytest.mark.parametrize('package', PACKAGES)
+def test_the_digest_covers_every_package_that_decides(package):
+    assert list((Path(cmpsp_ros.__file__).parent / package).rglob('*.py'))
 
 
 @pytest.mark.slow

@@ -216,7 +216,9 @@ class GuidanceLoop:
     def _newest(self, data: bytes, now: int) -> tuple[Odometry, bool]:
         """Odometry, and whether it is newer odometry that waits instead of what has grown old."""
         message = read_odometry(data)
-        if (now - stamp_of(message)) / NANOSECONDS <= self._settings.control_period:
+        stamp = stamp_of(message)
+        age = (now - stamp) / NANOSECONDS
+        if age <= self._settings.control_period or not self._law.is_due(stamp):
             return message, False
         newest = take_newest(self._odometry)
         return (message, False) if newest is None else (read_odometry(newest), True)

@@ -26,8 +26,13 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles and goal. Odometry in another frame is transformed with `/tf`.',
+        'Frame of road, obstacles, goals and odometry. Messages in another frame are transformed '
+        'with `/tf`.',
         **_FIXED)
+    yield task('robot_frame', _STRING, '', '',
+        "Frame of the robot's centre, midway between its wheels, if odometry is that of another "
+        'point: transformed with `/tf`. Empty: the child frame of odometry.',
+        **_FIXED, **guidance_only)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
@@ -155,13 +160,15 @@ def _parameters() -> Iterator[Parameter]:
 
     yield place('map.cells', _STRING, 'none', '',
         'Cells of an occupancy grid (rows, columns, compressed values); all occupied cells form '
-        'one obstacle. `map.file` reads them from a file of map_server.')
+        'one obstacle. `map.file` reads them from a file of map_server.', **_FIXED)
     yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Pose of the outer corner of its first cell (x, y, yaw).', length=3)
-    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.', range=_POSITIVE)
+        'Pose of the outer corner of its first cell (x, y, yaw).', length=3, **_FIXED)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.',
+        range=_POSITIVE, **_FIXED)
     yield place('map.unknown_is_free', _BOOL, False, '',
         'Whether unknown cells, and everything beyond the grid, are free; otherwise they are '
-        'occupied.')
+        'occupied.',
+        **_FIXED)
 
     moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',

@@ -94,7 +94,8 @@ GUIDANCE_ODOM = Topic(
     'in',
     'odom',
     Odometry,
-    'pose in the frame `frame_id`; best effort, to accept every publisher',
+    'pose in the frame `frame_id`, or in one that `/tf` connects to it; best effort, to accept'
+    ' every publisher',
     depth=50,
     best_effort=True,
 )
@@ -104,7 +105,7 @@ GUIDANCE_MOVING = Topic(
     'moving_obstacles',
     PointCloud2,
     'with `moving_obstacles.capacity`: one point per obstacle, fields `x`, `y` [m], `vx`, `vy`'
-    ' [m/s], `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    ' [m/s], `radius` [m] (floats) and `id` (integer); frame as for `odom`; best effort',
     depth=50,
     best_effort=True,
 )
@@ -122,15 +123,15 @@ GOAL_POSE = Topic(
     'in',
     'goal_pose',
     PoseStamped,
-    'a goal with heading that replaces all others, as RViz sends it; in the frame `frame_id`',
+    'a goal with heading that replaces all others, as RViz sends it; frame as for `odom`',
 )
 GUIDANCE_ROAD = Topic(
     'guidance',
     'in',
     'road',
     Path,
-    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, which'
-    ' replaces the current road; closed if it ends where it begins; latched',
+    'with `road.source: topic`: the centre line of a `corridor`, which replaces the current road;'
+    ' frame as for `odom`; closed if it ends where it begins; latched',
     depth=1,
     latched=True,
 )
@@ -193,6 +194,30 @@ HEALTH = Topic(
     DiagnosticArray,
     'once a second and on every change: state, subscribers, fallback level, step times, missed'
     ' deadlines, odometry age',
+)
+OWN_ODOM = Topic(
+    'guidance',
+    'out',
+    '~/odom',
+    Odometry,
+    'odometry as used for decisions: of `robot_frame`, in the frame `frame_id`; only if it was'
+    ' transformed, and with a subscriber',
+    depth=OF_A_RUN,
+)
+OWN_GOAL_POSE = Topic(
+    'guidance',
+    'out',
+    '~/goal_pose',
+    PoseStamped,
+    'every goal received, in the frame `frame_id`',
+)
+OWN_MOVING = Topic(
+    'guidance',
+    'out',
+    '~/moving_obstacles',
+    PointCloud2,
+    'those received in another frame, in the frame `frame_id`',
+    depth=OF_A_RUN,
 )
 GUIDED_BY = Topic(
     'guidance',

@@ -193,7 +193,7 @@ class DecisionRecord:
 
     @property
     def goal(self) -> Goal | None:
-        """What it drives to, where it says so."""
+        """The goal of the decision, if it has one."""
         if self.goal_name is None:
             return None
         position = self.goal_x, self.goal_y

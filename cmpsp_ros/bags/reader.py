@@ -202,7 +202,7 @@ class Bag:
             self._read_parameters()
 
     def _read_parameters(self) -> None:
-        """Take parameters from where nodes tell them, for who records without asking."""
+        """Read parameters from `~/parameters`, if the recorder did not request them."""
         for topic, about in self.topics.items():
             if about.msgtype != _TELLS_PARAMETERS or not topic.endswith('/parameters'):
                 continue

@@ -39,11 +39,11 @@ class Recovery:
 
 
 def recover(path: Path, output: Path | None = None) -> Recovery:
-    """Write a whole bag of what can still be read of another; the other stays as it is.
+    """Write a valid bag from the readable parts of another, which is not changed.
 
     Args:
         path: Folder of the bag, with or without its metadata, or one storage file.
-        output: Folder of the new bag; beside the other, its name with `_recovered`, when absent.
+        output: Folder of the new bag; when absent, beside the other, its name with `_recovered`.
 
     Raises:
         BagError: Not a bag, being written, nothing in it can be read, or the disk refuses.

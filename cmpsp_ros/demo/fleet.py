@@ -36,7 +36,7 @@ class Robot:
 
     @property
     def failure(self) -> str:
-        """Why its run is no success, in words; empty where it is one."""
+        """Why its run failed, in words; empty if it did not."""
         touched = f'it touched another by {-self.apart:.3g} m' if self.apart < 0.0 else ''
         return ' and '.join(filter(None, [self.summary.failure, touched]))
 
@@ -52,8 +52,8 @@ def load_fleet(
     """Load the scenario of each robot in a file, as from `load_scenario`, and check the whole.
 
     Raises:
-        ParameterError: A key or value is wrong, robots stand too near to each other, or simulated
-            time is asked for, which several simulators do not share.
+        ParameterError: A key or value is wrong, robots start too close to each other, or simulated
+            time is requested, which several simulators do not share.
     """
     fleet = tuple(
         load_scenario(preset, assignments, lockstep=lockstep, robot=robot, namespace=each)

@@ -62,7 +62,7 @@ class Summary:
 
     @property
     def failure(self) -> str:
-        """Why the run is no success, in words; empty where it is one."""
+        """Why the run failed, in words; empty if it did not."""
         reasons = []
         if not self.reached and self.speed is not None:
             reasons.append(f'the road was followed at {self.speed:.3g} m/s')

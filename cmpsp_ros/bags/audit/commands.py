@@ -119,7 +119,7 @@ def pair(commands: Commands, decided: Array) -> Pairs:
 
 
 def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
-    """Whether each command is what its decision says, shape ``(count,)``."""
+    """Whether each command equals that of its decision, shape ``(count,)``."""
     sent = commands.twists[pairs.commands :][: pairs.count]
     wanted = decided[pairs.decisions :][: pairs.count]
     agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
@@ -129,10 +129,10 @@ def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
 def timed(
     commands: Commands, odometry: OdometrySeries, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
-    """Commands with the stamps of what they answer.
+    """Commands with the stamps of the odometry that they are based on.
 
-    A stamped command says it, a decision says it for its command, and for any other it is the
-    latest odometry that had been received by then.
+    A stamped command contains it, a decision contains it for its command, and for any other it is
+    the latest odometry received by then.
     """
     if commands.stamped:
         return commands

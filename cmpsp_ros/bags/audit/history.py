@@ -83,7 +83,7 @@ def _epoch(since: int, parameters: NodeParameters) -> Epoch:
 
 
 def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
-    """When each change was received, and made [ns], and what it says."""
+    """Time of reception and of each change [ns], and its content."""
     for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
         if changes := changes_in(event, node):
             yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, changes

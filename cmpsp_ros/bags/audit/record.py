@@ -107,7 +107,7 @@ class AuditRecord:
 
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:
-        """The same path, with the other robots where they were meanwhile."""
+        """The same path, with the positions of the other robots at that time."""
         settings = self.history.epochs[0].settings
         both = settings.robot_radius + settings.moving_obstacles.others_radius
         timeout = settings.moving_obstacles.timeout

@@ -50,11 +50,11 @@ class Places:
 
 
 def find(bag: Bag, sources: Sources) -> Places:
-    """Full names of all that an audit reads.
+    """Full names of everything that an audit reads.
 
     Raises:
-        BagError: The bag has no parameters of a guidance node and no file replaces them, several
-            nodes' and none is chosen, or odometry or commands are missing.
+        BagError: The bag has no parameters of a guidance node and no file replaces them, or those
+            of several nodes and none is chosen; or odometry or commands are missing.
     """
     node = _node(bag, sources)
     namespace = node.rpartition('/')[0]

@@ -138,7 +138,7 @@ def _frames(
 
 
 def _arrange(world: Any, state: Any, moment: _Moment) -> None:
-    """Place the moving obstacles, and let the goal that is driven to stand out."""
+    """Place the moving obstacles, and highlight the current goal."""
     state.mocap_pos[:, 2] = BELOW
     for each in moment.moving:
         name = f'moving {each.id}'

@@ -61,7 +61,7 @@ class Comparison:
     def differences(
         self, number: int, recorded: DecisionRecord, decision: Decision
     ) -> Iterator[Difference]:
-        """Iterate over the fields that differ; computing times are none."""
+        """Iterate over the fields that differ, computing times excepted."""
         for field, one, other in _pairs(recorded, decision):
             if one != other and not self._close(one, other):
                 yield Difference(

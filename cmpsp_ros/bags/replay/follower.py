@@ -27,10 +27,10 @@ class Follower:
     law: GuidanceLaw
 
     def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
-        """Wait for the law to be made.
+        """Wait for the input that creates the law.
 
         Args:
-            settings_of: Settings of the law where these parameters were recorded.
+            settings_of: Converts recorded parameters to settings of the law.
         """
         self._settings_of = settings_of
 

@@ -160,7 +160,7 @@ class Inputs:
         return next((each for each in waiting if each.stamp == stamp), None)
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
-        """Odometry that came before the one wanted, and was not decided on."""
+        """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
             if received_all:

@@ -46,7 +46,7 @@ class Names:
 
     @classmethod
     def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
-        """The names in a namespace, where odometry or commands are not remapped."""
+        """The names in a namespace, without remapping of odometry and commands."""
         prefix = namespace.rstrip('/')
         return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
 
@@ -99,13 +99,13 @@ class Recording:
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
-        """Check that the bag has what a guidance node hears and says.
+        """Check that the bag has the inputs and outputs of a guidance node.
 
         Args:
             bag: An open bag.
             names: Names of node and topics.
             frame_id: Frame in which odometry is usable.
-            others: Namespaces of the robots whose plans it hears.
+            others: Namespaces of the robots whose plans it receives.
 
         Raises:
             BagError: A topic is missing.
@@ -209,7 +209,7 @@ class Recording:
             self.changes.append((received, changed))
 
     def _note(self, tracks: Iterable[Seen]) -> None:
-        """Keep what was received; what cannot be used the node refused too."""
+        """Keep a received message; the node refused invalid ones, too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MOST_TRACKS:

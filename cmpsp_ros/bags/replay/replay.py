@@ -82,7 +82,7 @@ class ReplayOutcome:
         return '\n'.join(lines)
 
     def add(self, recorded: DecisionRecord | None, differences: list[Difference]) -> None:
-        """Count a decision, recorded or not, and what differs in it."""
+        """Count a decision and its differences."""
         if recorded is not None:
             self.decisions += 1
             self.stops += recorded.halted
@@ -133,7 +133,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
 
 
 def _refuse_another_law(path: Path, names: Names, given: Collection[str]) -> None:
-    """The law of before these parameters gave way elsewhere, and no settings make it so again."""
+    """Refuse recordings of a law without these parameters: it decided differently."""
     missing = [key for key in _OF_THIS_LAW if key not in given]
     if missing:
         raise BagError(
@@ -148,7 +148,7 @@ def _compare(
     comparison: Comparison,
     before: int,
 ) -> Iterator[tuple[DecisionRecord | None, list[Difference]]]:
-    """Feed an input; the decision on it, recorded or not, with what differs."""
+    """Feed an input; returns the decision on it, if any, and its differences."""
     number = before + 1
     match event:
         case OdometryReceived(odometry, None):
@@ -181,7 +181,7 @@ def _prepare(event: Input, follower: Follower, path: Path) -> None:
 
 
 def _decision(event: Input, follower: Follower) -> Decision | str:
-    """The decision on an input, or why there is none."""
+    """The decision on an input, or the reason that there is none."""
     try:
         return follower.follow(event) or 'nothing, for none is due'
     except BagError:

@@ -50,7 +50,7 @@ class Change:
     assignments: Mapping[str, Any]
 
     def of(self, recorded: Values) -> Values:
-        """The complete set where this was recorded.
+        """The complete changed set, for a recorded one.
 
         Raises:
             ParameterError: It cannot be used.
@@ -96,12 +96,12 @@ class WhatIf:
 
 
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
-    """Run the changed law, and write a new bag: all that was recorded, and what it says.
+    """Run the changed law, and write a new bag with the recording and its decisions.
 
     Args:
         path: The recorded bag.
         names: Names of the recorded node and its topics.
-        change: What is to be other than it was.
+        change: The change to the recorded law.
         output: Folder of the new bag; must not exist.
 
     Raises:

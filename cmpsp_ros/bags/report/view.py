@@ -136,7 +136,7 @@ class View:
     def clearance(self) -> tuple[Array, Array, Array]:
         """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``.
 
-        Obstacles are those that stand still and those that move.
+        Both static and moving obstacles count.
         """
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
@@ -202,7 +202,7 @@ def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
-    """Short names by which bags are told apart; a link has the name of what it leads to."""
+    """Short names that distinguish the bags; a link has the name of its target."""
     short = [
         each.parent.name if each.name == 'bag' and each.parent.name else each.name
         for each in (path.resolve() for path in paths)

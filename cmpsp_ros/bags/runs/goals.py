@@ -76,14 +76,14 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 
 
 def goals_driven_to(decisions: Sequence[DecisionRecord], settings: GuidanceSettings) -> list[tuple[int, Goal]]:
-    """Each goal with the time stamp [ns] from which on it was driven to, in order.
+    """Each goal with the time stamp [ns] from which it was the current one, in order.
 
     Args:
-        decisions: Of a recording. One that names no goal drives to the only one there is.
-        settings: What was in force at first.
+        decisions: Of a recording. One that names no goal has the only one there is.
+        settings: Settings in force at first.
 
     Returns:
-        Nothing where a road is followed, or nothing was decided.
+        Nothing if a road is followed, or nothing was decided.
     """
     if settings.follow is not None:
         return []

@@ -53,7 +53,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there as a whole or not at all, whatever happens.
+    """Write a file atomically: it is complete or not there.
 
     Raises:
         OSError: The disk refuses.

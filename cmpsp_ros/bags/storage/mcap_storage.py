@@ -117,10 +117,11 @@ class McapStorage(McapWriter):
             raise
 
     def make_room(self, metadata_size: int) -> None:
-        """Forget the pending chunk, and chunks from the end until index and metadata fit.
+        """Drop the pending chunk, and chunks from the end until index and metadata fit.
 
         Args:
-            metadata_size: Room the metadata takes, in this file and once more beside it [bytes].
+            metadata_size: Size of the metadata, which is in this file and once more beside it
+                [bytes].
         """
         self.chunk.msgs.clear()
         self.chunk.bio.seek(0)

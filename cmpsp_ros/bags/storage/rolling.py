@@ -83,10 +83,10 @@ class RollingFiles:
         write_whole(self._folder / METADATA, as_yaml({'rosbag2_bagfile_information': about}))
 
     def make_room(self) -> int:
-        """Give up what the disk refused, and what else must go for index and metadata to fit.
+        """Drop what the disk refused, and as much more as index and metadata need.
 
         Returns:
-            Number of messages given up.
+            Number of messages dropped.
         """
         if self._storage is None:
             return 0
@@ -96,7 +96,7 @@ class RollingFiles:
         return before - self.message_count
 
     def abort(self) -> None:
-        """Leave the last file as it is."""
+        """Leave the last file unchanged."""
         if self._storage is not None:
             with suppress(OSError):
                 self._storage.abort()

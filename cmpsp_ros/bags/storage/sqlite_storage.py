@@ -78,7 +78,7 @@ class SqliteStorage(Sqlite3Writer):
         self._keep()
 
     def make_room(self, metadata_size: int) -> None:  # noqa: ARG002 (what SQLite frees is enough)
-        """Give up what has not been flushed."""
+        """Drop everything not flushed."""
         with _refusals():
             self.conn.rollback()
         self._refused = False
@@ -101,7 +101,7 @@ class SqliteStorage(Sqlite3Writer):
             self.conn.close()
 
     def abort(self) -> None:
-        """Close the file as it is."""
+        """Close the file without writing."""
         with _refusals():
             super().abort()
 

@@ -1,4 +1,4 @@
-"""The file that runs are added to as they finish: whoever is killed, what was finished stays."""
+"""The file that runs are added to as they finish, so an interruption loses no finished run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ HASHED_PACKAGES: Final = (
     *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
-"""What decides an outcome."""
+"""Packages that affect the outcome of a run."""
 
 _READ_WRITE: Final = 0o644
 

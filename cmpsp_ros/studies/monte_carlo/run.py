@@ -25,15 +25,15 @@ PICTURES: Final = 12
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for.
+    """A request for a study.
 
     Attributes:
         study: What the runs depend on.
-        runs: How many: those numbered from 0 on.
+        runs: Number of runs, numbered from 0 on.
         folder: Where everything is written to.
         workers: Processes that share the runs.
-        scheduler: Address of the Dask scheduler that shares them out instead, if any.
-        judge: Whether IPOPT is asked about runs that failed.
+        scheduler: Address of a Dask scheduler that distributes them instead, if any.
+        judge: Whether IPOPT is run on failed runs.
     """
 
     study: Study

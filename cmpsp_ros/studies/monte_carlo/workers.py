@@ -1,4 +1,4 @@
-"""Runs shared out to processes, here or on a Dask cluster; what has finished is kept."""
+"""Distribution of runs to processes, here or on a Dask cluster; finished runs are kept."""
 
 from __future__ import annotations
 

@@ -55,6 +55,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,
+        **({'cancelled': True} if decision.cancelled else {}),
         **({'late': decision.late} if decision.late > 0.0 else {}),
         **({'skipped': True} if decision.skipped else {}),
         **({'pose': ' '.join(map(repr, decision.pose))} if decision.pose else {}),
@@ -106,9 +107,10 @@ def present_keys(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 
-    Having arrived is no error, and having missed the goal a warning: the robot stands safely.
+    Having arrived is no error, nor is a goal that was cancelled, and having missed the goal a
+    warning: the robot stands safely.
     """
-    if decision.finished:
+    if decision.finished or decision.cancelled:
         return int(decision.missed)
     if decision.level == FallbackLevel.NOMINAL:
         return int(decision.late > 0.0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.roads.arc_length import project_on_path
+from cmpsp_ros.world.roads.arc_length import arc_length_to, project_on_path
 
 Array = NDArray[np.float64]
 
@@ -183,7 +183,14 @@ class GuidanceLaw:
         start, end = self._state.start, self._state.goals.end
         return None if start is None or end >= NEVER else start + end
 
-    def halt(self, stamp: int, reason: str, *, finished: bool = False) -> Decision:
+    def distance_to(self, pose: Sequence[float], goal: Goal) -> float:
+        """Length of the road from a pose (x, y, heading) [m, m, rad] to a goal [m]."""
+        road, progress = self._settings.road, self._state.progress
+        return abs(arc_length_to(road, np.array(pose), goal.position, goal.heading, progress))
+
+    def halt(
+        self, stamp: int, reason: str, *, finished: bool = False, cancelled: bool = False
+    ) -> Decision:
         """Stop for a reason that odometry does not show.
 
         The plan is dropped, and the next newer odometry is decided on at once.
@@ -192,19 +199,21 @@ class GuidanceLaw:
             stamp: Present time [ns].
             reason: Why, in a sentence.
             finished: Whether it is the final time, which the next odometry is to judge.
+            cancelled: Whether it is that the goal was cancelled.
         """
         state = self._state
         self._drop_plan()
         state.slip.lose()
         state.due = 0 if state.start is None else state.now + 1
         nowhere = np.full(3, math.nan)
-        if not finished:
+        if not finished and not cancelled:
             # Where the robot is nobody knows: no path is known to be clear, so it brakes as hard as
             # its motors can.
             state.ramp = NO_RAMP
-        return self._sent(
-            self._decisions.stop(state, stamp, nowhere, reason, finished=finished, halted=True)
+        decision = self._decisions.stop(
+            state, stamp, nowhere, reason, finished=finished, cancelled=cancelled, halted=True
         )
+        return self._sent(decision)
 
     def withdraw(self, decision: Decision, took: float) -> Decision:
         """Take back the last command, which came too late to be sent; its plan goes on.

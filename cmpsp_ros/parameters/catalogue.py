@@ -40,10 +40,11 @@ def _parameters() -> Iterator[Parameter]:
         '0: no longer than `command_delay`, until commands are late.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
-        'Longest time constant with which the wheels may follow a command. Each command, and a '
-        'stop after it, must be clear without a lag, and by a fifth of `safety.margin` with this '
-        'one, two thirds and one third of it; it is slowed down where it would not. 0: wheels that '
-        'lag are not considered.',
+        'Longest time constant with which the wheels may follow a command. It is estimated from '
+        'odometry, without `command_delay`, and compensated. Each command, and a stop after it, '
+        'must be clear by a fifth of `safety.margin` with the longest lag that is still possible '
+        'and two shorter ones; it is slowed down where it would not. 0: wheels that lag are not '
+        'considered.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '

@@ -109,14 +109,18 @@ def margin(record: AuditRecord) -> Verdict:
 def commanded(record: AuditRecord) -> Verdict:
     """What each command leads to, held for a control period from the pose where it takes effect.
 
-    That is the pose that it answers, or with `command_delay` the one measured so much later.
+    That is the pose that it answers, or with `command_delay` or a lag that is estimated the one
+    measured so much later.
     A robot that is too close already may only be commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
+    lags = {each.stamp: each.wheel_lag for each in record.decisions}
     for leg in record.legs:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
-        poses = _measured(leg, commands.stamps, [each.command_delay for each in settings_of])
+        behind = [lags.get(stamp, 0.0) for stamp in commands.stamps.tolist()]
+        delays = np.add([each.command_delay for each in settings_of], behind)
+        poses = _measured(leg, commands.stamps, delays)
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
@@ -232,7 +236,7 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
 
 
-def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> Array:
+def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Array) -> Array:
     """The latest poses measured when commands take effect, shape ``(M, 3)``.
 
     Args:

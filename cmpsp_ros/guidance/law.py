@@ -264,7 +264,7 @@ class GuidanceLaw:
                     reason = f'{state.closed_road.wait_before(closed)} {reason}'
                 self._drop_plan_after_failures()
                 return self._decisions.stop(state, stamp, pose, reason, result, moving=start.moving)
-            level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
+            level, (plan, verdict) = FallbackLevel.PREVIOUS_PLAN, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
@@ -308,7 +308,9 @@ class GuidanceLaw:
         state.plan = shifted[0]
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
-        return self._decisions.follow(state, stamp, FallbackLevel.SHIFTED, reason, *shifted, errors)
+        return self._decisions.follow(
+            state, stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors
+        )
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon

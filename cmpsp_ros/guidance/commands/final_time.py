@@ -124,4 +124,4 @@ class FinalTime:
         decision = self._decisions.stop(
             state, stamp, pose, reason, moving=moving, finished=True, missed=missed
         )
-        return decision._replace(miss=error, heading_miss=heading_error)
+        return decision._replace(terminal_error=error, heading_error=heading_error)

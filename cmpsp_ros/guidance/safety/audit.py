@@ -266,6 +266,7 @@ class Audit:
             committed,
             self._between,
             space.road,
+            space.field,
             space.corners,
             space.first,
             space.radii,

@@ -216,7 +216,9 @@ class GuidanceLoop:
     def _newest(self, data: bytes, now: int) -> tuple[Odometry, bool]:
         """Odometry, and whether it is newer odometry that waits instead of what has grown old."""
         message = read_odometry(data)
-        if (now - stamp_of(message)) / NANOSECONDS <= self._settings.control_period:
+        stamp = stamp_of(message)
+        age = (now - stamp) / NANOSECONDS
+        if age <= self._settings.control_period or not self._law.is_due(stamp):
             return message, False
         newest = take_newest(self._odometry)
         return (message, False) if newest is None else (read_odometry(newest), True)
@@ -291,10 +293,10 @@ class GuidanceLoop:
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision, self._pose)
         before = self.decision
-        if before is None or (decision.rung, decision.missed) != (before.rung, before.missed):
-            said = f'{decision.rung.name.lower()}: {decision.reason}'
+        if before is None or (decision.level, decision.missed) != (before.level, before.missed):
+            said = f'{decision.level.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
-            if decision.rung == FallbackLevel.NOMINAL or decision.finished:
+            if decision.level == FallbackLevel.NOMINAL or decision.finished:
                 self._node.get_logger().info(said)
             else:
                 self._node.get_logger().warning(said)

@@ -32,5 +32,9 @@ def test_what_needs_a_restart():
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
         'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
         'others.namespaces',
+        'sim.scan.rate', 'sim.scan.frame_id', 'sim.scan.pose', 'sim.scan.angle_min',
+        'sim.scan.angle_max', 'sim.scan.count', 'sim.scan.time_increment', 'sim.scan.range_min',
+        'sim.scan.range_max', 'sim.scan.stddev', 'sim.scan.dropout', 'sim.scan.missed_return',
+        'sim.scan.road_edges',
         'plant', 'physics.mass', 'physics.friction', 'physics.torque', 'physics.odometry',
     }  # fmt: skip

@@ -72,7 +72,7 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
     steps = steps[np.hypot(*steps.T) > 0.0]
     headings = np.arctan2(steps[:, 1], steps[:, 0])
     turns = np.angle(np.exp(1j * np.diff(headings, append=headings[:1])))
-    aside = road.width / 2.0 - settings.robot_radius - settings.safety.margin
+    aside = road.width / 2.0 - settings.kept
     shortest = max(road.lap - aside * float(np.abs(turns).sum()), 0.0)
     wanted = abs(follow.speed)
     largest = robot.max_speed * road.lap / (shortest + robot.half_track * abs(float(turns.sum())))
@@ -95,7 +95,12 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
 
 
 def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
-    wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
+    wanted = 2.0 * settings.kept
+    if settings.has_map_line and not len(settings.map_line(np.array(start), settings.goal, 1.0)):
+        yield (
+            f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
+            f' robot, which is {wanted:.3f} m wide with safety.margin.'
+        )
     for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
         what = (
             f'There is no way past obstacle {names[0]}: the wider gap beside it'

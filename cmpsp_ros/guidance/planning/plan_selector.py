@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -58,7 +58,6 @@ class PlanSelector:
         self._guesses = Guesses(formulation, self._limit)
         self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
         self._pool = AlternativePool(formulation, max(1, self._limit - 1))
-        self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
@@ -297,8 +296,8 @@ class PlanSelector:
         )
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        if self._delay:
-            result = result._replace(plan=result.plan._replace(delay=self._delay))
+        if context.delay:
+            result = result._replace(plan=result.plan._replace(delay=context.delay))
         return Candidate.of(result, verdict, context.goal)
 
 

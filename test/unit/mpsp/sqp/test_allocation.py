@@ -44,7 +44,7 @@ def test_every_kernel_is_compiled_to_make_none():
             if isinstance(each, numba.core.dispatcher.Dispatcher):
                 assert each.targetoptions.get('_nrt') is False, (module, name)
                 kernels += 1
-    assert kernels > 100
+    assert kernels > 90
 
 
 def test_many_plans_need_no_memory():

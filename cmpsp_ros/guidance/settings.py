@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.map_line import map_lengths, map_line
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.road import Road
@@ -259,6 +260,31 @@ class GuidanceSettings:
             final_time=goal.time - begin,
             waypoints=(),
         )
+
+    @property
+    def has_map_line(self) -> bool:
+        """Whether a search on a map says which way leads to a goal: no road does."""
+        return not self.road.has_center_line and any(not each.corners for each in self.obstacles)
+
+    def map_line(self, start: Array, goal: tuple[float, float], spacing: float) -> Array:
+        """See `cmpsp_ros.world.map_line`; empty where no map says which way leads to a goal."""
+        if not self.has_map_line:
+            return np.empty((0, 2))
+        return map_line(self.obstacles, self.kept, start, goal, spacing)
+
+    def map_lengths(self, points: Array, goal: tuple[float, float]) -> Array:
+        """See `cmpsp_ros.world.map_line`."""
+        return map_lengths(self.obstacles, self.kept, points, goal)
+
+    def search_map(self, goal: tuple[float, float]) -> None:
+        """Search the map for the ways to a goal: it takes too long for a control step."""
+        if self.has_map_line:
+            self.map_lengths(np.array([goal]), goal)
+
+    @property
+    def kept(self) -> float:
+        """Distance of the robot's centre from everything [m]."""
+        return self.robot_radius + self.safety.margin
 
     @property
     def annulus(self) -> Annulus:

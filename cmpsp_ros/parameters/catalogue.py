@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType, Range
+from cmpsp_ros.parameters.simulator_catalogue import simulator_parameters
 from cmpsp_ros.parameters.table import ParameterTable
 
 _BOOL, _INTEGER, _DOUBLE = ParameterType.BOOL, ParameterType.INTEGER, ParameterType.DOUBLE
@@ -25,9 +26,12 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
-        'is in another frame.',
+        'Frame of road, obstacles, goals and odometry; what comes in another frame is looked up on '
+        '`/tf`.',
         **_FIXED)
+    yield task('robot_frame', _STRING, '', '',
+        "Frame of the robot's centre, midway between its wheels, where odometry is of another one: "
+        'looked up on `/tf`. Empty: the child frame of odometry.', **_FIXED, **guidance_only)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
@@ -152,6 +156,17 @@ def _parameters() -> Iterator[Parameter]:
     yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
         'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
 
+    yield place('map.cells', _STRING, 'none', '',
+        'Cells of an occupancy grid, in which what is occupied is one obstacle: rows, columns and '
+        'what they hold, packed. `map.file` reads them from a file of map_server.', **_FIXED)
+    yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Pose of the corner of its first cell (x, y, yaw).', length=3, **_FIXED)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side of one of its cells.',
+        range=_POSITIVE, **_FIXED)
+    yield place('map.unknown_is_free', _BOOL, False, '',
+        'Whether its unknown cells, and all beyond it, are free; else they are occupied.',
+        **_FIXED)
+
     moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
@@ -267,72 +282,7 @@ def _parameters() -> Iterator[Parameter]:
         'Core that the control thread is bound to while the node is active; -1: any.',
         range=Range(low=-1), **_FIXED)
 
-    sim = Group('Simulator', 'sim')
-    yield sim('initial_pose', _DOUBLES, [0.0, -9.25, 0.0], 'm, m, rad',
-        'Initial pose (x, y, heading); as in the paper.', length=3, **_FIXED)
-    yield sim('odom_rate', _DOUBLE, 50.0, 'Hz',
-        'Odometry messages per second of simulated time.',
-        range=Range(0.0, 10000.0, low_open=True), **_FIXED)
-    yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
-        'Age of the last command at which the robot stops by itself; 0: never.',
-        range=_NOT_NEGATIVE, nodes=('guidance', 'sim'))
-    yield sim('real_time_factor', _DOUBLE, 1.0, '',
-        'Simulated seconds per second of wall time.', range=_POSITIVE, **_FIXED)
-    yield sim('publish_clock', _BOOL, False, '',
-        'Whether simulated time is published on `/clock`, for nodes with `use_sim_time`.',
-        **_FIXED)
-    yield sim('lockstep', _BOOL, False, '',
-        'Whether simulated time waits for the answer to every control step; needs '
-        '`publish_clock`, and `use_sim_time` in the other nodes.', **_FIXED)
-    yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
-        'Wall time to wait for an answer in lockstep before an error is reported.',
-        range=_POSITIVE)
-
-    plant = Group('Disturbances of the simulator', 'sim')
-    yield plant('actuation_delay', _DOUBLE, 0.0, 's',
-        'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
-    yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
-        'Maximum additional delay of a command, uniformly distributed; commands stay in order.',
-        range=_NOT_NEGATIVE)
-    yield plant('wheel_lag', _DOUBLE, 0.0, 's',
-        'Time constant of the wheels (first order).', range=_NOT_NEGATIVE)
-    yield plant('wheel_slip', _DOUBLES, [0.0, 0.0], '',
-        'Slip ratio of each wheel (right, left): the fraction of its rotation that does not move '
-        'the robot.', range=Range(-1.0, 1.0), **_POINT)
-    yield plant('wheel_slip_stddev', _DOUBLE, 0.0, '',
-        'Standard deviation of additional random slip, drawn for each wheel and command.',
-        range=_NOT_NEGATIVE)
-    yield plant('noise.position_stddev', _DOUBLE, 0.0, 'm',
-        'Standard deviation of the noise on each measured coordinate.', range=_NOT_NEGATIVE)
-    yield plant('noise.heading_stddev', _DOUBLE, 0.0, 'rad',
-        'Standard deviation of the noise on the measured heading.', range=_NOT_NEGATIVE)
-    yield plant('noise.bias', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Constant error of the measured pose (x, y, heading).', length=3)
-    yield plant('noise.drift', _DOUBLES, [0.0, 0.0, 0.0], 'm/s, m/s, rad/s',
-        'Rate at which the error of the measured pose grows (x, y, heading).', length=3)
-    yield plant('noise.dropout', _DOUBLE, 0.0, '',
-        'Probability that an odometry message is lost.', range=Range(0.0, 1.0, high_open=True))
-    yield plant('noise.dropout_windows', _DOUBLES, [], 's',
-        'Times between which all odometry is lost: begin and end of each window, in order, '
-        'counted from the start of the simulator or its last reset; omit it when there are none.',
-        range=_NOT_NEGATIVE, **_FIXED)
-    yield plant('noise.seed', _INTEGER, 0, '',
-        'Seed of all random numbers in the simulator.', range=_NOT_NEGATIVE, **_FIXED)
-
-    physics = Group('Physics of the simulator', 'sim')
-    yield physics('plant', _STRING, 'kinematic', '',
-        'Model of the robot: exact arcs of the commanded wheel speeds, or a body with mass, '
-        'motors and tyres in MuJoCo (installed separately).',
-        choices=('kinematic', 'mujoco'), **_FIXED)
-    yield physics('physics.mass', _DOUBLE, 1.0, 'kg',
-        'Mass of the whole robot.', range=_POSITIVE, **_FIXED)
-    yield physics('physics.friction', _DOUBLE, 1.0, '',
-        'Coefficient of sliding friction between tyres and floor.', range=_POSITIVE, **_FIXED)
-    yield physics('physics.torque', _DOUBLE, 0.2, 'N m',
-        'Maximum motor torque.', range=_POSITIVE, **_FIXED)
-    yield physics('physics.odometry', _STRING, 'truth', '',
-        'Source of odometry: the true pose, or dead reckoning from wheel encoders.',
-        choices=('truth', 'encoders'), **_FIXED)
+    yield from simulator_parameters()
 # fmt: on
 
 

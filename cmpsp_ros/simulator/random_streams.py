@@ -18,6 +18,8 @@ class Stream(IntEnum):
     POSITION = 2
     HEADING = 3
     DROPOUT = 4
+    RANGE = 5
+    BEAM = 6
 
 
 def generator(seed: int, stream: Stream) -> np.random.Generator:

@@ -30,6 +30,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import empty_program
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.simulator.ray_casting import cast
 from cmpsp_ros.warmup.process_pool import new_pool
 from cmpsp_ros.world.free_space import FreeSpace
 
@@ -106,6 +107,7 @@ def warm_up_all(
     # code is the roads' too.
     work: dict[str, Callable[[], None]] = {'the solver': _solver}
     work |= {name: partial(_drive, each) for name, each in _kinds(presets).items()}
+    work['the scanner'] = _scanner
     if not presets:
         work['the method'] = _method
     begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()
@@ -175,6 +177,11 @@ def _measure(settings: GuidanceSettings) -> None:
     pose = settings.road.middle()
     space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
+
+
+def _scanner() -> None:
+    """Cast a ray."""
+    cast(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros((0, 4)), np.zeros((0, 5)))
 
 
 def _method() -> None:

@@ -69,8 +69,9 @@ def test_the_second_time_everything_is_there(run, caches):
     assert second.returncode == 0, second.stderr
     assert 'kernels compiled' not in second.stdout
     assert second.stderr == ''
-    # The solver, each kind of road with and without what moves, and the method for any problem.
-    assert second.stdout.count('all there') == 8
+    # The solver, each kind of road with and without what moves, the simulated scanner, and the
+    # method for any problem.
+    assert second.stdout.count('all there') == 9
     assert 'removed' not in second.stdout
 
 

@@ -60,7 +60,11 @@ class PlanSelector:
         self._pool = AlternativePool(formulation, max(1, self._limit - 1))
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._centers = FreeSpace.of(settings.road, settings.obstacles, 0.0).centers
+        space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
+        self._centers, self._islands = space.centers, space.islands
+        self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        for goal in settings.goals:
+            settings.search_map(goal.position)
         self.phases: dict[str, float] = {}
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
@@ -164,7 +168,7 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        centers = np.concatenate([self._centers, context.encounters.centers])
+        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
         self._places = context.road_frame.coordinates(centers)
         followed = self._scored(self._pool.followed, warm, context)
         may_change = self._may_change(warm)
@@ -197,7 +201,8 @@ class PlanSelector:
     ) -> str:
         if count == 1:
             return ''
-        words = in_words(best.homotopy_class, [*self._names, *context.encounters.names])
+        names = [*self._names, *context.encounters.names, *self._island_names]
+        words = in_words(best.homotopy_class, names)
         sides = f', {words}' if words else ''
         verb = 'Changed over to' if changed else 'It is'
         return f' {verb} the best of {count} plans{sides}.'

@@ -16,7 +16,7 @@ from nav_msgs.msg import Odometry, Path
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, PointCloud2
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
@@ -94,7 +94,8 @@ GUIDANCE_ODOM = Topic(
     'in',
     'odom',
     Odometry,
-    'pose in the frame `frame_id`; best effort, so that it hears every publisher',
+    'pose in the frame `frame_id`, or in one from which `/tf` leads there; best effort, so that it'
+    ' hears every publisher',
     depth=50,
     best_effort=True,
 )
@@ -104,7 +105,7 @@ GUIDANCE_MOVING = Topic(
     'moving_obstacles',
     PointCloud2,
     'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
-    ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    ' `radius` [m] (floats) and `id` (integer); frame as of `odom`; best effort',
     depth=50,
     best_effort=True,
 )
@@ -122,16 +123,15 @@ GOAL_POSE = Topic(
     'in',
     'goal_pose',
     PoseStamped,
-    'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
-    ' `frame_id`',
+    'another goal, with its heading, instead of all others, as RViz sends it; frame as of `odom`',
 )
 GUIDANCE_ROAD = Topic(
     'guidance',
     'in',
     'road',
     Path,
-    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, in place'
-    ' of the last; closed where it ends as it begins; latched',
+    'with `road.source: topic`: the centre line of a `corridor`, in place of the last; frame as of'
+    ' `odom`; closed where it ends as it begins; latched',
     depth=1,
     latched=True,
 )
@@ -157,8 +157,8 @@ DECISION = Topic(
     'out',
     '~/decision',
     DiagnosticArray,
-    'each control step, stamped as the odometry that it answers: rung, why, miss, margins, slack,'
-    ' iterations, active rows, times; floats read back exactly; latched',
+    'each control step, stamped as the odometry that it answers: fallback level, reason, terminal'
+    ' error, clearances, slack, iterations, active rows, times; floats read back exactly; latched',
     latched=True,
 )
 PLAN = Topic(
@@ -183,8 +183,8 @@ PLAN_MARKERS = Topic(
     'out',
     '~/plan_markers',
     MarkerArray,
-    'the plan in the colours of its rung and of its clearance, the sentence, and what moves and'
-    ' is kept from it; while somebody listens',
+    'the plan in the colours of its fallback level and clearance, its reason, moving obstacles and'
+    ' what is kept from them; while somebody listens',
     repeats=True,
 )
 HEALTH = Topic(
@@ -192,8 +192,32 @@ HEALTH = Topic(
     'out',
     '/diagnostics',
     DiagnosticArray,
-    'once a second and on every change: state, subscribers, rung, step times, missed deadlines,'
-    ' odometry age',
+    'once a second and on every change: state, subscribers, fallback level, step times, missed'
+    ' deadlines, odometry age',
+)
+OWN_ODOM = Topic(
+    'guidance',
+    'out',
+    '~/odom',
+    Odometry,
+    'odometry as it is decided on: of `robot_frame`, in the frame `frame_id`; where a transform led'
+    ' there and somebody listens',
+    depth=OF_A_RUN,
+)
+OWN_GOAL_POSE = Topic(
+    'guidance',
+    'out',
+    '~/goal_pose',
+    PoseStamped,
+    'every goal that is heard, in the frame `frame_id`',
+)
+OWN_MOVING = Topic(
+    'guidance',
+    'out',
+    '~/moving_obstacles',
+    PointCloud2,
+    'those that came in another frame, in the frame `frame_id`',
+    depth=OF_A_RUN,
 )
 GUIDED_BY = Topic(
     'guidance',
@@ -240,6 +264,15 @@ SIM_MOVING = Topic(
     PointCloud2,
     'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
     ' among the names, from 0',
+    depth=OF_A_RUN,
+)
+SIM_SCAN = Topic(
+    'sim',
+    'out',
+    'scan',
+    LaserScan,
+    'with `sim.scan.rate`: what a laser scanner sees, stamped as its first beam, just before the'
+    ' odometry that comes next',
     depth=OF_A_RUN,
 )
 SIM_ROAD = Topic(

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 from geometry_msgs.msg import Quaternion, TransformStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.common.parameters import declare
 from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.nodes.common.runtime import run
@@ -30,7 +30,9 @@ from cmpsp_ros.nodes.common.topics import (
     SIM_WHEELS,
     TRUTH,
 )
-from cmpsp_ros.nodes.sim.moving_obstacles import Traffic, cloud_of
+from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
+from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
+from cmpsp_ros.nodes.sim.scanner import Scanner
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
@@ -53,18 +55,9 @@ if TYPE_CHECKING:
 _NS = 1_000_000_000
 _BASE = 'base_link'
 
-REPEAT_PERIOD = 0.1
-"""Wall time after which odometry that is not answered is published again [s]."""
-
-CATCH_UP = 50
-"""Most odometry instants published in one go: commands must be heard between them."""
-
-LATE = 0.1
-"""Wall time by which odometry may be late before a word is said [s]."""
-
 
 class SimNode(Node):
-    """The robot on ROS topics; its time is paced by `_RealTime` or by `_Lockstep`."""
+    """The robot on ROS topics; its time is paced by `RealTime` or by `Lockstep`."""
 
     def __init__(self) -> None:
         super().__init__('sim')
@@ -94,7 +87,8 @@ class SimNode(Node):
         self.period_ns = round(_NS / settings.odom_rate)
         self.next_ns = 0 if has_clock else time.time_ns()
         self.plant = Plant(settings, self.next_ns)
-        self._pace = _Lockstep(self) if self.values['lockstep'] else _RealTime(self)
+        self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
+        self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
             SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
         else:
@@ -141,7 +135,8 @@ class SimNode(Node):
     def publish(self, message: Odometry | None) -> None:
         """Publish odometry of this instant if it is not lost.
 
-        Time and what moves come before it, for who decides on it must know them; the truth after.
+        Time, what moves and scans come before it, for who decides on it must know them; the truth
+        after.
         """
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
@@ -149,10 +144,12 @@ class SimNode(Node):
         if self._moving is not None:
             tracks = self._traffic.at(stamp_ns)
             self._moving.publish(cloud_of(tracks, stamp_ns, self.values['frame_id']))
+        if self._scanner is not None:
+            self._scanner.publish(stamp_ns)
         if message is not None:
             self.odometry.publish(message)
             if self._transforms is not None:
-                self._transforms.publish(TFMessage(transforms=[_transform(message)]))
+                self._transforms.publish(TFMessage(transforms=self._transforms_of(message)))
         self._publish_truth(self.plant.motion)
 
     def _tell_road(self) -> None:
@@ -160,8 +157,11 @@ class SimNode(Node):
             self._road.publish(path_of(self.values))
 
     def _drive_to(self, stamp_ns: int) -> None:
-        for change in self.plant.advance(stamp_ns):
+        changes = self.plant.advance(stamp_ns)
+        for change in changes:
             self._publish_truth(change)
+        if self._scanner is not None:
+            self._scanner.note(*changes, self.plant.motion)
 
     def _publish_truth(self, motion: Motion) -> None:
         # Nobody but who records or looks on listens, and it would be half of this node's work.
@@ -185,6 +185,12 @@ class SimNode(Node):
         message.twist.twist.linear.x, message.twist.twist.angular.z = twist.tolist()
         return message
 
+    def _transforms_of(self, message: Odometry) -> list[TransformStamped]:
+        transforms = [_transform(message)]
+        if self._scanner is not None:
+            transforms.append(self._scanner.transform(message.header.stamp, _BASE))
+        return transforms
+
     def _on_stamped(self, message: TwistStamped) -> None:
         self._pace.hear(message.twist, Time.from_msg(message.header.stamp).nanoseconds)
 
@@ -192,6 +198,8 @@ class SimNode(Node):
         self._pace.before_reset()
         self.plant.reset()
         self._traffic.reset()
+        if self._scanner is not None:
+            self._scanner.reset(self.plant.motion)
         self._publish_truth(self.plant.motion)
         self._pace.after_reset()
         response.success = True
@@ -207,139 +215,12 @@ class SimNode(Node):
         self._pace.before_reset()
         self.plant.reconfigure(plant_settings(values))
         before, self.values = self.values, values
+        if self._scanner is not None:
+            self._scanner.look_around(values)
+            self._scanner.note(self.plant.motion)
         if any(values[key] != before[key] for key in ('road.points', 'road.closed')):
             self._tell_road()
         return SetParametersResult(successful=True)
-
-
-class _RealTime:
-    """Simulated time follows a steady clock; odometry falls due on an exact grid of it."""
-
-    def __init__(self, sim: SimNode) -> None:
-        self._sim = sim
-        self._factor = sim.values['real_time_factor']
-        self._start_ns, self._begun_ns = sim.plant.stamp_ns, time.monotonic_ns()
-        self._timer = sim.create_timer(
-            0.0, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
-
-    def hear(self, twist: Twist, _stamp_ns: int | None = None) -> None:
-        """Obey a command at the present simulated time, after all odometry due before it."""
-        self._catch_up()
-        self._sim.obey(twist)
-
-    def before_reset(self) -> None:
-        """Drive up to now."""
-        self._catch_up()
-
-    def after_reset(self) -> None:
-        """The next odometry comes when it is due."""
-
-    def _on_timer(self) -> None:
-        self._catch_up()
-        wait = (self._sim.next_ns - self._clock_ns()) / self._factor
-        # Armed anew for every instant: a period of its own would drift against the grid.
-        self._timer.timer_period_ns = max(1, math.ceil(wait))
-        self._timer.reset()
-
-    def _catch_up(self) -> None:
-        sim, clock_ns = self._sim, self._clock_ns()
-        late = (clock_ns - sim.next_ns) / _NS / self._factor
-        if late > LATE:
-            sim.get_logger().warning(
-                f'odometry is {late:.2f} s late: this machine does not keep up with '
-                f'odom_rate {sim.values["odom_rate"]} Hz and real_time_factor {self._factor}',
-                throttle_duration_sec=5.0,
-            )
-        sim.run_to(min(clock_ns, sim.next_ns + (CATCH_UP - 1) * sim.period_ns))
-
-    def _clock_ns(self) -> int:
-        return self._start_ns + int((time.monotonic_ns() - self._begun_ns) * self._factor)
-
-
-class _Lockstep:
-    """Simulated time stands still at every control instant until its odometry is answered.
-
-    Where the odometry of a control instant is lost, it stands still at the next that is not.
-    """
-
-    def __init__(self, sim: SimNode) -> None:
-        self._sim = sim
-        self._control_ns = round(sim.values['control_period'] * _NS)
-        self._final_ns = round(sim.values['final_time'] * _NS) or math.inf
-        self._awaited: Odometry | None = None
-        self._begun_ns = sim.plant.stamp_ns
-        self._asked_at = 0.0
-        self._is_heard = self._is_overdue = False
-        self._timer = sim.create_timer(
-            REPEAT_PERIOD, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
-
-    def hear(self, twist: Twist, stamp_ns: int | None = None) -> None:
-        """Take the answer to the odometry awaited, and drive to the next control instant.
-
-        A twist that is refused is an answer too: the guidance has spoken and will not do so again
-        for the same instant; the last valid twist stays, as it would on a robot.
-        """
-        now_ns = self._sim.plant.stamp_ns
-        if not self._is_heard or (stamp_ns is not None and stamp_ns != now_ns):
-            return
-        if self._is_overdue:
-            self._is_overdue = False
-            waited = time.monotonic() - self._asked_at
-            self._sim.get_logger().info(f'lockstep goes on after {waited:.1f} s')
-        self._sim.obey(twist)
-        self._go_to(self._next_instant(now_ns))
-        self._asked_at = time.monotonic()
-        self._timer.reset()
-
-    def before_reset(self) -> None:
-        """Time stands still: there is nothing to drive."""
-
-    def after_reset(self) -> None:
-        """Ask again, from the pose where the robot stands now."""
-        if self._awaited is not None:
-            self._awaited = self._sim.measure()
-            self._sim.publish(self._awaited)
-            self._go_on()
-
-    def _go_to(self, stamp_ns: int) -> None:
-        self._awaited = self._sim.run_to(stamp_ns)
-        self._go_on()
-
-    def _go_on(self) -> None:
-        """Drive on while odometry is lost: nobody could answer it."""
-        while self._awaited is None:
-            self._awaited = self._sim.run_to(self._sim.next_ns)
-
-    def _next_instant(self, now_ns: int) -> int:
-        """When the guidance will decide again, after it has decided now.
-
-        That is the next control instant but for one nearer than half a control period, and after
-        the final time, when nothing hangs on instants, a control period later.
-        """
-        elapsed_ns = now_ns - self._begun_ns
-        if elapsed_ns >= self._final_ns:
-            return now_ns + self._control_ns
-        earliest_ns = elapsed_ns + self._control_ns // 2
-        return self._begun_ns - (-earliest_ns // self._control_ns) * self._control_ns
-
-    def _on_timer(self) -> None:
-        if self._awaited is None:
-            self._go_to(self._sim.plant.stamp_ns)
-            self._begun_ns = self._sim.plant.stamp_ns
-        else:
-            self._sim.publish(self._awaited)
-        if not self._is_heard:
-            self._is_heard = self._sim.odometry.get_subscription_count() > 0
-            self._asked_at = time.monotonic()
-        waited = time.monotonic() - self._asked_at
-        if not self._is_overdue and waited > self._sim.values['lockstep_timeout']:
-            self._is_overdue = True
-            self._sim.get_logger().error(
-                f'lockstep: no cmd_vel for {waited:.1f} s in answer to odometry of '
-                f'{self._sim.plant.stamp_ns / _NS} s; still waiting'
-            )
 
 
 def _stamp(stamp_ns: int) -> TimeMessage:

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.parameters.courses.maps import NAME, NONE, map_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
@@ -20,20 +21,41 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
-    """The obstacles that stand still.
+    """The obstacles that stand still, the map among them.
+
+    Args:
+        values: A set resolved by the table.
 
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
-            or its vertices make no convex polygon; names the key, and the vertex.
+            or its vertices make no convex polygon, or the map is none; names the key, and the
+            vertex.
     """
-    return tuple(_obstacle(values, name) for name in values['obstacles.names'])
+    known = map_of(values)
+    return shapes_of(values, 'obstacles') + (() if known is None else (known,))
+
+
+def shapes_of(values: Values, where: str) -> tuple[Shape, ...]:
+    """The shapes of a section, such as `obstacles`; arguments and errors as of `obstacles_of`."""
+    return tuple(_obstacle(values, f'{where}.{name}') for name in values[f'{where}.names'])
 
 
 def obstacle_problems(values: Values) -> Iterator[Problem]:
-    """What is wrong with each obstacle."""
-    for name in values['obstacles.names']:
+    """What is wrong with each obstacle, and with the map."""
+    yield from shape_problems(values, 'obstacles')
+    if NAME in values['obstacles.names'] and values['map.cells'] != NONE:
+        yield Problem('obstacles.names', repr(NAME), 'another name: it is that of the map')
+    try:
+        map_of(values)
+    except ParameterError as error:
+        yield from error.problems
+
+
+def shape_problems(values: Values, where: str) -> Iterator[Problem]:
+    """What is wrong with each shape of a section."""
+    for name in values[f'{where}.names']:
         try:
-            _obstacle(values, name)
+            _obstacle(values, f'{where}.{name}')
         except ParameterError as error:
             yield from error.problems
 
@@ -63,8 +85,8 @@ def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Pro
             yield Problem(key, found, wanted)
 
 
-def _obstacle(values: Values, name: str) -> Shape:
-    prefix = f'obstacles.{name}'
+def _obstacle(values: Values, prefix: str) -> Shape:
+    name = prefix.rpartition('.')[2]
     kind = values[f'{prefix}.type']
     problems = list(_block_problems(values, prefix, kind))
     if problems:

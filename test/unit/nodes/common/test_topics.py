@@ -94,7 +94,8 @@ def test_simulator_opens_what_the_table_says(make, clock):
         'moving_obstacles.cart.velocity:=[0.5, 0.0]',
         'moving_obstacles.cart.radius:=0.3',
     )
-    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *moves, *FROM_TOPIC)
+    more = (*moves, *FROM_TOPIC, 'sim.scan.rate:=10.0')
+    node = make(SimNode, f'publish_clock:={str(clock).lower()}', *more)
     for direction in ('in', 'out'):
         assert opened(node, direction) == in_table(node, direction, clock=clock)
 

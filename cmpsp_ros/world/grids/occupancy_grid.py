@@ -1,0 +1,136 @@
+"""A grid of cells that are free, occupied or unknown, at any pose in the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Cells = NDArray[np.uint8]
+Indices = NDArray[np.int64]
+
+MOST_CELLS: Final = 100_000_000
+"""Larger grids are refused."""
+
+
+class Cell(IntEnum):
+    """What is known of a cell."""
+
+    FREE = 0
+    OCCUPIED = 1
+    UNKNOWN = 2
+
+
+class GridError(ValueError):
+    """A grid or a map file that cannot be used.
+
+    Attributes:
+        where: The attribute of the grid, or the file and its key.
+        found: What is there.
+        wanted: What would be right.
+    """
+
+    def __init__(self, where: str, found: str, wanted: str) -> None:
+        """Say what is wrong, and what would be right."""
+        super().__init__(f'{where}: found {found}, wanted {wanted}')
+        self.where, self.found, self.wanted = where, found, wanted
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyGrid:
+    """Cells in rows along x, one row after the other along y, as in nav_msgs/OccupancyGrid.
+
+    Attributes:
+        origin: Pose of the outer corner of cell (0, 0) [m, m, rad].
+        resolution: Side of a cell [m].
+        cells: Values of `Cell`, shape ``(rows, columns)``.
+
+    Raises:
+        GridError: No cells or too many, a value that is none, an origin or a resolution that is
+            not finite, or a resolution that is not positive.
+    """
+
+    origin: tuple[float, float, float]
+    resolution: float
+    cells: Cells
+
+    def __post_init__(self) -> None:
+        if not all(map(math.isfinite, self.origin)):
+            raise GridError('origin', f'{self.origin}', 'x, y and yaw, finite')
+        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+            raise GridError('resolution', f'{self.resolution} m', 'a finite number > 0')
+        shape = self.cells.shape
+        check_size(shape)
+        if self.cells.dtype != np.uint8 or self.cells.max() > max(Cell):
+            raise GridError('cells', f'{self.cells.dtype}, up to {self.cells.max()}', 'uint8, 0-2')
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width along x and height along y, of the grid itself [m]."""
+        rows, columns = self.cells.shape
+        return columns * self.resolution, rows * self.resolution
+
+    def centers(self, rows: Indices, columns: Indices) -> Array:
+        """Centres of cells, shape ``(..., 2)`` [m]."""
+        return self.corners(rows.astype(float) + 0.5, columns.astype(float) + 0.5)
+
+    def corners(self, rows: Array, columns: Array) -> Array:
+        """Outer corners of cells, or other points by their rows and columns, ``(..., 2)`` [m]."""
+        cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
+        along, across = columns * self.resolution, rows * self.resolution
+        return np.stack(
+            [
+                self.origin[0] + cosine * along - sine * across,
+                self.origin[1] + sine * along + cosine * across,
+            ],
+            axis=-1,
+        )
+
+    def indices(self, points: Array) -> tuple[Indices, Indices]:
+        """Row and column of the cells that points are in; outside the grid they go on counting.
+
+        Args:
+            points: Shape ``(..., 2)`` [m].
+        """
+        cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
+        dx, dy = points[..., 0] - self.origin[0], points[..., 1] - self.origin[1]
+        columns = np.floor((cosine * dx + sine * dy) / self.resolution).astype(np.int64)
+        rows = np.floor((cosine * dy - sine * dx) / self.resolution).astype(np.int64)
+        return rows, columns
+
+    def contains(self, rows: Indices, columns: Indices) -> NDArray[np.bool_]:
+        """Whether cells are in the grid."""
+        high, wide = self.cells.shape
+        inside: NDArray[np.bool_] = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
+        return inside
+
+    def at(self, points: Array) -> Cells:
+        """What is known where points are: nothing outside the grid.
+
+        Args:
+            points: Shape ``(..., 2)`` [m].
+        """
+        rows, columns = self.indices(points)
+        inside = self.contains(rows, columns)
+        found = np.full(inside.shape, Cell.UNKNOWN, np.uint8)
+        found[inside] = self.cells[rows[inside], columns[inside]]
+        return found
+
+
+def check_size(shape: tuple[int, ...]) -> None:
+    """Refuse a grid without cells, and one with more than fit into memory.
+
+    Args:
+        shape: Rows and columns.
+
+    Raises:
+        GridError: It is such a shape.
+    """
+    if len(shape) != 2 or min(shape) < 1 or math.prod(shape) > MOST_CELLS:
+        wanted = f'1 to {MOST_CELLS} cells in rows and columns'
+        raise GridError('cells', ' x '.join(map(str, shape)), wanted)

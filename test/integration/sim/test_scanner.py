@@ -1,0 +1,80 @@
+"""The simulator sees: scans over DDS at their rate, and the same again after a reset."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from sensor_msgs.msg import LaserScan
+from sim_client import BEST_EFFORT, Client, stamp, twist
+from std_srvs.srv import Trigger
+
+pytestmark = pytest.mark.integration
+
+COURSE = {
+    'initial_pose': [0.0, 0.0, 0.0],
+    'road.type': 'none',
+    'sim.scan.rate': 10.0,
+    'sim.scan.pose': [0.1, 0.0, 0.0],
+    'sim.scan.count': 181,
+    'sim.scan.angle_min': -math.pi / 2.0,
+    'sim.scan.angle_max': math.pi / 2.0,
+    'sim.scan.stddev': 0.01,
+    'sim.scan.dropout': 0.1,
+    'sim.obstacles.names': '[wall]',
+    'sim.obstacles.wall.type': 'capsule',
+    'sim.obstacles.wall.start': [2.1, -3.0],
+    'sim.obstacles.wall.end': [2.1, 3.0],
+    'sim.obstacles.wall.radius': 0.1,
+    'moving_obstacles.names': '[cart]',
+    'moving_obstacles.cart.center': [0.1, -1.5],
+    'moving_obstacles.cart.velocity': [0.0, 0.5],
+    'moving_obstacles.cart.radius': 0.3,
+}
+
+
+class Listener(Client):
+    """Hears scans as well, as a node for sensor data does."""
+
+    def __init__(self, ros):
+        super().__init__(ros)
+        self.scans = []
+        self.node.create_subscription(LaserScan, 'scan', self.scans.append, BEST_EFFORT)
+
+
+def test_what_surrounds_it_is_seen_at_its_rate(simulate, ros):
+    simulate(COURSE)
+    client = Listener(ros)
+    client.until(lambda: len(client.scans) >= 5)
+    first = client.scans[0]
+    assert first.header.frame_id == 'base_scan'
+    assert (len(first.ranges), first.range_max) == (181, 8.0)
+    assert first.angle_min + 180 * first.angle_increment == pytest.approx(first.angle_max)
+    assert np.diff([stamp(each) for each in client.scans]).tolist() == [100_000_000] * 4
+    ranges = np.array([each.ranges for each in client.scans])
+    assert 0 < np.isnan(ranges).sum() < 0.2 * ranges.size
+    # The cart on the right, the wall ahead, nothing on the left.
+    assert np.nanmedian(ranges[:, 0]) == pytest.approx(1.2, abs=0.05)
+    assert np.nanmedian(ranges[:, 85:95]) == pytest.approx(1.9, abs=0.05)
+    assert np.nanmin(ranges[:, -5:]) == math.inf
+
+
+def test_in_lockstep_none_is_missing_and_a_reset_begins_the_same_again(simulate, ros):
+    simulate({**COURSE, 'publish_clock': 'true', 'lockstep': 'true'})
+    client = Listener(ros)
+    client.answer, client.steps_left = (lambda _k: twist(0.3)), 10
+    client.until(lambda: client.steps_left == 0)
+    # What was not heard at first is published again, as odometry is.
+    expected = set(range(0, 2_000_000_001, 100_000_000))
+    client.until(lambda: {stamp(each) for each in client.scans} == expected)
+    first = next(each.ranges for each in client.scans if stamp(each) == 0)
+    assert client.call(client.resetter, Trigger.Request()).success
+    client.until(lambda: np.array_equal(client.scans[-1].ranges, first, equal_nan=True))
+    assert stamp(client.scans[-1]) == 2_000_000_000
+
+
+def test_a_scanner_that_cannot_be_is_refused(simulate):
+    running = simulate({**COURSE, 'sim.scan.range_max': 0.05})
+    assert running.wait(20.0) != 0
+    assert 'sim.scan.range_max: found 0.05 m' in running.stderr

@@ -1,0 +1,106 @@
+"""The simulated scanner: where its beams start, what is random, and what REP 117 says of ranges."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.simulator.body import Motion
+from cmpsp_ros.simulator.laser import Laser, LaserSettings
+
+MS = 1_000_000
+NOTHING = np.empty((0, 4)), np.empty((0, 5))
+WALL = np.array([[2.0, -50.0, 2.0, 50.0]]), np.empty((0, 5))
+PLAIN = LaserSettings(rate=10.0, angle_min=-0.5, angle_max=0.5, count=5, range_max=10.0)
+
+
+def motion(stamp_ns, pose, twist=(0.0, 0.0)):
+    return Motion(stamp_ns, np.array(pose, dtype=float), np.zeros(2), np.array(twist, dtype=float))
+
+
+def laser(*motions, **changes):
+    made = Laser(dataclasses.replace(PLAIN, **changes), 0)
+    made.note(*(motions or [motion(0, (0.0, 0.0, 0.0))]))
+    return made
+
+
+def test_ranges_to_a_wall():
+    scan = laser().scan(*WALL)
+    assert scan.stamp_ns == 0
+    assert np.allclose(scan.ranges, 2.0 / np.cos([-0.5, -0.25, 0.0, 0.25, 0.5]), atol=1e-12)
+
+
+def test_the_scanner_is_where_it_is_mounted():
+    # Half a metre ahead of the robot, turned left, on a robot that is turned left, too.
+    mounted = laser(motion(0, (1.0, 0.0, math.pi / 2.0)), pose=(0.5, 0.0, math.pi / 2.0))
+    ceiling = np.array([[-3.0, -50.0, -3.0, 50.0]]), np.empty((0, 5))
+    assert mounted.scan(*ceiling).ranges[2] == pytest.approx(4.0)
+    mounted = laser(motion(0, (1.0, 0.0, math.pi / 2.0)), pose=(0.5, 0.0, -math.pi / 2.0))
+    assert mounted.scan(*WALL).ranges[2] == pytest.approx(1.0)
+
+
+def test_scans_are_due_at_their_rate_when_their_last_beam_is():
+    made = laser(time_increment=0.01)
+    assert not made.is_due(40 * MS - 1)
+    assert made.is_due(40 * MS)
+    made.scan(*NOTHING)
+    assert not made.is_due(140 * MS - 1)
+    assert made.is_due(140 * MS)
+    assert made.scan(*NOTHING).stamp_ns == 100 * MS
+
+
+def test_each_beam_starts_from_the_pose_of_its_time():
+    # Ahead at 1 m/s for 20 ms, then at rest.
+    moving = motion(0, (0.0, 0.0, 0.0), (1.0, 0.0)), motion(20 * MS, (0.02, 0.0, 0.0))
+    scan = laser(*moving, time_increment=0.01).scan(*WALL)
+    driven = np.array([0.0, 0.01, 0.02, 0.02, 0.02])
+    assert np.allclose(scan.ranges, (2.0 - driven) / np.cos(np.linspace(-0.5, 0.5, 5)), atol=1e-12)
+    # Turning as the beams do, but the other way: all look ahead.
+    turning = motion(0, (0.0, 0.0, 0.5), (0.0, -25.0))
+    assert np.allclose(laser(turning, time_increment=0.01).scan(*WALL).ranges, 2.0, atol=1e-12)
+
+
+def test_motion_before_a_scan_is_forgotten_and_motion_during_it_is_not():
+    made = laser(time_increment=0.01)
+    for k in range(1, 1000):
+        made.note(motion(k * MS, (1e-3 * k, 0.0, 0.0), (1.0, 0.0)))
+        if made.is_due(k * MS):
+            driven = 1e-9 * (made.next_ns + 10 * MS * np.arange(5))
+            expected = (2.0 - driven) / np.cos(np.linspace(-0.5, 0.5, 5))
+            assert np.allclose(made.scan(*WALL).ranges, expected, atol=1e-12)
+    assert len(made._motions) < 110
+
+
+def test_ranges_out_of_range_are_those_of_rep_117():
+    near, far = laser(range_min=2.1), laser(range_max=2.1)
+    assert near.scan(*WALL).ranges.tolist()[1:4] == [-math.inf] * 3
+    assert far.scan(*WALL).ranges.tolist()[::4] == [math.inf] * 2
+    assert laser().scan(*NOTHING).ranges.tolist() == [math.inf] * 5
+
+
+def test_noise_and_losses_have_streams_of_their_own():
+    count = 10_000
+    shape = {'count': count, 'angle_min': -1e-6, 'angle_max': 1e-6}
+    noisy = laser(**shape, stddev=0.01).scan(*WALL).ranges
+    assert np.std(noisy) == pytest.approx(0.01, rel=0.05)
+    lossy = laser(**shape, stddev=0.01, dropout=0.1, missed_return=0.2).scan(*WALL).ranges
+    nan, infinite = np.isnan(lossy), np.isinf(lossy)
+    assert nan.mean() == pytest.approx(0.1, abs=0.01)
+    assert infinite.mean() == pytest.approx(0.2 * 0.9, abs=0.01)
+    assert np.array_equal(lossy[~nan & ~infinite], noisy[~nan & ~infinite])
+
+
+def test_a_reset_begins_all_that_is_random_again():
+    made = laser(stddev=0.01, dropout=0.3)
+    first = made.scan(*WALL).ranges
+    assert not np.array_equal(made.scan(*WALL).ranges, first, equal_nan=True)
+    made.reset(333)
+    made.note(motion(333, (0.0, 0.0, 0.0)))
+    again = made.scan(*WALL)
+    assert again.stamp_ns == 333
+    assert np.array_equal(again.ranges, first, equal_nan=True)
+    other = laser(stddev=0.01, dropout=0.3, seed=1)
+    assert not np.array_equal(other.scan(*WALL).ranges, first, equal_nan=True)

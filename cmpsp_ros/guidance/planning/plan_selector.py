@@ -65,6 +65,8 @@ class PlanSelector:
         for goal in settings.goals:
             settings.search_map(goal.position)
         self.phases: dict[str, float] = {}
+        # Of all obstacles, in the road frame of the control step.
+        self._places = np.empty(0), np.empty(0)
         self._work_left = 1
         self.forget()
 
@@ -165,10 +167,10 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        followed, may_change = (
-            self._scored(self._pool.followed, warm, context),
-            self._may_change(warm),
-        )
+        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
+        self._places = context.road_frame.coordinates(centers)
+        followed = self._scored(self._pool.followed, warm, context)
+        may_change = self._may_change(warm)
         # A fresh plan must fit in beside those that are known.
         capacity = self._limit - 2 if review else self._limit - 1
         improved, waiting = [], []
@@ -249,8 +251,7 @@ class PlanSelector:
         bad_steps: int = 0,
     ) -> Alternative:
         began = self._timer()
-        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
-        sides = class_of(context.road_frame, centers, candidate.plan.poses)
+        sides = class_of(context.road_frame, self._places, candidate.plan.poses)
         score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)

@@ -96,7 +96,8 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
 
 def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     wanted = 2.0 * settings.kept
-    if settings.has_map_line and not len(settings.map_line(np.array(start), settings.goal, 1.0)):
+    search = settings.map_search
+    if search is not None and not len(search.line(np.array(start), settings.goal, 1.0)):
         yield (
             f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
             f' robot, which is {wanted:.3f} m wide with safety.margin.'

@@ -62,8 +62,9 @@ class PlanSelector:
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
         self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
-        for goal in settings.goals:
-            settings.search_map(goal.position)
+        if settings.map_search is not None:
+            for goal in settings.goals:
+                settings.map_search.prepare(goal.position)
         self.phases: dict[str, float] = {}
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)

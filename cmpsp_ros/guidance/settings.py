@@ -25,9 +25,6 @@ GOAL: Final = 'goal'
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
 
-LAG_FRACTIONS: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Of the longest lag, at which a command must be clear: a shorter one may lead elsewhere."""
-
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
 
@@ -215,11 +212,6 @@ class GuidanceSettings:
         else no plan could be shifted.
         """
         return self.robot.max_wheel_acceleration * self.control_period
-
-    @property
-    def lags(self) -> tuple[float, ...]:
-        """Time constants of the wheels for which a command must be clear, if they lag [s]."""
-        return tuple(fraction * self.max_lag for fraction in LAG_FRACTIONS)
 
     @property
     def target(self) -> Target:

@@ -52,11 +52,11 @@ class Options:
     excluded: frozenset[str]
 
     def want(self, name: str, of_nodes: Container[str] = ()) -> bool:
-        """Whether a topic is to be recorded; hidden ones only when they are chosen.
+        """Whether a topic is to be recorded; hidden ones only if they are chosen.
 
         Args:
             name: Of the topic.
-            of_nodes: Topics of the robot's nodes as they are remapped, which are its own, too.
+            of_nodes: Remapped topics of the robot's nodes, which count as its own.
         """
         if name in self.excluded:
             return False

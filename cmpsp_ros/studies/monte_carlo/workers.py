@@ -68,7 +68,7 @@ def make(
 def make_on(
     scheduler: str, study: Study, numbers: Sequence[int], folder: Path, progress: Progress
 ) -> Iterator[Outcome]:
-    """As `make`, on a cluster; what a worker that goes had not given back is made by another.
+    """As `make`, on a cluster; unfinished runs of a worker that leaves are repeated by another.
 
     Args:
         scheduler: Address of a Dask scheduler whose workers have this package, as in

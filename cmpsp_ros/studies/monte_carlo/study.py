@@ -151,13 +151,13 @@ class Study:
             raise StudyError('obstacles.names: found obstacles, wanted none: they are drawn')
         return dict(values)
 
-    def told(self) -> tuple[GuidanceSettings, PlantSettings]:
+    def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
-        return _told(self)
+        return _setup(self)
 
     def run(self, number: int) -> Task:
         """What the run of that number is."""
-        settings, plant = self.told()
+        settings, plant = self.setup()
         drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
         if self.kind.lag is not None:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
@@ -197,7 +197,7 @@ class Task:
 
 
 @cache
-def _told(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
     """What all runs of a study have in common; to read it takes as long as a run."""
     values = study.values()
     return guidance_settings(values), plant_settings(values)

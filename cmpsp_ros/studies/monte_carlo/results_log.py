@@ -17,7 +17,7 @@ from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
 
-PACKAGES: Final = (
+HASHED_PACKAGES: Final = (
     *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
@@ -26,7 +26,7 @@ PACKAGES: Final = (
 _READ_WRITE: Final = 0o644
 
 
-def open_ledger(folder: Path, study: Study) -> dict[int, Outcome]:
+def open_results_log(folder: Path, study: Study) -> dict[int, Outcome]:
     """Begin a study in a folder, or continue the one that is there.
 
     Args:
@@ -78,7 +78,7 @@ def digest() -> str:
     """Of all code that outcomes depend on: runs of different code are no one study."""
     root = Path(cmpsp_ros.__file__).parent
     digest = hashlib.sha256()
-    for package in PACKAGES:
+    for package in HASHED_PACKAGES:
         for path in sorted((root / package).rglob('*.py')):
             digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
     return digest.hexdigest()[:16]

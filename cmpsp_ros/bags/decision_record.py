@@ -145,9 +145,13 @@ class DecisionRecord:
     active_rows = Entry(int)
     failures = Entry(int)
     wheel_slip = Entry(float, default=0.0)
+    wheel_lag = Entry(float, 's', default=0.0)
+    wheel_lag_min = Entry(float, 's', default=0.0)
+    wheel_lag_max = Entry(float, 's', default=0.0)
     finished = Entry(truth)
     missed = Entry(truth, default=False)
     _halted = Entry(truth, key='halted', default=None)
+    cancelled = Entry(truth, default=False)
     late = Entry(float, 's', default=0.0)
     skipped = Entry(truth, default=False)
     pose = Entry[tuple[float, float, float] | None](triple, default=None)
@@ -242,6 +246,6 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 
 _CHECKED: Final = (
     *('step', 'run', 'revision', 'level', 'finished', 'halted'),
-    *('late', 'skipped', 'pose'),
+    *('cancelled', 'late', 'skipped', 'pose'),
     *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
 )

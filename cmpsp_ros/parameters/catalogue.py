@@ -45,9 +45,10 @@ def _parameters() -> Iterator[Parameter]:
         'not. 0: `command_delay`, and longer after commands have been late.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
-        "Largest time constant of the wheels' response. Each command, and a stop after it, must "
-        'be clear without lag, and clear by a fifth of `safety.margin` with this lag, with two '
-        'thirds and with one third of it; otherwise it is slowed down. 0: lag is not considered.',
+        "Largest time constant of the wheels' response. It is estimated from odometry, without "
+        '`command_delay`, and compensated. Each command, and a stop after it, must be clear by a '
+        'fifth of `safety.margin` with the largest lag still possible and two smaller ones; '
+        'otherwise it is slowed down. 0: lag is not considered.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '

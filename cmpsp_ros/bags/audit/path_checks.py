@@ -109,14 +109,17 @@ def margin(record: AuditRecord) -> Verdict:
 def commanded(record: AuditRecord) -> Verdict:
     """The arc of each command, held for a control period from the pose where it takes effect.
 
-    That is the pose of its odometry, or with `command_delay` the one measured that much later. A
-    robot that is too close already may only be commanded not to get closer.
+    That is the pose of its odometry, or with `command_delay` or an estimated lag the one measured
+    that much later. A robot that is too close already may only be commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
+    lags = {each.stamp: each.wheel_lag for each in record.decisions}
     for leg in record.legs:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
-        poses = _measured(leg, commands.stamps, [each.command_delay for each in settings_of])
+        behind = [lags.get(stamp, 0.0) for stamp in commands.stamps.tolist()]
+        delays = np.add([each.command_delay for each in settings_of], behind)
+        poses = _measured(leg, commands.stamps, delays)
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
@@ -232,7 +235,7 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
 
 
-def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> Array:
+def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Array) -> Array:
     """The latest poses measured when commands take effect, shape ``(M, 3)``.
 
     Args:

@@ -52,8 +52,8 @@ class Follower:
                 with suppress(GoalError):
                     self.law.tell(stamp, goal)
             case Halted(decision):
-                finished = decision.finished
-                return self.law.halt(decision.stamp, decision.reason, finished=finished)
+                flags = {'finished': decision.finished, 'cancelled': decision.cancelled}
+                return self.law.halt(decision.stamp, decision.reason, **flags)
             case OdometryReceived(odometry, recorded, tracks=tracks):
                 decided = self.law.update(odometry.stamp, odometry.pose, tracks)
                 if decided is None:

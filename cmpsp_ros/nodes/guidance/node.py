@@ -174,8 +174,7 @@ class GuidanceNode(LifecycleNode):
 
     def _rest(self, reason: str) -> None:
         """Stop the robot for a reason, and guide it no more."""
-        self._loop.halt(reason)
-        self._loop.active = False
+        self._loop.rest(reason)
         self._give_back()
 
     def _give_back(self) -> None:

@@ -24,7 +24,7 @@ Progress = Callable[[int], None]
 """Called with the number of runs finished since the last call."""
 
 _ANSWER_TIMEOUT: Final = 10.0
-_GO_ON: Final = 'is kept, and the same command goes on'
+_CONTINUES: Final = 'is kept, and the same command continues'
 
 # A worker may have several threads; a run has kernels to load and is not made for company.
 _ONE_AT_A_TIME: Final = threading.Lock()
@@ -62,7 +62,9 @@ def make(
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
     except BrokenProcessPool as error:
-        raise StudyError(f'{folder}: a worker has died; what it had finished {_GO_ON}') from error
+        raise StudyError(
+            f'{folder}: a worker has died; what it had finished {_CONTINUES}'
+        ) from error
 
 
 def make_on(
@@ -99,7 +101,7 @@ def make_on(
             try:
                 outcomes = done.result()
             except gone as error:
-                text = f'lost ({type(error).__name__}); what had come back {_GO_ON}'
+                text = f'lost ({type(error).__name__}); what had been returned {_CONTINUES}'
                 raise StudyError(f'{scheduler}: {text}') from error
             except ImportError as error:
                 raise StudyError(f'{scheduler}: a worker lacks something: {error}') from error

@@ -73,6 +73,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.hold', _BOOL, False, '',
         'Whether the robot is led back to the goal when something moves it away after arrival; '
         'otherwise it is only stopped.', **guidance_only)
+    yield task('goal.wait', _BOOL, False, '',
+        'Whether the robot stands until a goal is received, instead of driving to `goal.position`.',
+        **_FIXED, **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
         'Mean speed along the road to a goal received on `goal_pose`, which carries no time; 0: '
         'eight tenths of the top speed, or 1 m/s without a wheel limit.',

@@ -150,21 +150,21 @@ class Fault:
     """A row of doc/user/faults.md.
 
     Attributes:
-        rung: What is commanded; a dash where only diagnostics tell.
+        fallback: What is commanded; a dash where only diagnostics tell.
         level: As in diagnostics, in words.
         says: The sentence; each `…` stands for something or other, and which of several plans it is
             may follow.
         test: Path and name of the test that holds the row against what really happens.
     """
 
-    rung: str
+    fallback: str
     level: str
     says: str
     test: str
 
-    def fits(self, rung, level, sentence):
+    def fits(self, fallback, level, sentence):
         pattern = '.+'.join(re.escape(part) for part in self.says.split('…')) + CHOICE
-        same = (rung, LEVELS[level]) == (self.rung, self.level)
+        same = (fallback, LEVELS[level]) == (self.fallback, self.level)
         return same and re.fullmatch(pattern, sentence) is not None
 
 
@@ -174,10 +174,10 @@ class Faults:
     def __init__(self, rows):
         self.rows, self.compared = rows, set()
 
-    def assert_said(self, rung, level, sentence):
-        """What was said must fit a row: rung, level (0 to 2) and sentence."""
-        fitting = {row for row in self.rows if row.fits(rung, level, sentence)}
-        assert fitting, f'{rung}, {LEVELS[level]}: {sentence!r} fits none of {self.rows}'
+    def assert_said(self, fallback, level, sentence):
+        """What was said must fit a row: fallback, level (0 to 2) and sentence."""
+        fitting = {row for row in self.rows if row.fits(fallback, level, sentence)}
+        assert fitting, f'{fallback}, {LEVELS[level]}: {sentence!r} fits none of {self.rows}'
         self.compared |= fitting
 
 
@@ -185,8 +185,8 @@ def _rows():
     for line in (ROOT / 'doc' / 'user' / 'faults.md').read_text(encoding='utf-8').splitlines():
         cells = [cell.strip() for cell in line.strip('|').split('|')]
         if line.startswith('|') and cells[-1].startswith('`test/'):
-            _, _, rung, level, says, test = cells
-            yield Fault(rung, level, says, test.strip('`'))
+            _, _, fallback, level, says, test = cells
+            yield Fault(fallback, level, says, test.strip('`'))
 
 
 @pytest.fixture(scope='session')

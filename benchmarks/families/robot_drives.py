@@ -83,7 +83,7 @@ def _drive(name: str, scenario: Scenario) -> RobotDrive:
             times.append(took)
             work.append(sum(counted))
             counted.clear()
-            levels[decision.rung.name.lower()] += 1
+            levels[decision.level.name.lower()] += 1
             pose = reached
     miss, _ = settings.target.errors(pose)
     return RobotDrive(name, np.array([times]), np.array(work), dict(levels), miss)

@@ -1,7 +1,7 @@
 """One recorded decision: the only list of what a message of `~/decision` holds.
 
 Replay, audit, export, report and the live page all read decisions by this list. The keys are a
-contract with bags, layouts and other programs, and older than the names that they have here.
+contract with bags, layouts and other programs.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.key_values import MOVING
+from cmpsp_ros.guidance.key_values import MOVING, present_keys
 from cmpsp_ros.guidance.messages.tracks import read_keys
 
 Array = NDArray[np.float64]
@@ -103,6 +103,11 @@ def status_of(message: Any) -> Any:
     return message.status[0] if hasattr(message, 'status') else message
 
 
+def entries_of(status: Any) -> dict[str, str]:
+    """Key values of a status, as this version names them."""
+    return present_keys((str(each.key), str(each.value)) for each in status.values)
+
+
 @dataclass(frozen=True)
 class DecisionRecord:
     """One decision, with everything that was published on it.
@@ -127,13 +132,13 @@ class DecisionRecord:
 
     step = Entry(int)
     stamp = Entry(int, 'ns')
-    level = Entry(str, key='rung')
+    level = Entry(str, key='fallback_level')
     time_left = Entry(float, 's')
     wheel_speed_right = Entry(float, 'rad/s')
     wheel_speed_left = Entry(float, 'rad/s')
-    terminal_error = Entry(float, 'm', key='miss')
-    clearance = Entry(float, 'm', key='margin')
-    worst_clearance = Entry(float, 'm', key='worst_margin')
+    terminal_error = Entry(float, 'm')
+    clearance = Entry(float, 'm')
+    worst_clearance = Entry(float, 'm')
     slack = Entry(float, 'm')
     iterations = Entry(int)
     qp_iterations = Entry(int)
@@ -154,8 +159,8 @@ class DecisionRecord:
     goal_y = Entry(float, 'm')
     goal_time = Entry(float, 's')
     goal_heading = Entry[float | None](float, 'rad', default=None)
-    heading_error = Entry[float | None](float, 'rad', key='heading_miss', default=None)
-    goals_received = Entry(int, key='told', default=0)
+    heading_error = Entry[float | None](float, 'rad', default=None)
+    goals_received = Entry(int, default=0)
     step_ms = Entry[float | None](float, 'ms', default=None)
 
     @classmethod
@@ -167,8 +172,7 @@ class DecisionRecord:
         """
         try:
             status = status_of(message)
-            entries = {str(each.key): str(each.value) for each in status.values}
-            return cls(source, received, str(status.message), entries)
+            return cls(source, received, str(status.message), entries_of(status))
         except (AttributeError, TypeError, LookupError) as error:
             raise BagError(
                 f'{source}: found a message that is none of its type, wanted a decision'
@@ -179,7 +183,7 @@ class DecisionRecord:
         """Whether it answers no odometry. Recordings that do not say so show it otherwise."""
         known: bool | None = self._halted
         if known is None:
-            return self.level == 'stop' and self.entries.get('miss') == 'nan'
+            return self.level == 'stop' and self.entries.get('terminal_error') == 'nan'
         return known
 
     @property

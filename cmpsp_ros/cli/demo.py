@@ -179,7 +179,7 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
         ('deadlines missed', str(summary.deadline_misses)),
         (
             'fallback levels',
-            ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count),
+            ', '.join(f'{count} {name}' for name, count in summary.levels.items() if count),
         ),
     ):
         table.add_row(name, value)
@@ -203,6 +203,6 @@ def _fleet_table(robots: Sequence[Robot]) -> Table:
             f'{each.apart:+.3f} m',
             str(summary.deadline_misses),
             ' / '.join('-' if time is None else f'{time:.1f}' for time in times) + ' ms',
-            ', '.join(f'{count} {name}' for name, count in summary.rungs.items() if count),
+            ', '.join(f'{count} {name}' for name, count in summary.levels.items() if count),
         )
     return table

@@ -49,6 +49,8 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
     kept = sample_space(settings)
     for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
         draw_around(axes, obstacle, radius, MARGIN)
+        if not obstacle.corners:
+            continue
         axes.annotate(
             obstacle.name, center, color='white', ha='center', va='center', zorder=6,
             path_effects=[withStroke(linewidth=3.0, foreground=OBSTACLE)],

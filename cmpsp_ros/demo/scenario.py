@@ -11,7 +11,7 @@ from typing import Any, Final
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.road_files import with_road_file
+from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.plausibility import plausibility_warnings
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
@@ -74,7 +74,7 @@ def load_scenario(
     """
     changes = dict(parse_assignment(each) for each in assignments)
     given = load_parameter_file(preset, namespace=namespace or None)
-    given = with_road_file(given | (load_robot(robot) if robot else {}) | changes)
+    given = with_files(given | (load_robot(robot) if robot else {}) | changes)
     # The nodes are activated when the recorder listens, and not before.
     given['autostart'] = False
     if lockstep:

@@ -41,7 +41,7 @@ class Summary:
         step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where
             they were not measured.
         deadline_misses: Control steps that took longer than the control period.
-        rungs: Control steps at each fallback level.
+        levels: Control steps at each fallback level.
         control_steps: Number of control steps.
         passings: How each goal was passed, in order, where there is more to it than one point.
         speed: Mean speed along a road that is followed [m/s].
@@ -55,7 +55,7 @@ class Summary:
     max_wheel_speed: float
     step_times: dict[str, float | None]
     deadline_misses: int
-    rungs: dict[str, int]
+    levels: dict[str, int]
     control_steps: int
     passings: tuple[Passing, ...] = ()
     speed: float | None = None
@@ -91,7 +91,7 @@ class Summary:
             'max_wheel_speed_rad_s': self.max_wheel_speed,
             'step_ms': self.step_times,
             'deadline_misses': self.deadline_misses,
-            'rungs': self.rungs,
+            'levels': self.levels,
             'control_steps': self.control_steps,
         }
         if self.passings:
@@ -164,7 +164,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
             each.late > 0.0 or (each.step_ms or 0.0) > 1e3 * settings.control_period
             for each in steps
         ),
-        rungs={rung.name.lower(): counts[rung.name.lower()] for rung in FallbackLevel},
+        levels={each.name.lower(): counts[each.name.lower()] for each in FallbackLevel},
         control_steps=len(steps),
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,

@@ -20,11 +20,11 @@ UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 
 
 class FallbackLevel(IntEnum):
-    """What is commanded, from best to last; `SHIFTED` is the previous plan."""
+    """What is commanded, from best to last; the previous plan is the last audited one, shifted."""
 
     NOMINAL = 0
     ELASTIC = 1
-    SHIFTED = 2
+    PREVIOUS_PLAN = 2
     STOP = 3
 
 
@@ -71,17 +71,17 @@ class Decision(NamedTuple):
     Attributes:
         stamp: Time stamp of the odometry that it answers [ns].
         step: Number of the control step, from 0.
-        rung: The fallback level.
+        level: The fallback level.
         reason: Why that level, in a sentence.
         wheel_speeds: Commanded wheel speeds (right, left), shape ``(2,)`` [rad/s].
         twist: The same as speed and turn rate, shape ``(2,)`` [m/s, rad/s].
         time_left: Time to the final time [s]; 0 once it has passed, infinite where there is none.
         plan: The plan followed; None when stopped.
-        miss: Distance of the plan's end from the goal [m]; the robot's own once stopped. Where a
-            road is followed the goal is a line across it.
-        margin: Least clearance from obstacles and road edges until the end of the coming control
+        terminal_error: Distance of the plan's end from the goal [m]; the robot's own once stopped.
+            Where a road is followed the goal is a line across it.
+        clearance: Least clearance from obstacles and road edges until the end of the coming control
             period, between samples too, the robot's own radius taken off [m].
-        worst_margin: The same along the whole plan [m].
+        worst_clearance: The same along the whole plan [m].
         slack: Largest violation the relaxation left in the linearised constraints [m]; 0 unless
             elastic.
         iterations: C-MPSP iterations done.
@@ -100,23 +100,23 @@ class Decision(NamedTuple):
         revision: How often the law had been given new settings before it.
         tracks: Moving obstacles and plans of other robots, as they were known.
         goal: What it drives to, at which time; None where a road is followed.
-        heading_miss: Difference of the plan's last heading from the goal's [rad]; None where any
+        heading_error: Difference of the plan's last heading from the goal's [rad]; None where any
             will do.
-        told: How many goals were received since the run began.
+        goals_received: How many goals were received since the run began.
         phases: Computing time by phase [ms], where a timer was given.
     """
 
     stamp: int
     step: int
-    rung: FallbackLevel
+    level: FallbackLevel
     reason: str
     wheel_speeds: Array
     twist: Array
     time_left: float
     plan: Plan | None
-    miss: float
-    margin: float
-    worst_margin: float
+    terminal_error: float
+    clearance: float
+    worst_clearance: float
     slack: float = 0.0
     iterations: int = 0
     qp_iterations: int = 0
@@ -133,6 +133,6 @@ class Decision(NamedTuple):
     revision: int = 0
     tracks: tuple[Seen, ...] = ()
     goal: Goal | None = None
-    heading_miss: float | None = None
-    told: int = 0
+    heading_error: float | None = None
+    goals_received: int = 0
     phases: Mapping[str, float] = UNTIMED

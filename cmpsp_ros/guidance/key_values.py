@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Final
 
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import track_keys
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""
+
+_FORMER: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        'rung': 'fallback_level',
+        'miss': 'terminal_error',
+        'margin': 'clearance',
+        'worst_margin': 'worst_clearance',
+        'heading_miss': 'heading_error',
+        'told': 'goals_received',
+    }
+)
+"""What earlier versions called some keys."""
+
+_PREVIOUS_PLAN = 'previous_plan', 'shifted'
+"""A fallback level, and what earlier versions called it."""
 
 
 def decision_to_key_values(decision: Decision) -> dict[str, str]:
@@ -21,13 +39,13 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
     values: dict[str, object] = {
         'step': decision.step,
         'stamp': decision.stamp,
-        'rung': decision.rung.name.lower(),
+        'fallback_level': decision.level.name.lower(),
         'time_left': decision.time_left,
         'wheel_speed_right': right,
         'wheel_speed_left': left,
-        'miss': decision.miss,
-        'margin': decision.margin,
-        'worst_margin': decision.worst_margin,
+        'terminal_error': decision.terminal_error,
+        'clearance': decision.clearance,
+        'worst_clearance': decision.worst_clearance,
         'slack': decision.slack,
         'iterations': decision.iterations,
         'qp_iterations': decision.qp_iterations,
@@ -56,11 +74,33 @@ def _of_goal(decision: Decision) -> dict[str, object]:
         (x, y), time = goal.position, goal.time
         values |= {'goal': goal.name, 'goal_x': x, 'goal_y': y, 'goal_time': time}
         values |= {} if goal.heading is None else {'goal_heading': goal.heading}
-    if decision.heading_miss is not None:
-        values['heading_miss'] = decision.heading_miss
-    if decision.told:
-        values['told'] = decision.told
+    if decision.heading_error is not None:
+        values['heading_error'] = decision.heading_error
+    if decision.goals_received:
+        values['goals_received'] = decision.goals_received
     return values
+
+
+def with_former_keys(values: Mapping[str, str]) -> dict[str, str]:
+    """Key values with those of the version before after them, which goes on for one release."""
+    former = {old: values[key] for old, key in _FORMER.items() if key in values}
+    level, before = _PREVIOUS_PLAN
+    if former.get('rung') == level:
+        former['rung'] = before
+    return {**values, **former}
+
+
+def present_keys(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
+    """Key values as this version names them, of this version or of the one before."""
+    found = dict(pairs)
+    for old, key in _FORMER.items():
+        if old in found:
+            found.setdefault(key, found[old])
+            del found[old]
+    level, before = _PREVIOUS_PLAN
+    if found.get('fallback_level') == before:
+        found['fallback_level'] = level
+    return found
 
 
 def severity(decision: Decision) -> int:
@@ -70,9 +110,9 @@ def severity(decision: Decision) -> int:
     """
     if decision.finished:
         return int(decision.missed)
-    if decision.rung == FallbackLevel.NOMINAL:
+    if decision.level == FallbackLevel.NOMINAL:
         return int(decision.late > 0.0)
-    return 2 if decision.rung == FallbackLevel.STOP else 1
+    return 2 if decision.level == FallbackLevel.STOP else 1
 
 
 def waypoints(plan: Plan) -> list[tuple[float, float, float, float]]:

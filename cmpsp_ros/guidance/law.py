@@ -135,13 +135,25 @@ class GuidanceLaw:
             else:
                 decision = self._decide(stamp, pose, context)
         decision = slowed_for_lateness(self._audit, settings, state, decision, here, start)
-        if state.step == 0:
-            state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
-            decision = decision._replace(reason=' '.join([decision.reason, *state.foretold]))
         self._decide_in_time(start, decision.plan, last)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
+
+    def foretell(self, decision: Decision, pose: Array) -> Decision:
+        """Add to the first decision of a run what no plan of it can do.
+
+        It may take as long as a control step: the command should be out before.
+
+        Args:
+            decision: Of `update`.
+            pose: What it decided on, shape ``(3,)`` [m, m, rad].
+        """
+        if decision.step > 0 or decision.finished:
+            return decision
+        warnings = infeasibility_warnings(self.task, (pose[0], pose[1]))
+        foretold = self._state.foretold = tuple(warnings)
+        return decision._replace(reason=' '.join([decision.reason, *foretold]))
 
     @property
     def foretold(self) -> tuple[str, ...]:
@@ -270,7 +282,7 @@ class GuidanceLaw:
                 state.idle_steps = PATIENCE
                 self._drop_plan_after_failures()
                 return self._stop(stamp, pose, reason, result, moving=start.moving)
-            level, (plan, verdict) = FallbackLevel.SHIFTED, shifted
+            level, (plan, verdict) = FallbackLevel.PREVIOUS_PLAN, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
@@ -323,7 +335,7 @@ class GuidanceLaw:
         state.plan = shifted[0]
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
-        return self._follow(stamp, FallbackLevel.SHIFTED, reason, *shifted, errors)
+        return self._follow(stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors)
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon
@@ -376,7 +388,7 @@ class GuidanceLaw:
         reason, missed = decision_builder.ending(state, self._settings, passed)
         decision = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
         error, heading_error = state.goals.target.errors(passed)
-        return decision._replace(miss=error, heading_miss=heading_error)
+        return decision._replace(terminal_error=error, heading_error=heading_error)
 
     def _stop(
         self,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.bags.decision_record import ENTRIES, Entry
+from cmpsp_ros.bags.decision_record import ENTRIES, Entry, entries_of
 
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray
@@ -49,7 +49,7 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     """
     # Of anybody's making: an array of none is a decision that lacks everything.
     status = next(iter(message.status), DiagnosticStatus())
-    texts = {each.key: _short(each.value) for each in status.values}
+    texts = {key: _short(value) for key, value in entries_of(status).items()}
     shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
     shown['reason'] = _short(status.message)
     shown['level'] = 'arrived' if shown['finished'] else shown['level']

@@ -153,6 +153,15 @@ def _parameters() -> Iterator[Parameter]:
     yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
         'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
 
+    yield place('map.cells', _STRING, 'none', '',
+        'Cells of an occupancy grid, in which what is occupied is one obstacle: rows, columns and '
+        'what they hold, packed. `map.file` reads them from a file of map_server.')
+    yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Pose of the corner of its first cell (x, y, yaw).', length=3)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side of one of its cells.', range=_POSITIVE)
+    yield place('map.unknown_is_free', _BOOL, False, '',
+        'Whether its unknown cells, and all beyond it, are free; else they are occupied.')
+
     moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '

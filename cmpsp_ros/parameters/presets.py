@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from cmpsp_ros.parameters import ros_yaml
-from cmpsp_ros.parameters.courses.road_files import with_road_file
+from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 
 _PACKAGE: Final = 'cmpsp_ros'
@@ -86,8 +86,8 @@ def load_parameter_file(
             Without either, what the file says to guidance and simulator in any namespace.
 
     Returns:
-        Values by key, with the road of a `road.file`. Of several sections that give a key, the
-        later in the file counts.
+        Values by key, with the road of a `road.file` and the map of a `map.file`. Of several
+        sections that give a key, the later in the file counts.
 
     Raises:
         ParameterError: If there is no such file or preset, the file is not YAML of ROS
@@ -104,7 +104,7 @@ def load_parameter_file(
     if node is None:
         _refuse_contradictions(chosen, str(path))
     values = {key: value for section in chosen.values() for key, value in section.items()}
-    return with_road_file(values)
+    return with_files(values, path.parent)
 
 
 def load_robot(path_or_name: str) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.parameters.courses.obstacles import obstacle_problems
+from cmpsp_ros.parameters.courses.obstacles import shape_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.simulator.laser import LaserSettings
@@ -22,7 +22,7 @@ def laser_settings(values: Values) -> LaserSettings:
         ParameterError: Its angles, ranges or times do not fit together, or one of the simulator's
             own obstacles cannot be made.
     """
-    problems = [*_scan_problems(values), *obstacle_problems(values, OWN_OBSTACLES)]
+    problems = [*_scan_problems(values), *shape_problems(values, OWN_OBSTACLES)]
     if problems:
         raise ParameterError(*problems)
     return LaserSettings(

@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.view.palette import EDGE, OBSTACLE, ROAD
-from cmpsp_ros.world.obstacles.shapes import Shape, outline
+from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
@@ -32,14 +33,19 @@ def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> Non
 def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
     """Draw obstacles, below paths."""
     for each in obstacles:
-        edge = outline(each, each.radius)
-        axes.add_patch(Polygon(edge, **{'fc': OBSTACLE, 'lw': 0.0, 'zorder': 2, **look}))
+        edge = _path(each, each.radius)
+        axes.add_patch(PathPatch(edge, **{'fc': OBSTACLE, 'lw': 0.0, 'zorder': 2, **look}))
 
 
 def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTACLE) -> None:
     """Draw how near the robot's centre may come to an obstacle, dashed."""
-    around = outline(obstacle, distance)
-    axes.add_patch(Polygon(around, fill=False, ec=color, ls='--', zorder=2))
+    around = _path(obstacle, distance)
+    axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
+
+
+def _path(obstacle: Shape, distance: float) -> Path:
+    lines = [Path(line, closed=True) for line in outlines(obstacle, distance)]
+    return Path.make_compound_path(*lines)
 
 
 def along(poses: Array, twists: Array, durations: Array) -> Array:

@@ -10,7 +10,7 @@ BAGS: Final = ('#0072b2', '#d55e00', '#009e73', '#cc79a7', '#56b4e9', '#000000')
 LEVEL_COLORS: Final = {
     'nominal': '#009e73',
     'elastic': '#f0e442',
-    'shifted': '#e69f00',
+    'previous_plan': '#e69f00',
     'stop': '#4d4d4d',
     'arrived': '#c4c9d1',
 }

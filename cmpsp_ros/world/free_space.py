@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
 from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
 from cmpsp_ros.world.obstacles.shapes import Shape
@@ -56,40 +58,54 @@ class FreeSpace:
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
         radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
+        field: Of the shape that has no corners but a distance field, if there is one.
     """
 
     road: RoadSpace
     corners: Array
     first: Indices
     radii: Array
+    field: DistanceField = NO_FIELD
 
     @classmethod
     def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
         """Space whose every point is at least ``distance`` [m] from road edges and obstacles."""
         corners = [corner for obstacle in obstacles for corner in obstacle.corners]
         counts = [len(obstacle.corners) for obstacle in obstacles]
+        fields = [each.field for each in obstacles if isinstance(each, GridObstacle)]
         return cls(
             road.space(distance),
             np.array(corners, dtype=float).reshape(1, -1, 2),
             np.cumsum([0, *counts], dtype=np.int64),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
+            *fields,
         )
 
     @property
     def centers(self) -> Array:
-        """Of the corners of each shape, as at first, shape ``(M, 2)`` [m]."""
-        if self.corners.shape[1] == len(self.first) - 1:
+        """Of the corners of each shape, as at first, NaN without any, shape ``(M, 2)`` [m]."""
+        if self._are_points:
             return np.asarray(self.corners[0])
-        parts = np.split(self.corners[0], self.first[1:-1])
+        parts = self._parts
         return np.array([(part.min(axis=0) + part.max(axis=0)) / 2.0 for part in parts])
 
     @property
     def reaches(self) -> Array:
         """Greatest distance of the corners of each shape from their centre, shape ``(M,)`` [m]."""
-        if self.corners.shape[1] == len(self.first) - 1:
+        if self._are_points:
             return np.zeros(len(self.first) - 1)
-        parts = zip(np.split(self.corners[0], self.first[1:-1]), self.centers, strict=True)
+        parts = zip(self._parts, self.centers, strict=True)
         return np.array([np.hypot(*(part - center).T).max() for part, center in parts])
+
+    @property
+    def _are_points(self) -> bool:
+        return bool((np.diff(self.first) == 1).all())
+
+    @property
+    def _parts(self) -> list[Array]:
+        """Corners of each shape, as at first, each of shape ``(C, 2)`` [m]."""
+        parts = np.split(self.corners[0], self.first[1:-1])
+        return [part if len(part) else np.full((1, 2), math.nan) for part in parts]
 
     @property
     def annulus(self) -> AnnulusLimits:
@@ -177,7 +193,7 @@ class FreeSpace:
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
         _edges_at(found, self.road, poses, float(near))
-        _away_at(found, self.corners, self.first, poses)
+        _away_at(found, self.field, self.corners, self.first, poses)
         found[:, 2:] -= self.radii
         return found
 
@@ -199,7 +215,7 @@ class FreeSpace:
         arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
         _edges_along(edges, self.road, float(near), *arguments)
         least = np.empty((len(poses), len(self.first) - 1))
-        _away_along(least, self.corners, self.first, *arguments)
+        _away_along(least, self.field, self.corners, self.first, *arguments)
         return np.column_stack([edges, least - self.radii])
 
 
@@ -230,19 +246,27 @@ def _edges_along(
 
 
 @allocation_free
-def _away_at(found: Array, corners: Array, first: Indices, poses: Array) -> None:
+def _away_at(
+    found: Array, field: DistanceField, corners: Array, first: Indices, poses: Array
+) -> None:
     for k in range(poses.shape[0]):
         at = min(k, corners.shape[0] - 1)
         for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = distance_from(corners, first, at, j, poses[k, 0], poses[k, 1])
+            found[k, 2 + j] = distance_from(field, corners, first, at, j, poses[k, 0], poses[k, 1])
 
 
 @allocation_free
 def _away_along(
-    least: Array, corners: Array, first: Indices, poses: Array, twists: Array, times: Array
+    least: Array,
+    field: DistanceField,
+    corners: Array,
+    first: Indices,
+    poses: Array,
+    twists: Array,
+    times: Array,
 ) -> None:
     for k in range(poses.shape[0]):
         length, turn = twists[k, 0] * times[k], twists[k, 1] * times[k]
         arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
         for j in range(least.shape[1]):
-            least[k, j] = sweep(arc, corners, first, j, math.inf)
+            least[k, j] = sweep(arc, field, corners, first, j, math.inf)

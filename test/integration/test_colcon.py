@@ -179,4 +179,4 @@ def test_installed_nodes_complete_a_run(
     ros.spin_until(lambda: str(programs / 'guidance_node') in command.read_text().split('\0'))
     # An installed copy compiles for itself, once.
     ros.spin_until(lambda: decided and decided[-1]['finished'] == 'true', 600.0)
-    assert float(decided[-1]['miss']) < 1e-6
+    assert float(decided[-1]['terminal_error']) < 1e-6

@@ -126,7 +126,7 @@ def test_told_of_its_delay_a_run_arrives_as_one_without(run_demo):
     assert code == 0
     assert judged(told)['miss_m'] < 1e-9
     assert judged(told)['clearance_m'] == pytest.approx(0.064, abs=1e-3)
-    assert judged(told)['rungs']['nominal'] == judged(told)['control_steps'] == 50
+    assert judged(told)['levels']['nominal'] == judged(told)['control_steps'] == 50
     outcome = replay(told / 'bag', Names.under(''))
     assert outcome.first is None, str(outcome)
     with Bag(told / 'bag') as bag:

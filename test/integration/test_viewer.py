@@ -180,7 +180,13 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     arrow = Marker(ns='moving_velocities', id=3, type=Marker.ARROW)
     arrow.points = [Point(x=1.0, y=2.0), Point(x=1.5, y=2.25)]
     plan = Marker(ns='plan', type=Marker.LINE_STRIP)
-    facts = {'rung': 'nominal', 'goal': 'b', 'goal_x': '0.5', 'goal_y': '-1.0', 'goal_time': '17'}
+    facts = {
+        'fallback_level': 'nominal',
+        'goal': 'b',
+        'goal_x': '0.5',
+        'goal_y': '-1.0',
+        'goal_time': '17',
+    }
     status = DiagnosticStatus(values=[KeyValue(key=k, value=v) for k, v in facts.items()])
     decision = DiagnosticArray(status=[status])
 
@@ -232,7 +238,7 @@ def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_unti
     assert int(shown['course']) == 10
     assert int(shown['steps']) > 10
     assert int(shown['path']) > 10
-    assert re.search(rf'id="level"[^>]*>{shown["rung"]}<', dom)
+    assert re.search(rf'id="level"[^>]*>{shown["fallback_level"]}<', dom)
     assert re.search(r'id="commanded">-?\d', dom)
 
 
@@ -241,7 +247,7 @@ def test_texts_of_anybody_do_not_run(start_view, wait_until, ros, browse):
     decisions = ros.node.create_publisher(DECISION.type, '/guidance/decision', DECISION.qos)
     markers = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
     evil = '</p><img src=x onerror="document.title=1"><script>document.title=2</script>'
-    status = DiagnosticStatus(message=evil, values=[KeyValue(key='rung', value=evil)])
+    status = DiagnosticStatus(message=evil, values=[KeyValue(key='fallback_level', value=evil)])
     decision = DiagnosticArray(status=[status])
     text = Marker(type=Marker.TEXT_VIEW_FACING, ns=evil, text=evil)
     text.scale.z = math.nan

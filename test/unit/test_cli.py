@@ -25,7 +25,7 @@ def summary(**changes):
         'max_wheel_speed': 51.0,
         'step_times': {'p50': 1.0, 'p99': 2.0, 'max': 3.0},
         'deadline_misses': 0,
-        'rungs': {'nominal': 50, 'elastic': 0, 'shifted': 0, 'stop': 0},
+        'levels': {'nominal': 50, 'elastic': 0, 'previous_plan': 0, 'stop': 0},
         'control_steps': 50,
     }
     return Summary(**{**values, **changes})

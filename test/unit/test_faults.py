@@ -26,12 +26,12 @@ def test_every_test_that_is_named_compares_its_row(faults):
         tree = ast.parse((ROOT / path).read_text(encoding='utf-8'))
         (test,) = [each for each in tree.body if getattr(each, 'name', '') == name]
         assert 'fault' in {argument.arg for argument in test.args.args}, row.test
-        assert row.rung in {'nominal', 'elastic', 'shifted', 'stop', '—'}
+        assert row.fallback in {'nominal', 'elastic', 'previous_plan', 'stop', '—'}
         assert row.level in {'OK', 'WARN', 'ERROR'}
 
 
 @pytest.mark.parametrize(
-    ('rung', 'level', 'sentence'),
+    ('fallback', 'level', 'sentence'),
     [
         ('elastic', 1, 'The final time has passed, 3 m from the goal.'),
         ('stop', 2, 'The final time has passed, 3 m from the goal.'),
@@ -39,7 +39,7 @@ def test_every_test_that_is_named_compares_its_row(faults):
         ('stop', 1, 'So: The final time has passed, 3 m from the goal.'),
     ],
 )
-def test_what_is_not_as_in_the_row_is_noticed(faults, rung, level, sentence):
+def test_what_is_not_as_in_the_row_is_noticed(faults, fallback, level, sentence):
     row = next(each for each in faults if 'has passed, ' in each.says)
     assert row.fits('stop', 1, 'The final time has passed, 3 m from the goal.')
-    assert not row.fits(rung, level, sentence)
+    assert not row.fits(fallback, level, sentence)

@@ -136,7 +136,7 @@ def test_every_path_of_foxglove_leads_to_a_field_of_a_topic(foxglove, topics):
 
 def test_the_values_that_foxglove_plots_are_those_of_a_decision(foxglove):
     keys = {key for path in paths(foxglove) for key in re.findall(r'key=="(\w+)"', path)}
-    assert keys == {'rung', 'worst_margin', 'miss'}
+    assert keys == {'fallback_level', 'worst_clearance', 'terminal_error'}
     source = Path(decision_to_key_values.__code__.co_filename).read_text(encoding='utf-8')
     assert keys <= set(re.findall(r"'(\w+)': decision\.", source))
 

@@ -67,7 +67,10 @@ CHECKS: Final = (
     _Check('stop_at_end', 'Stop: at the end', fallback_checks.stop_at_end, ('control_period',)),
     _Check('reasons', 'Fallback: reasons given', fallback_checks.reasons),
     _Check(
-        'shifted', 'Fallback: old plans dropped', fallback_checks.shifted, ('failure_tolerance',)
+        'previous_plan',
+        'Fallback: old plans dropped',
+        fallback_checks.previous_plan,
+        ('failure_tolerance',),
     ),
     _Check('nominal', 'Fallback: nominal is clear', fallback_checks.nominal, _ROAD),
 )

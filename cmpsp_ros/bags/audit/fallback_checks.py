@@ -46,7 +46,7 @@ def reasons(record: AuditRecord) -> Verdict:
     )
 
 
-def shifted(record: AuditRecord) -> Verdict:
+def previous_plan(record: AuditRecord) -> Verdict:
     """Whether an old plan is followed for longer than `failure_tolerance` allows."""
     if not record.decisions:
         return _no_decision(record)
@@ -54,7 +54,7 @@ def shifted(record: AuditRecord) -> Verdict:
     row, worst, at = 0, 0, record.start
     for each in record.decisions:
         # A plan that came too late was made anew: no step has failed.
-        row = row + 1 if each.level == 'shifted' and each.failures else 0
+        row = row + 1 if each.level == 'previous_plan' and each.failures else 0
         if row > worst:
             worst, at = row, each.stamp
     sentence = (

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, status_of, truth
+from cmpsp_ros.bags.decision_record import ENTRIES, DecisionRecord, entries_of, status_of, truth
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
@@ -198,7 +198,7 @@ def _road(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
 
 def _decisions(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
     status = status_of(message)
-    values = {each.key: each.value for each in status.values}
+    values = entries_of(status)
     entries = columns[len(_BEFORE_ENTRIES) :]
     yield status.message, *(_cell(each, values.get(_key(each))) for each in entries)
 

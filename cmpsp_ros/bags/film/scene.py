@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.simulator.physics import Physics, mjcf
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.world.obstacles.shapes import outlines
 
 Array = NDArray[np.float64]
 
@@ -87,7 +87,8 @@ def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
         if len(each.corners) == 1:
             yield _geom('cylinder', f'{each.radius} {height}', (*each.center, height), color)
         else:
-            yield from _line(outline(each, each.radius), _LINE, color)
+            for line in outlines(each, each.radius):
+                yield from _line(line, _LINE, color)
 
 
 def _way(way: Array) -> Iterator[str]:

@@ -56,7 +56,9 @@ class Follower:
                 return self.law.halt(decision.stamp, decision.reason, finished=finished)
             case OdometryReceived(odometry, recorded, tracks=tracks):
                 decided = self.law.update(odometry.stamp, odometry.pose, tracks)
-                if recorded is None or not recorded.late or decided is None or not decided.plan:
-                    return decided
-                return self.law.withdraw(decided, recorded.late)
+                if decided is None:
+                    return None
+                if recorded is not None and recorded.late and decided.plan:
+                    decided = self.law.withdraw(decided, recorded.late)
+                return self.law.foretell(decided, odometry.pose)
         return None

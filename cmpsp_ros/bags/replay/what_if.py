@@ -91,7 +91,7 @@ class WhatIf:
         """Decisions of each fallback level: recorded, and of the changed law."""
         return (
             dict(Counter(each.level for each in self.recorded)),
-            dict(Counter(each.rung.name.lower() for _, each in self.decisions)),
+            dict(Counter(each.level.name.lower() for _, each in self.decisions)),
         )
 
 

@@ -13,7 +13,7 @@ from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
-from cmpsp_ros.world.obstacles.shapes import Shape, outline
+from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
@@ -32,7 +32,8 @@ def path(views: Sequence[View]) -> Figure:
         shapes += _road(road)
     for obstacle, kept in obstacles(views).items():
         shapes += _shapes(obstacle, kept)
-        annotations.append(_name(obstacle))
+        if obstacle.corners:
+            annotations.append(_name(obstacle))
     x, y = frame(views)
     figure['layout'] |= {
         'shapes': shapes,
@@ -192,7 +193,8 @@ def _line(points: Array) -> str:
 def _edge(obstacle: Shape, distance: float) -> Figure:
     if len(obstacle.corners) == 1:
         return _circle(obstacle.center, distance)
-    return {'type': 'path', 'path': f'{_line(outline(obstacle, distance))} Z'}
+    lines = [f'{_line(line)} Z' for line in outlines(obstacle, distance)]
+    return {'type': 'path', 'path': ' '.join(lines)}
 
 
 def _circle(center: tuple[float, float], radius: float) -> Figure:

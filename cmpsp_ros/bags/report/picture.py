@@ -50,7 +50,9 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
     for obstacle, kept in obstacles(views).items():
         draw_obstacles(axes, [obstacle])
         draw_around(axes, obstacle, kept)
-        axes.text(*obstacle.center, _plain(obstacle.name), color='white', ha='center', va='center')
+        if obstacle.corners:
+            name = _plain(obstacle.name)
+            axes.text(*obstacle.center, name, color='white', ha='center', va='center')
     for tracks in (each for view in views for each in tracks_of_each(view)):
         x, y = [each.x for each in tracks], [each.y for each in tracks]
         axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)

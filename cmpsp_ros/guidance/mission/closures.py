@@ -47,6 +47,8 @@ def closures(
     """
     if not road.has_center_line:
         return
+    # A map has no corners, and is not one obstacle but many.
+    obstacles = [each for each in obstacles if each.corners]
     gaps = _gaps(road, tuple(obstacles))
     if not ((gaps < wanted) | (gaps <= 0.0)).any():
         return

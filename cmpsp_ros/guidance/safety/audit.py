@@ -250,6 +250,7 @@ class Audit:
             committed,
             self._between,
             space.road,
+            space.field,
             space.corners,
             space.first,
             space.radii,

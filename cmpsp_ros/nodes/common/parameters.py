@@ -12,8 +12,9 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 
-from cmpsp_ros.parameters.courses.road_files import with_road_file
+from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.parameter import ParameterType
+from cmpsp_ros.parameters.presets import config_directory
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -57,7 +58,8 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
             problems of the set, and before anything is declared.
 
     """
-    values = table.resolve(with_road_file(overrides(node)))
+    # ROS does not say which file a parameter is from: relative paths are those of our presets.
+    values = table.resolve(with_files(overrides(node), config_directory()))
     for key, row in table.keys(values):
         if which in row.nodes:
             _declare(node, key, row, values[key])

@@ -157,8 +157,8 @@ DECISION = Topic(
     'out',
     '~/decision',
     DiagnosticArray,
-    'each control step, stamped as the odometry that it answers: rung, why, miss, margins, slack,'
-    ' iterations, active rows, times; floats read back exactly; latched',
+    'each control step, stamped as the odometry that it answers: fallback level, reason, terminal'
+    ' error, clearances, slack, iterations, active rows, times; floats read back exactly; latched',
     latched=True,
 )
 PLAN = Topic(
@@ -183,8 +183,8 @@ PLAN_MARKERS = Topic(
     'out',
     '~/plan_markers',
     MarkerArray,
-    'the plan in the colours of its rung and of its clearance, the sentence, and what moves and'
-    ' is kept from it; while somebody listens',
+    'the plan in the colours of its fallback level and clearance, its reason, moving obstacles and'
+    ' what is kept from them; while somebody listens',
     repeats=True,
 )
 HEALTH = Topic(
@@ -192,8 +192,8 @@ HEALTH = Topic(
     'out',
     '/diagnostics',
     DiagnosticArray,
-    'once a second and on every change: state, subscribers, rung, step times, missed deadlines,'
-    ' odometry age',
+    'once a second and on every change: state, subscribers, fallback level, step times, missed'
+    ' deadlines, odometry age',
 )
 GUIDED_BY = Topic(
     'guidance',

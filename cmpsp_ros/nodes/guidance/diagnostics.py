@@ -45,15 +45,16 @@ def report_on(
     def figures() -> dict[str, object]:
         values: dict[str, object] = {'state': state, **listeners}
         if decision is not None:
-            values |= {'rung': decision.rung.name.lower(), 'time_left': decision.time_left}
+            level_name = decision.level.name.lower()
+            values |= {'fallback_level': level_name, 'time_left': decision.time_left}
         if loop is None:
             return values
         if (age := loop.odometry_age) is not None:
             values['odometry_age'] = age
         return values | loop.times.values()
 
-    rung = None if decision is None else decision.rung
-    return Report(level, message, (level, state, rung, *listeners.values()), figures)
+    fallback = None if decision is None else decision.level
+    return Report(level, message, (level, state, fallback, *listeners.values()), figures)
 
 
 def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, str]:

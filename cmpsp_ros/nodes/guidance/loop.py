@@ -200,13 +200,14 @@ class GuidanceLoop:
             self._node.get_logger().warning(decision.reason)
         else:
             self._outputs.command(decision)
+        self._expect_end(decision, now)
+        step_ms = (time.perf_counter_ns() - began) / 1e6
+        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
+        decision = self._law.foretell(decision, pose)
         if not self._begun:
             for each in self._law.foretold:
                 self._node.get_logger().warning(each)
         self._begun = True
-        self._expect_end(decision, now)
-        step_ms = (time.perf_counter_ns() - began) / 1e6
-        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
@@ -290,10 +291,10 @@ class GuidanceLoop:
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision, self._pose)
         before = self.decision
-        if before is None or (decision.rung, decision.missed) != (before.rung, before.missed):
-            said = f'{decision.rung.name.lower()}: {decision.reason}'
+        if before is None or (decision.level, decision.missed) != (before.level, before.missed):
+            said = f'{decision.level.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
-            if decision.rung == FallbackLevel.NOMINAL or decision.finished:
+            if decision.level == FallbackLevel.NOMINAL or decision.finished:
                 self._node.get_logger().info(said)
             else:
                 self._node.get_logger().warning(said)

@@ -10,7 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.world.obstacles.shapes import outlines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -65,9 +65,12 @@ def marker_array(settings: GuidanceSettings, stamp: Time, ahead: Goal | None = N
         if len(obstacle.corners) == 1:
             add('obstacles', _disc(obstacle.center, obstacle.radius, _OBSTACLE))
         else:
-            add('obstacles', _line(outline(obstacle, obstacle.radius), 0.05, _OBSTACLE))
-        add('obstacle_names', _text(center, obstacle.name))
-        add('margins', _line(outline(obstacle, radius), 0.02, _MARGIN))
+            for line in outlines(obstacle, obstacle.radius):
+                add('obstacles', _line(line, 0.05, _OBSTACLE))
+        if obstacle.corners:
+            add('obstacle_names', _text(center, obstacle.name))
+        for line in outlines(obstacle, radius):
+            add('margins', _line(line, 0.02, _MARGIN))
     for goal in settings.goals:
         passed = ahead is not None and goal.time < ahead.time
         radius = max(settings.goal_tolerance, 0.1)

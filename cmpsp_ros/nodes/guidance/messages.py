@@ -10,7 +10,12 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
+from cmpsp_ros.guidance.key_values import (
+    decision_to_key_values,
+    severity,
+    waypoints,
+    with_former_keys,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -60,7 +65,8 @@ class DecisionMessage:
         self._message.level = level_of(decision)
         self._message.message = decision.reason
         self._message.values = [
-            self._value(key, value) for key, value in decision_to_key_values(decision).items()
+            self._value(*item)
+            for item in with_former_keys(decision_to_key_values(decision)).items()
         ]
         return self._array
 

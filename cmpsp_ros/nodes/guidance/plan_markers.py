@@ -1,4 +1,4 @@
-"""The plan in the colours of its rung and of its room, the rung's sentence, and what moves."""
+"""The plan in the colours of its fallback level and clearance, its reason, moving obstacles."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
 from cmpsp_ros.nodes.guidance.messages import set_stamp
 from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import Obstacle, outline
+from cmpsp_ros.world.obstacles.shapes import outline_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -41,11 +41,11 @@ _AHEAD: Final = 1.0
 class PlanMarkers:
     """Markers of the latest decision; one message is filled again and again.
 
-    The plan is a band in the colour of its rung, and in it a line in the colours of the clearance:
-    from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left beside. A plan
-    that is there no more is taken away, the sentence stays where the robot was last. What moves is
-    shown where it is, with an arrow to where it will be a second later; the ring around it, and
-    that around the arrow's tip, is what the robot's centre keeps from it, grown by then.
+    The plan is a band in the colour of its fallback level, and in it a line in the colours of the
+    clearance: from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left
+    beside. A plan that is gone is removed, the reason stays where the robot was last. A moving
+    obstacle is shown where it is, with an arrow to where it will be a second later; the rings
+    around it and around the arrow's tip are what the robot's centre keeps from it.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -56,10 +56,10 @@ class PlanMarkers:
         self._line.scale.x = _WIDTH
         # Above the band, for who looks from above.
         self._line.pose.position.z = _RING
-        self._rung = Marker(ns='rung', type=Marker.TEXT_VIEW_FACING, action=Marker.DELETE)
-        self._rung.scale.z = _TEXT_HEIGHT
-        self._rung.pose.position.z = _ABOVE
-        self._array = MarkerArray(markers=[self._band, self._line, self._rung])
+        self._text = Marker(ns='level', type=Marker.TEXT_VIEW_FACING, action=Marker.DELETE)
+        self._text.scale.z = _TEXT_HEIGHT
+        self._text.pose.position.z = _ABOVE
+        self._array = MarkerArray(markers=[self._band, self._line, self._text])
         for each in self._array.markers:
             each.header.frame_id = settings.frame_id
             each.pose.orientation.w = 1.0
@@ -73,24 +73,24 @@ class PlanMarkers:
     def fill(self, decision: Decision) -> MarkerArray:
         """The message of a decision, good until the next."""
         plan = decision.plan
-        color = _COLORS['arrived' if decision.finished else decision.rung.name.lower()]
-        for each in (self._band, self._line, self._rung):
+        color = _COLORS['arrived' if decision.finished else decision.level.name.lower()]
+        for each in (self._band, self._line, self._text):
             set_stamp(each.header, decision.stamp)
-        self._band.color = self._rung.color = color
-        self._rung.text = f'{decision.rung.name.lower()}: {decision.reason}'
+        self._band.color = self._text.color = color
+        self._text.text = f'{decision.level.name.lower()}: {decision.reason}'
         points, colors = [], []
         if plan is not None:
             places = plan.poses[:, :2].tolist()
             points = [Point(x=x, y=y) for x, y in places]
             spare = plan_clearance(self._settings, decision) - self._settings.safety.margin
             colors = [color_of(each) for each in spare.tolist()]
-            self._rung.pose.position.x, self._rung.pose.position.y = places[0]
-            self._rung.action = Marker.ADD
+            self._text.pose.position.x, self._text.pose.position.y = places[0]
+            self._text.action = Marker.ADD
         for each in (self._band, self._line):
             each.action = Marker.DELETE if plan is None else Marker.ADD
             each.points = points
         self._line.colors = colors
-        self._array.markers = [self._band, self._line, self._rung, *self._moving(decision)]
+        self._array.markers = [self._band, self._line, self._text, *self._moving(decision)]
         return self._array
 
     def _moving(self, decision: Decision) -> Iterator[Marker]:
@@ -124,10 +124,9 @@ class PlanMarkers:
         settings = self._settings
         radius = track.radius + settings.moving_obstacles.growth * age
         radius += settings.robot_radius + settings.safety.margin
-        edge = outline(Obstacle(track.name, center, track.radius), radius)
         marker = Marker(ns=namespace, type=Marker.LINE_STRIP)
         marker.scale.x = _RING
-        marker.points = [Point(x=float(x), y=float(y)) for x, y in edge]
+        marker.points = [Point(x=float(x), y=float(y)) for x, y in outline_of([center], radius)]
         return marker
 
 

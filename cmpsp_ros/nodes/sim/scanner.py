@@ -11,7 +11,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 
 from cmpsp_ros.nodes.common.topics import SIM_SCAN
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of
+from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.courses.roads import road_of
 from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.simulator.laser import Laser
@@ -51,7 +51,7 @@ class Scanner:
 
     def look_around(self, values: Values) -> None:
         """Take in the shapes of a course."""
-        shapes = obstacles_of(values) + obstacles_of(values, OWN_OBSTACLES)
+        shapes = obstacles_of(values) + shapes_of(values, OWN_OBSTACLES)
         lines = road_of(values).edges() if values['sim.scan.road_edges'] else ()
         self._edges, self._discs = edges_of(shapes, lines), discs_of(shapes)
 

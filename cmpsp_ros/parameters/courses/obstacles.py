@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.parameters.courses.maps import NAME, NONE, map_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
@@ -19,22 +20,39 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 """What says where an obstacle of each type is."""
 
 
-def obstacles_of(values: Values, where: str = 'obstacles') -> tuple[Shape, ...]:
-    """The obstacles that stand still.
+def obstacles_of(values: Values) -> tuple[Shape, ...]:
+    """The obstacles that stand still, the map among them.
 
     Args:
         values: A set resolved by the table.
-        where: Key of the section that has them.
 
     Raises:
         ParameterError: A block does not say what its type needs, or says what another one needs,
-            or its vertices make no convex polygon; names the key, and the vertex.
+            or its vertices make no convex polygon, or the map is none; names the key, and the
+            vertex.
     """
+    known = map_of(values)
+    return shapes_of(values, 'obstacles') + (() if known is None else (known,))
+
+
+def shapes_of(values: Values, where: str) -> tuple[Shape, ...]:
+    """The shapes of a section, such as `obstacles`; arguments and errors as of `obstacles_of`."""
     return tuple(_obstacle(values, f'{where}.{name}') for name in values[f'{where}.names'])
 
 
-def obstacle_problems(values: Values, where: str = 'obstacles') -> Iterator[Problem]:
-    """What is wrong with each obstacle of a section."""
+def obstacle_problems(values: Values) -> Iterator[Problem]:
+    """What is wrong with each obstacle, and with the map."""
+    yield from shape_problems(values, 'obstacles')
+    if NAME in values['obstacles.names'] and values['map.cells'] != NONE:
+        yield Problem('obstacles.names', repr(NAME), 'another name: it is that of the map')
+    try:
+        map_of(values)
+    except ParameterError as error:
+        yield from error.problems
+
+
+def shape_problems(values: Values, where: str) -> Iterator[Problem]:
+    """What is wrong with each shape of a section."""
     for name in values[f'{where}.names']:
         try:
             _obstacle(values, f'{where}.{name}')

@@ -136,8 +136,8 @@ def outcome(driven: Driven) -> Outcome:
     speeds = [each.wheel_speeds for each in driven.decisions]
     largest = [float(np.abs(each).max()) for each in speeds if np.isfinite(each).all()]
     limit = settings.robot.max_wheel_speed * (1.0 + _ROUNDING)
-    rungs = Counter(each.rung for each in driven.decisions)
-    worst = max(driven.decisions, key=lambda each: each.rung, default=None)
+    levels = Counter(each.level for each in driven.decisions)
+    worst = max(driven.decisions, key=lambda each: each.level, default=None)
     x, y = _instants(driven, final)
     start = task.scenario.pose
     return Outcome(
@@ -149,12 +149,12 @@ def outcome(driven: Driven) -> Outcome:
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
         not_finite=len(speeds) - len(largest),
-        nominal=rungs[FallbackLevel.NOMINAL],
-        elastic=rungs[FallbackLevel.ELASTIC],
-        shifted=rungs[FallbackLevel.SHIFTED],
-        stop=rungs[FallbackLevel.STOP],
-        trouble=worst.reason if worst is not None and worst.rung else '',
-        trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.rung else None,
+        nominal=levels[FallbackLevel.NOMINAL],
+        elastic=levels[FallbackLevel.ELASTIC],
+        previous_plan=levels[FallbackLevel.PREVIOUS_PLAN],
+        stop=levels[FallbackLevel.STOP],
+        trouble=worst.reason if worst is not None and worst.level else '',
+        trouble_time=worst.stamp / NANOSECONDS if worst is not None and worst.level else None,
         exception=driven.exception,
         shortest_way=settings.road.shortest_length(start[:2], settings.goal),
         farthest=farthest(task),

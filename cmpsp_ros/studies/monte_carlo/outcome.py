@@ -43,7 +43,7 @@ class Outcome:
         not_finite: Commands that were not finite.
         nominal: Control steps at this fallback level.
         elastic: See `nominal`.
-        shifted: See `nominal`.
+        previous_plan: See `nominal`.
         stop: See `nominal`, the stops after the final time left out.
         trouble: Reason of the first step at the worst fallback level; empty where that is nominal.
         trouble_time: When that was [s]; None without trouble.
@@ -65,7 +65,7 @@ class Outcome:
     not_finite: int
     nominal: int
     elastic: int
-    shifted: int
+    previous_plan: int
     stop: int
     trouble: str
     trouble_time: float | None

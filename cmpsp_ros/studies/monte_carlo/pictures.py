@@ -18,7 +18,7 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
 from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
 from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import outline
+from cmpsp_ros.world.obstacles.shapes import outlines
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16
@@ -122,11 +122,11 @@ def _draw_way(axes: Axes, driven: Driven) -> None:
     for decision, end in _spans(driven.decisions):
         # One point more, so that what comes next begins where this ends.
         chosen = (stamps >= decision.stamp) & (stamps <= end)
-        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.rung.name.lower()], lw=1.2)
+        axes.plot(*points[chosen].T, color=LEVEL_COLORS[decision.level.name.lower()], lw=1.2)
     axes.plot(*poses[0, :2], 'o', color='white', mec='black', ms=4)
     axes.plot(*settings.goal, '*', color='white', mec='black', ms=8)
     shapes = driven.task.scenario.obstacles
-    boxes = [outline(each, each.radius) for each in shapes]
+    boxes = [line for each in shapes for line in outlines(each, each.radius)]
     show(axes, [points, np.array([settings.goal]), *boxes], 0.5)
 
 
@@ -143,7 +143,7 @@ def _draw_clearance(axes: Axes, driven: Driven) -> None:
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
     for level, color in LEVEL_COLORS.items():
-        there = [each.stamp for each in driven.decisions if each.rung.name.lower() == level]
+        there = [each.stamp for each in driven.decisions if each.level.name.lower() == level]
         if there:
             seconds = np.array(there) / NANOSECONDS
             axes.plot(seconds, [-0.02] * len(there), '|', color=color, label=level)

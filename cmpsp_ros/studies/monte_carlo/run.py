@@ -147,8 +147,8 @@ def _draw_one(folder: Path, study: Study, driven: Driven) -> Path:
 def _changes(driven: Driven) -> list[str]:
     texts, before = [], None
     for each in driven.decisions:
-        if each.rung != before:
+        if each.level != before:
             time = each.stamp / NANOSECONDS
-            texts.append(f'{time:6.2f} s  {each.rung.name.lower():8} {each.reason}')
-        before = each.rung
+            texts.append(f'{time:6.2f} s  {each.level.name.lower():8} {each.reason}')
+        before = each.level
     return [*texts, driven.exception] if driven.exception else texts

@@ -17,7 +17,7 @@ from scipy.stats import binomtest
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
 
-_RUNGS = ('nominal', 'elastic', 'shifted', 'stop')
+_LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
@@ -67,7 +67,7 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
         runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
         runs('nominal all the way', *(not each.trouble for each in outcomes)),
         runs('elastic at some step', *(each.elastic > 0 for each in outcomes)),
-        runs('shifted at some step', *(each.shifted > 0 for each in outcomes)),
+        runs('previous plan at some step', *(each.previous_plan > 0 for each in outcomes)),
     ]
 
 
@@ -90,7 +90,9 @@ def figures(
             for each in shares(outcomes)
         },
         # Without an interval: the steps of a run hang together.
-        'control_steps': {rung: sum(getattr(each, rung) for each in outcomes) for rung in _RUNGS},
+        'control_steps': {
+            level: sum(getattr(each, level) for each in outcomes) for level in _LEVELS
+        },
         'miss_in_reach_m': _quantiles([each.miss for each in reachable]),
         'clearance_m': _quantiles([each.clearance for each in outcomes]),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
@@ -126,8 +128,8 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         counts.add_row(name, str(share['count']), str(share['of']), f'{low} to {high} %')
     counts.add_section()
     steps = sum(values['control_steps'].values())
-    for rung, count in values['control_steps'].items():
-        counts.add_row(f'control steps {rung}', str(count), str(steps), '')
+    for level, count in values['control_steps'].items():
+        counts.add_row(f'control steps {level.replace("_", " ")}', str(count), str(steps), '')
     counts.add_section()
     for name, count in values['verdicts'].items():
         counts.add_row(name, str(count), str(values['runs']), '')

@@ -118,7 +118,7 @@ def millimetres(metres: float) -> str:
 
 def _row(drive: Drive) -> tuple[str, ...]:
     measures = drive.measures()
-    slack = sum(count for rung, count in measures['rungs'].items() if rung != 'nominal')
+    slack = sum(count for level, count in measures['levels'].items() if level != 'nominal')
     return (
         drive.experiment.label,
         'between samples too' if drive.between_samples else 'at samples',

@@ -103,20 +103,20 @@ class Drive:
         experiment: Which run of the paper.
         between_samples: Whether the path between samples was kept clear too.
         path: What was driven.
-        rungs: Fallback level of each control step.
+        levels: Fallback level of each control step.
         step_times: Computing time of each control step [ms].
     """
 
     experiment: Experiment
     between_samples: bool
     path: Path
-    rungs: tuple[str, ...]
+    levels: tuple[str, ...]
     step_times: Array
 
     def measures(self) -> dict[str, Any]:
         """The figures of this run; computing times are left out as they never repeat."""
-        rungs = {name: self.rungs.count(name) for name in dict.fromkeys(self.rungs)}
-        return {**self.path.measures(), 'rungs': rungs}
+        levels = {name: self.levels.count(name) for name in dict.fromkeys(self.levels)}
+        return {**self.path.measures(), 'levels': levels}
 
     def series(self) -> dict[str, Any]:
         """The run as numbers."""
@@ -151,7 +151,7 @@ def run_law(experiment: Experiment, *, between_samples: bool) -> Drive:
         experiment,
         between_samples,
         drive_open(settings, pose, wheel_speeds),
-        tuple(decision.rung.name.lower() for decision in decisions[:-1]),
+        tuple(decision.level.name.lower() for decision in decisions[:-1]),
         np.array(times[:-1]),
     )
 

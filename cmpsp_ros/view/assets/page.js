@@ -5,7 +5,7 @@ const ASK_PERIOD = 66;
 const RETRY_PERIOD = 1000;
 const SILENT_AFTER = 1.5;
 const LEVELS = {
-  nominal: '#009e73', elastic: '#b3a500', shifted: '#e69f00', stop: '#4d4d4d', arrived: '#0072b2',
+  nominal: '#009e73', elastic: '#b3a500', previous_plan: '#e69f00', stop: '#4d4d4d', arrived: '#0072b2',
 };
 
 const MOVING = '#b03a8c';

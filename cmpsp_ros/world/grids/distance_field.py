@@ -7,14 +7,13 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 
 Array = NDArray[np.float64]
 
-_AROUND: Final = 2
+AROUND: Final = 2
 """Cells that a field has around its grid."""
 
 _FAR: Final = 1e4
@@ -37,9 +36,9 @@ def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> Dis
         occupied = grid.cells == Cell.OCCUPIED
     if occupied.all():
         raise GridError('cells', 'none that is free', 'a place to drive')
-    occupied = np.pad(occupied, _AROUND, constant_values=not unknown_is_free)
+    occupied = np.pad(occupied, AROUND, constant_values=not unknown_is_free)
     frame = np.zeros(1, FRAME)
-    outermost = np.array(-_AROUND)
+    outermost = np.array(-AROUND)
     frame['x'], frame['y'] = grid.centers(outermost, outermost)
     frame['cosine'], frame['sine'] = math.cos(grid.origin[2]), math.sin(grid.origin[2])
     frame['cell'], frame['is_free_beyond'] = grid.resolution, unknown_is_free
@@ -52,6 +51,9 @@ def _distances(occupied: NDArray[np.bool_]) -> Array:
     From a centre the nearest point of a square is on the lattice of centres, corners and middles
     of edges: there the transform is exact.
     """
+    # Where there is no grid it is not needed, and takes half a second to load.
+    from scipy import ndimage  # noqa: PLC0415
+
     if not occupied.any():
         return np.full(occupied.shape, _FAR)
     rows, columns = occupied.shape

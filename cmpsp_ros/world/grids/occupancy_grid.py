@@ -77,9 +77,12 @@ class OccupancyGrid:
 
     def centers(self, rows: Indices, columns: Indices) -> Array:
         """Centres of cells, shape ``(..., 2)`` [m]."""
-        x, y = (np.asarray(columns) + 0.5), (np.asarray(rows) + 0.5)
+        return self.corners(rows.astype(float) + 0.5, columns.astype(float) + 0.5)
+
+    def corners(self, rows: Array, columns: Array) -> Array:
+        """Outer corners of cells, or other points by their rows and columns, ``(..., 2)`` [m]."""
         cosine, sine = math.cos(self.origin[2]), math.sin(self.origin[2])
-        along, across = x * self.resolution, y * self.resolution
+        along, across = columns * self.resolution, rows * self.resolution
         return np.stack(
             [
                 self.origin[0] + cosine * along - sine * across,
@@ -130,4 +133,4 @@ def check_size(shape: tuple[int, ...]) -> None:
     """
     if len(shape) != 2 or min(shape) < 1 or math.prod(shape) > MOST_CELLS:
         wanted = f'1 to {MOST_CELLS} cells in rows and columns'
-        raise GridError('size', ' x '.join(map(str, shape)), wanted)
+        raise GridError('cells', ' x '.join(map(str, shape)), wanted)

@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
-from cmpsp_ros.world.obstacles.shape_functions import sweep_moving
+from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -3,7 +3,8 @@
 A shape is a point, a line between two points or a convex polygon, given by its corners,
 anticlockwise. Several of them lie one after the other in one array: those of shape ``j`` are
 ``corners[k, first[j]:first[j + 1]]``, where ``k`` counts samples if they move. The distance is
-that from the shape without its radius; inside a polygon it is negative.
+that from the shape without its radius; inside a polygon it is negative. A shape without corners is
+that of a distance field.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import Arc, arc_part, reach_of
+from cmpsp_ros.world.grids import field_functions
+from cmpsp_ros.world.grids.field_functions import DistanceField
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -30,20 +33,28 @@ _SOME = (0.0, 1.0, 0.0)
 
 
 @allocation_free
-def distance_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float) -> float:
+def distance_from(
+    field: DistanceField, corners: Array, first: Indices, k: int, j: int, x: float, y: float
+) -> float:
     """Distance of a point from a shape."""
     distance: float
-    distance, _, _ = away_from(corners, first, k, j, x, y)
+    if first[j] == first[j + 1]:
+        return field_functions.distance_from(field, x, y)
+    distance, _, _ = away_from(field, corners, first, k, j, x, y)
     return distance
 
 
 @allocation_free
-def away_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float) -> Any:
+def away_from(
+    field: DistanceField, corners: Array, first: Indices, k: int, j: int, x: float, y: float
+) -> Any:
     """Distance of a point from a shape and its gradient, a unit vector away from it.
 
     Where there is no gradient it is some unit vector that leads out, so that a solver can leave.
     """
     begin, end = first[j], first[j + 1]
+    if end == begin:
+        return field_functions.away_from(field, x, y)
     if end - begin == 1:
         dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
         from_point = math.sqrt(dx * dx + dy * dy)
@@ -79,7 +90,9 @@ def away_from(corners: Array, first: Indices, k: int, j: int, x: float, y: float
 
 
 @allocation_free
-def sweep(arc: Arc, corners: Array, first: Indices, j: int, enough: float) -> float:
+def sweep(
+    arc: Arc, field: DistanceField, corners: Array, first: Indices, j: int, enough: float
+) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
     Exact for a point. Else the arc is taken for chords of it, less what it strays from them: never
@@ -87,6 +100,8 @@ def sweep(arc: Arc, corners: Array, first: Indices, j: int, enough: float) -> fl
     """
     least: float
     begin, end = first[j], first[j + 1]
+    if end == begin:
+        return field_functions.sweep(field, arc, enough)
     if end - begin == 1:
         least, _ = reach_of(arc, corners[0, begin, 0], corners[0, begin, 1])
         return least
@@ -104,83 +119,9 @@ def sweep(arc: Arc, corners: Array, first: Indices, j: int, enough: float) -> fl
 
 
 @allocation_free
-def sweep_moving(
-    arc: Arc,
-    duration: float,
-    x: float,
-    y: float,
-    velocity_x: float,
-    velocity_y: float,
-    growth: float,
-    enough: float,
-) -> float:
-    """Least distance, in time, of an arc from a point that moves, less a radius that grows from 0.
-
-    Seen from the point the robot does not drive an arc. It strays from a chord of that path as far
-    as the arc does from its own, timed alike, since the point's speed is constant.
-
-    Args:
-        arc: What the robot drives, at constant speed.
-        duration: Time that it takes [s].
-        x: Where the point is at its beginning [m].
-        y: See `x`.
-        velocity_x: Of the point [m/s].
-        velocity_y: See `velocity_x`.
-        growth: Of the radius [m/s].
-        enough: As of `sweep`.
-    """
-    astray = abs(arc.length * arc.turn) / 8.0
-    away_x, away_y = arc.x - x, arc.y - y
-    moved_x, moved_y, grown = velocity_x * duration, velocity_y * duration, growth * duration
-    whole = (
-        _least_on_approach(
-            away_x, away_y, arc.end_x - x - moved_x, arc.end_y - y - moved_y, 0.0, grown
-        )
-        - astray
-    )
-    if whole > enough or math.isnan(whole):
-        return whole
-    pieces = pieces_for(astray)
-    least, from_x, from_y = math.inf, away_x, away_y
-    for i in range(1, pieces + 1):
-        part = i / pieces
-        to_x, to_y, _, _ = arc_part(arc, part)
-        to_x, to_y = to_x - x - part * moved_x, to_y - y - part * moved_y
-        before = (i - 1) / pieces * grown
-        least = min(least, _least_on_approach(from_x, from_y, to_x, to_y, before, part * grown))
-        from_x, from_y = to_x, to_y
-    return least - astray / (pieces * pieces)
-
-
-@allocation_free
 def pieces_for(astray: float) -> int:
     """Into how many pieces to cut a path that strays so far from its chord [m]."""
     return int(min(max(math.ceil(math.sqrt(astray / ROUGHNESS)), 1.0), _MOST_PIECES))
-
-
-@allocation_free
-def _least_on_approach(
-    x: float, y: float, to_x: float, to_y: float, radius: float, to_radius: float
-) -> float:
-    """Least distance from the origin on a straight way, less a radius that changes evenly.
-
-    It is a convex function of the part of the way, least where its slope vanishes.
-    """
-    way_x, way_y, grown = to_x - x, to_y - y, to_radius - radius
-    squared = way_x * way_x + way_y * way_y
-    at_end = math.sqrt(to_x * to_x + to_y * to_y) - to_radius
-    least = min(math.sqrt(x * x + y * y) - radius, at_end)
-    steeper = squared - grown * grown
-    if steeper <= 0.0:
-        return least
-    across = abs(way_x * y - way_y * x) / math.sqrt(squared)
-    part = (grown * across / math.sqrt(steeper) * math.sqrt(squared)) / squared
-    part -= (x * way_x + y * way_y) / squared
-    if not 0.0 < part < 1.0:
-        return least
-    there_x, there_y = x + part * way_x, y + part * way_y
-    there = math.sqrt(there_x * there_x + there_y * there_y) - radius - part * grown
-    return min(least, there)
 
 
 @allocation_free

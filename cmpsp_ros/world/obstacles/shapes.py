@@ -1,4 +1,4 @@
-"""Obstacles that stand still: discs (93), and beside the paper capsules and convex polygons."""
+"""Obstacles that stand still: discs (93), and beside the paper other shapes and grids."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
@@ -91,7 +93,7 @@ class Polygon:
         return 0.0
 
 
-Shape = Obstacle | Capsule | Polygon
+Shape = Obstacle | Capsule | Polygon | GridObstacle
 """What the settings hold."""
 
 
@@ -140,12 +142,14 @@ def convex(name: str, vertices: Sequence[Point]) -> Polygon:
     return Polygon(name, tuple(vertices if side > 0.0 else reversed(vertices)))
 
 
-def outline(obstacle: Shape, distance: float) -> Array:
-    """The closed line at a distance [m] from the corners of an obstacle, ``(K, 2)`` [m].
+def outlines(obstacle: Shape, distance: float) -> list[Array]:
+    """The closed lines at a distance [m] from an obstacle without its radius, ``(K, 2)`` [m] each.
 
-    With the obstacle's own radius it is its edge.
+    With the obstacle's own radius they are its edge, anticlockwise, and clockwise around holes.
     """
-    return outline_of(obstacle.corners, distance)
+    if isinstance(obstacle, GridObstacle):
+        return obstacle.outlines(distance)
+    return [outline_of(obstacle.corners, distance)]
 
 
 def outline_of(corners: Sequence[Point], distance: float) -> Array:

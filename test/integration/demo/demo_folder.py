@@ -17,7 +17,7 @@ KEYS = [
     'max_wheel_speed_rad_s',
     'step_ms',
     'deadline_misses',
-    'rungs',
+    'levels',
     'control_steps',
 ]
 TOPICS = {
@@ -65,10 +65,10 @@ def check_folder(folder, preset):
     summary = json.loads((folder / 'summary.json').read_text())
     assert list(summary) == KEYS
     assert set(summary['step_ms']) == {'p50', 'p99', 'max'}
-    assert set(summary['rungs']) == {'nominal', 'elastic', 'shifted', 'stop'}
+    assert set(summary['levels']) == {'nominal', 'elastic', 'previous_plan', 'stop'}
     assert summary['preset'] == preset
-    assert summary['control_steps'] == sum(summary['rungs'].values()) == 50
-    assert summary['rungs']['shifted'] == summary['rungs']['stop'] == 0
+    assert summary['control_steps'] == sum(summary['levels'].values()) == 50
+    assert summary['levels']['previous_plan'] == summary['levels']['stop'] == 0
     assert summary['clearance_m'] >= 0.0
     assert 0.0 < summary['max_wheel_speed_rad_s'] <= LIMITS[preset]
     assert 0.0 < summary['step_ms']['p50'] <= summary['step_ms']['p99'] <= summary['step_ms']['max']

@@ -28,7 +28,7 @@ def drive(start_demo, tmp_path):
         running = start_demo(preset, '--lockstep', '--output', folder)
         assert running.wait(LIMIT) == 0, running.stderr
         summary = json.loads((folder / 'summary.json').read_text())
-        assert summary['rungs'] == {'nominal': steps, 'elastic': 0, 'shifted': 0, 'stop': 0}
+        assert summary['levels'] == {'nominal': steps, 'elastic': 0, 'previous_plan': 0, 'stop': 0}
         assert summary['clearance_m'] >= 0.0
         return folder, summary
 

@@ -26,7 +26,7 @@ def tick(start_node, client):
 
 
 def assert_is(fault, decision):
-    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
 
 
 def test_a_clock_that_jumps_forward_takes_the_time_away(fault, tick, client, make_odometry):
@@ -78,7 +78,7 @@ def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odo
     client.connect()
     client.until_health(state='active')
     decision, _ = client.decide(make_odometry(client.now(), POSE))
-    assert decision['rung'] in {'nominal', 'elastic'}
+    assert decision['fallback_level'] in {'nominal', 'elastic'}
     health = client.until_health(said='took')
     fault.assert_said('—', health['level'][0], health['said'])
     assert int(health['deadline_misses']) > 0
@@ -94,7 +94,7 @@ def test_a_plan_that_takes_longer_than_odometry_lives_is_followed(fault, start_n
     def goes_on():
         late = [float(each.get('late', 0.0)) > 0.04 for each in client.decisions]
         after = client.decisions[late.index(True) + 1 :] if any(late) else []
-        return next((each for each in after if each['rung'] == 'shifted'), None)
+        return next((each for each in after if each['fallback_level'] == 'previous_plan'), None)
 
     assert_is(fault, client.until(goes_on))
     client.park()

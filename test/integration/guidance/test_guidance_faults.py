@@ -54,7 +54,7 @@ FAULTS = [
 
 def assert_is(fault, decision):
     """A decision is as its row of doc/user/faults.md says."""
-    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
 
 
 @pytest.mark.smoke
@@ -74,14 +74,14 @@ def test_odometry_that_cannot_be_used_stops_the_robot_until_the_next_that_can(
         assert reason in decision['reason']
         assert_is(fault, decision)
         assert float(decision['wheel_speed_right']) == float(decision['wheel_speed_left']) == 0.0
-        client.until_health(level=DiagnosticStatus.ERROR, said=reason, rung='stop')
+        client.until_health(level=DiagnosticStatus.ERROR, said=reason, fallback_level='stop')
         # Even between two control instants.
         stamp += PERIOD_NS // 4
         decision, command = client.decide(make_odometry(stamp, pose))
         assert command[0] > 0.5
-        assert decision['rung'] == 'nominal'
+        assert decision['fallback_level'] == 'nominal'
         assert int(decision['stamp']) == stamp
-        client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+        client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
         stamp += PERIOD_NS
     assert 'Traceback' not in running.stderr
 
@@ -139,7 +139,7 @@ def test_odometry_that_stops_stops_the_robot_until_it_comes_back(fault, start_no
     assert set(client.commands[count:]) == {ZERO}
     client.drive()
     client.until_driving()
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     assert 'Traceback' not in running.stderr
 
 
@@ -160,7 +160,7 @@ def test_a_robot_off_the_road_is_told_why_and_a_good_pose_brings_it_back(
         assert max(map(abs, wheels)) <= 51.0
     stamp += PERIOD_NS
     decision, command = client.decide(make_odometry(stamp, (0.0, -9.25, 0.0)))
-    assert decision['rung'] == 'nominal'
+    assert decision['fallback_level'] == 'nominal'
     assert command[0] > 0.5
     assert 'Traceback' not in running.stderr
 

@@ -50,7 +50,7 @@ def test_every_state_is_entered_left_and_shown(start_node, client):
         client.connect()
         client.drive()
         client.until_driving()
-        client.until_health(state='active', rung='nominal', level=DiagnosticStatus.OK)
+        client.until_health(state='active', fallback_level='nominal', level=DiagnosticStatus.OK)
         assert client.change_state('deactivate')
         client.until(lambda: client.commands[-1] == (0.0, 0.0))
         client.until_health(state='inactive')
@@ -122,11 +122,11 @@ def test_one_command_at_each_control_instant_as_the_law_says(
         assert command == tuple(wanted.twist.tolist())
         assert len(client.commands) == len(client.decisions) == step + 1
         assert decision['reason'] == wanted.reason
-        assert decision['rung'] == wanted.rung.name.lower()
+        assert decision['fallback_level'] == wanted.level.name.lower()
         exact = ('step', 'stamp', 'iterations', 'qp_iterations', 'active_rows', 'failures')
         for key in exact:
             assert int(decision[key]) == getattr(wanted, key)
-        for key in ('time_left', 'miss', 'margin', 'worst_margin', 'slack'):
+        for key in ('time_left', 'terminal_error', 'clearance', 'worst_clearance', 'slack'):
             assert float(decision[key]) == getattr(wanted, key)
         assert float(decision['wheel_speed_right']) == wanted.wheel_speeds[0]
         assert float(decision['wheel_speed_left']) == wanted.wheel_speeds[1]
@@ -144,7 +144,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
         points = [(p.pose.position.x, p.pose.position.y) for p in client.paths[-1].poses]
         assert points == [tuple(point) for point in wanted.plan.poses[:, :2].tolist()]
         miss = np.hypot(points[-1][0] - 10.0, points[-1][1])
-        assert miss == pytest.approx(float(decision['miss']))
+        assert miss == pytest.approx(float(decision['terminal_error']))
         times = [Time.from_msg(p.header.stamp).nanoseconds for p in client.paths[-1].poses]
         assert times[0] == stamp
         assert times[-1] == begun + 10_000 * MS
@@ -164,7 +164,9 @@ def test_one_command_at_each_control_instant_as_the_law_says(
     assert {marker.ns for marker in late[0].markers} > {'road', 'goal', 'obstacles', 'margins'}
 
 
-def test_the_plan_is_shown_in_the_colour_of_its_rung_and_taken_away_with_it(start_node, client):
+def test_the_plan_is_shown_in_the_colour_of_its_fallback_level_and_taken_away_with_it(
+    start_node, client
+):
     start_node('guidance_node', {'autostart': True, 'odom_timeout': 1.0})
     shown = []
     client.node.create_subscription(MarkerArray, '/guidance/plan_markers', shown.append, 10)
@@ -172,10 +174,10 @@ def test_the_plan_is_shown_in_the_colour_of_its_rung_and_taken_away_with_it(star
     client.until(lambda: client.node.count_publishers('/guidance/plan_markers'))
     client.drive()
     client.until(lambda: shown)
-    plan, line, rung = shown[0].markers
-    assert plan.action == line.action == rung.action == Marker.ADD
+    plan, line, text = shown[0].markers
+    assert plan.action == line.action == text.action == Marker.ADD
     assert len(plan.points) == len(line.points) == len(line.colors) > 1
-    assert rung.text.startswith('nominal: ')
+    assert text.text.startswith('nominal: ')
     client.park()
     client.until(lambda: shown[-1].markers[2].text.startswith('stop: '))
     assert [each.action for each in shown[-1].markers[:2]] == [Marker.DELETE] * 2
@@ -224,14 +226,14 @@ def test_parameters_change_while_it_drives_as_one_valid_set_or_not_at_all(start_
     assert client.set_parameter('weights.road_center', 0.5).successful
     client.until(lambda: len(markers) > 1)
     client.until_driving()
-    client.until_health(state='active', rung='nominal')
+    client.until_health(state='active', fallback_level='nominal')
     assert client.set_parameter('goal.position', [10.2, 0.0]).successful
     client.until(lambda: abs(client.paths[-1].poses[-1].pose.position.x - 10.2) < 0.1)
     goal = [marker for marker in markers[-1].markers if marker.ns == 'goal']
     client.until(lambda: len(markers) > 2)
     goal = next(marker for marker in markers[-1].markers if marker.ns == 'goal')
     assert goal.pose.position.x == 10.2
-    assert all(decision['rung'] == 'nominal' for decision in client.decisions)
+    assert all(decision['fallback_level'] == 'nominal' for decision in client.decisions)
     assert 'Traceback' not in running.stderr
 
 

@@ -71,7 +71,7 @@ def test_changes_twenty_times_a_second_take_effect_without_a_dip(start_node, cli
     sent = [each for each in client.sent if each >= begun]
     late = np.diff(sent).max() * 1e-9 - ODOMETRY_PERIOD
     assert np.diff(stamps).max() < 1.5 * CONTROL_PERIOD + late
-    assert {each['rung'] for each in driven} == {FallbackLevel.NOMINAL.name.lower()}
+    assert {each['fallback_level'] for each in driven} == {FallbackLevel.NOMINAL.name.lower()}
     # From one control step to the next the speed changes by little, and never drops out.
     assert commands[:, 0].min() > 0.5 * np.median(commands[:, 0])
 
@@ -122,5 +122,5 @@ def test_the_road_is_moved_under_a_robot_that_drives(start_node, client, road, c
     # The middle of both roads was 10 m from where it is now farther.
     client.until(lambda: np.hypot(*client.pose[:2]) > 10.25)
     assert client.decisions[-1]['revision'] == str(len(changes))
-    rungs = {each['rung'] for each in client.decisions[changed:]}
-    assert rungs == {FallbackLevel.NOMINAL.name.lower()}
+    levels = {each['fallback_level'] for each in client.decisions[changed:]}
+    assert levels == {FallbackLevel.NOMINAL.name.lower()}

@@ -62,9 +62,9 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(
         stamp += PERIOD_NS
         decision, command = client.decide(make_odometry(stamp, POSE))
         assert decision['moving_obstacles'] == known
-        assert (decision['rung'], command[0] > 0.5) == ('nominal', True)
+        assert (decision['fallback_level'], command[0] > 0.5) == ('nominal', True)
     tell([replace(far, stamp=client.now())])
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     assert 'Traceback' not in running.stderr
     assert 'moving_obstacles refused' in running.stderr
 

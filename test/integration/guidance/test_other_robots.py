@@ -72,9 +72,9 @@ def test_what_cannot_be_used_changes_nothing_and_is_said(
         stamp += PERIOD_NS
         decision, command = client.decide(make_odometry(stamp, POSE))
         assert decision['moving_obstacles'] == f'/r2@{begun}'
-        assert (decision['rung'], command[0] > 0.5) == ('nominal', True)
+        assert (decision['fallback_level'], command[0] > 0.5) == ('nominal', True)
     tell(plan(client.now(), AWAY))
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     assert '/r2/guidance/predicted_path refused' in running.stderr
     assert 'Traceback' not in running.stderr
 
@@ -91,7 +91,7 @@ def test_plans_that_come_no_more_are_told(fault, start_node, client, make_odomet
     # What it says last is that it stands, and that is so until it says otherwise.
     begun = client.now()
     tell(plan(begun, AWAY[:1]))
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     decision, _ = client.decide(make_odometry(begun + 10 * PERIOD_NS, POSE))
     assert decision['moving_obstacles'] == f'/r2@{begun}'
 

@@ -32,8 +32,8 @@ def decision_to_key_values(values):
 
 
 def is_forced(decision):
-    """Whether the law itself left the best rung of its ladder."""
-    return decision['halted'] == 'false' and decision['rung'] != 'nominal'
+    """Whether the law itself left the best fallback level."""
+    return decision['halted'] == 'false' and decision['fallback_level'] != 'nominal'
 
 
 def recorded(bag):

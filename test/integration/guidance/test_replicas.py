@@ -37,8 +37,8 @@ def test_a_pair_in_lockstep_reaches_the_goal(start_node, client, sim, guidance):
     client.until(lambda: finished(client))
     steps, last = client.decisions[:50], client.decisions[50]
     assert last['finished'] == 'true'
-    assert {step['rung'] for step in steps} <= {'nominal', 'elastic'}
-    assert float(last['miss']) < 1e-6
+    assert {step['fallback_level'] for step in steps} <= {'nominal', 'elastic'}
+    assert float(last['terminal_error']) < 1e-6
     stamps = [int(step['stamp']) for step in client.decisions[:51]]
     assert [stamp - stamps[0] for stamp in stamps] == [k * 200_000_000 for k in range(51)]
     if sim['publish_clock']:
@@ -83,7 +83,7 @@ def test_two_pairs_on_one_domain_arrive_and_do_not_hear_each_other(start_node, m
     for prefix, client in clients.items():
         # Who is done first goes on to say so.
         assert [each['finished'] for each in client.decisions[:51]] == ['false'] * 50 + ['true']
-        assert float(client.decisions[50]['miss']) < 1e-6
+        assert float(client.decisions[50]['terminal_error']) < 1e-6
         path = [each.pose.pose.position for each in truth[prefix]]
         assert (path[0].x, path[0].y) == starts[prefix][:2]
     for process in pairs:

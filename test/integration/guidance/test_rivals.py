@@ -26,7 +26,7 @@ def as_second(make_client):
 
 
 def assert_is(fault, decision):
-    fault.assert_said(decision['rung'], decision['level'][0], decision['reason'])
+    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
 
 
 def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_client):
@@ -45,13 +45,13 @@ def test_a_second_guidance_node_stays_inactive(fault, start_node, client, make_c
     assert not second.change_state('activate')
     assert len(second.decisions) == count
     client.until_driving()
-    client.until_health(state='active', rung='nominal', said='Others publish on /cmd_vel')
+    client.until_health(state='active', fallback_level='nominal', said='Others publish on /cmd_vel')
     # Once the first has been deactivated, the second may take over: when it is told to.
     assert client.change_state('deactivate')
     client.until(lambda: client.decisions[-1]['reason'].endswith('was deactivated.'))
     assert_is(fault, client.decisions[-1])
     client.until(lambda: second.change_state('activate'))
-    second.until_health(state='active', rung='nominal')
+    second.until_health(state='active', fallback_level='nominal')
     assert second.decisions[count]['step'] == '0'
 
 
@@ -65,7 +65,7 @@ def test_two_robots_have_a_guidance_node_each(start_node, make_client):
         each.drive()
         each.until_driving()
     for each in clients:
-        each.until_health(state='active', rung='nominal', level=DiagnosticStatus.OK)
+        each.until_health(state='active', fallback_level='nominal', level=DiagnosticStatus.OK)
 
 
 def test_of_two_that_began_together_the_later_gives_way(fault, start_node, client):
@@ -79,11 +79,11 @@ def test_of_two_that_began_together_the_later_gives_way(fault, start_node, clien
     later = str(time.time_ns() + 10**18)
     rival.publish(KeyValue(key='/rival (elsewhere:1)', value=later))
     client.until_driving()
-    client.until_health(state='active', rung='nominal')
+    client.until_health(state='active', fallback_level='nominal')
     rival.publish(KeyValue(key='/rival (elsewhere:1)', value='1'))
     client.until_health(state='inactive', said='robot: /rival (elsewhere:1).')
     client.until(lambda: client.commands[-1] == ZERO)
-    client.until(lambda: client.decisions[-1]['rung'] == 'stop')
+    client.until(lambda: client.decisions[-1]['fallback_level'] == 'stop')
     assert_is(fault, client.decisions[-1])
 
 
@@ -115,10 +115,10 @@ def test_another_source_of_commands_is_told(fault, start_node, client):
     client.connect()
     client.drive()
     client.until_driving()
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     joystick = client.node.create_publisher(Twist, '/cmd_vel', 1)
     health = client.until_health(said='Others publish on /cmd_vel, too: /tester.')
     fault.assert_said('—', health['level'][0], health['said'])
-    assert health['rung'] == 'nominal'
+    assert health['fallback_level'] == 'nominal'
     client.node.destroy_publisher(joystick)
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')

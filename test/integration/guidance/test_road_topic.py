@@ -94,17 +94,21 @@ def test_a_road_is_waited_for_and_a_bad_one_refused(fault, start_node, client, m
     tell(ring(10.0))
     client.until_health(level=DiagnosticStatus.WARN, said='Waiting for odometry')
     decision, command = client.decide(make_odometry(stamp + PERIOD_NS, START))
-    assert (decision['rung'], decision['step'], command[0] > 0.5) == ('nominal', '0', True)
+    assert (decision['fallback_level'], decision['step'], command[0] > 0.5) == (
+        'nominal',
+        '0',
+        True,
+    )
     # One that is refused under way leaves the old road.
     tell(REFUSED[2][0])
     client.until_health(level=DiagnosticStatus.ERROR, said=REFUSED[2][1])
     after, _ = client.decide(make_odometry(stamp + 2 * PERIOD_NS, START))
-    assert (after['rung'], after['revision']) == ('nominal', decision['revision'])
+    assert (after['fallback_level'], after['revision']) == ('nominal', decision['revision'])
     outcome = client.set_parameter('road.points', [])
     assert not outcome.successful
     assert 'road.points' in outcome.reason
     tell(ring(10.1))
-    client.until_health(level=DiagnosticStatus.OK, rung='nominal')
+    client.until_health(level=DiagnosticStatus.OK, fallback_level='nominal')
     later, _ = client.decide(make_odometry(stamp + 3 * PERIOD_NS, START))
     assert int(later['revision']) == int(decision['revision']) + 1
     assert 'Traceback' not in running.stderr
@@ -131,7 +135,7 @@ def test_a_drive_on_roads_that_change_is_replayed_and_audited(
             tell(ring(10.0 + 0.002 * step))
             client.until(lambda come=come: running.stderr.count('has come') > come)
         decision, command = client.decide(make_odometry(stamp, pose))
-        assert decision['rung'] == 'nominal', decision
+        assert decision['fallback_level'] == 'nominal', decision
         edges.append(int(decision['revision']))
         pose = arc_ends(pose[None], np.array([command]), np.array([0.2]))[0]
         stamp += PERIOD_NS

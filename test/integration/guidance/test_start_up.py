@@ -88,7 +88,7 @@ def test_without_the_right_to_a_priority_it_says_so_and_guides_all_the_same(
         assert words in said
     fault.assert_said('—', 1, said.partition('[guidance]: ')[2])
     decision, command = client.decide(make_odometry(client.now(), (0.0, -9.25, 0.0)))
-    assert decision['rung'] == 'nominal'
+    assert decision['fallback_level'] == 'nominal'
     assert command[0] > 0.5
 
 

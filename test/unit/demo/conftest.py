@@ -8,11 +8,11 @@ from bag_messages import JOINTS, ODOMETRY, STATUS, joints, odometry, raw, status
 from cmpsp_ros.bags.writer import BagWriter
 
 
-def decision(stamp, rung='nominal', finished=False, step_ms=None, **more):
+def decision(stamp, level='nominal', finished=False, step_ms=None, **more):
     wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
-    told = {'stamp': stamp, 'step': 0, 'rung': rung, 'finished': str(finished).lower()}
+    told = {'stamp': stamp, 'step': 0, 'fallback_level': level, 'finished': str(finished).lower()}
     timed = {} if step_ms is None else {'step_ms': repr(step_ms)}
-    return status(f'It is {rung}.', **told, **wheels, **more, **timed)
+    return status(f'It is {level}.', **told, **wheels, **more, **timed)
 
 
 @pytest.fixture

@@ -92,7 +92,7 @@ def test_what_happens_before_the_first_decision_and_after_the_final_time_does_no
     wheels = [(0, (99.0, 0.0)), (SECOND, (1.0, -7.5)), (5 * SECOND, (3.0, 2.0))]
     wheels += [(7 * SECOND, (99.0, 99.0))]
     decisions = [{'stamp': (1 + k) * SECOND, 'step_ms': 1.0 + k} for k in range(4)]
-    decisions += [{'stamp': 5 * SECOND, 'rung': 'stop', 'finished': True, 'step_ms': 900.0}]
+    decisions += [{'stamp': 5 * SECOND, 'level': 'stop', 'finished': True, 'step_ms': 900.0}]
     summary = summary_of(
         settings([((x, y), 0.2), (far, 0.2)], goal=on_circle(5.0)[:2]),
         driven(*range(11)),
@@ -103,19 +103,19 @@ def test_what_happens_before_the_first_decision_and_after_the_final_time_does_no
     assert summary.clearance > 0.0
     assert summary.max_wheel_speed == 7.5
     assert summary.control_steps == 4
-    assert summary.rungs == {'nominal': 4, 'elastic': 0, 'shifted': 0, 'stop': 0}
+    assert summary.levels == {'nominal': 4, 'elastic': 0, 'previous_plan': 0, 'stop': 0}
     assert summary.step_times == {'p50': 2.5, 'p99': pytest.approx(3.97), 'max': 4.0}
 
 
-def test_rungs_and_deadlines_are_counted(summary_of):
-    rungs = ['nominal', 'elastic', 'elastic', 'shifted', 'stop']
+def test_levels_and_deadlines_are_counted(summary_of):
+    levels = ['nominal', 'elastic', 'elastic', 'previous_plan', 'stop']
     times = [10.0, 200.0, 200.1, None, 300.0]
     decisions = [
-        {'stamp': k * 200_000_000, 'rung': rung, 'step_ms': ms}
-        for k, (rung, ms) in enumerate(zip(rungs, times, strict=True))
+        {'stamp': k * 200_000_000, 'level': level, 'step_ms': ms}
+        for k, (level, ms) in enumerate(zip(levels, times, strict=True))
     ]
     summary = summary_of(settings(), driven(0, 1, 2, 3, 4), decisions=decisions)
-    assert summary.rungs == {'nominal': 1, 'elastic': 2, 'shifted': 1, 'stop': 1}
+    assert summary.levels == {'nominal': 1, 'elastic': 2, 'previous_plan': 1, 'stop': 1}
     assert summary.deadline_misses == 2
     assert summary.control_steps == 5
 
@@ -148,7 +148,7 @@ def test_a_summary_is_written_with_every_figure_exactly(tmp_path):
         'max_wheel_speed_rad_s': 51.0,
         'step_ms': numbers,
         'deadline_misses': 0,
-        'rungs': {'nominal': 1},
+        'levels': {'nominal': 1},
         'control_steps': 1,
     }
 

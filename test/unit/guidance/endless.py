@@ -39,13 +39,13 @@ class Part:
     Attributes:
         speed: Mean along the road [m/s].
         clearance: Least, between samples too [m].
-        rungs: Control steps on each.
+        levels: Control steps on each.
         memory: Held by Python at its end [bytes].
     """
 
     speed: float
     clearance: float
-    rungs: Counter
+    levels: Counter
     memory: int
 
 
@@ -60,10 +60,10 @@ def drive(minutes, changes=None):
     steps, stamp = round(minutes * 60.0 / settings.control_period / PARTS), 0
     tracemalloc.start()
     for _ in range(PARTS):
-        poses, twists, rungs = [plant.pose], [], Counter()
+        poses, twists, levels = [plant.pose], [], Counter()
         for _ in range(steps):
             decision = law.update(stamp, plant.measure())
-            rungs[decision.rung.name.lower()] += 1
+            levels[decision.level.name.lower()] += 1
             plant.command(stamp, *decision.twist.tolist())
             stamp += period
             plant.advance(stamp)
@@ -73,7 +73,7 @@ def drive(minutes, changes=None):
         gc.collect()
         clearance = space.along(path[:-1], np.array(twists), durations).min()
         speed = mean_speed(settings, path, float(durations.sum()))
-        yield Part(speed, float(clearance), rungs, tracemalloc.get_traced_memory()[0])
+        yield Part(speed, float(clearance), levels, tracemalloc.get_traced_memory()[0])
     tracemalloc.stop()
 
 
@@ -83,7 +83,7 @@ def is_steady(parts, speed, tolerance=0.01):
     return (
         all(abs(part.speed - speed) < tolerance * speed for part in parts)
         and all(part.clearance >= 0.0 for part in parts)
-        and not any(part.rungs['shifted'] + part.rungs['stop'] for part in parts)
+        and not any(part.levels['previous_plan'] + part.levels['stop'] for part in parts)
         and last.memory - after.memory < GROWTH
     )
 
@@ -98,10 +98,10 @@ def main():
         parts = []
         for number, part in enumerate(drive(minutes, changes), 1):
             parts.append(part)
-            rungs = ', '.join(f'{count} {rung}' for rung, count in part.rungs.items())
+            levels = ', '.join(f'{count} {level}' for level, count in part.levels.items())
             print(
                 f'{number * minutes / PARTS:6.1f} min: {part.speed:.5f} m/s, clearance'
-                f' {part.clearance:+.4f} m, {rungs}, {part.memory / 1e3:.1f} kB'
+                f' {part.clearance:+.4f} m, {levels}, {part.memory / 1e3:.1f} kB'
             )
         steady &= is_steady(parts, 1.2)
     return 0 if steady else 1

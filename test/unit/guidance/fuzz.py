@@ -150,12 +150,12 @@ class Drive:
 
     def note(self, decision, pose):
         """No command is beyond the limits, not finite, or leads anywhere it must not."""
-        self.outcomes[decision.rung.name.lower()] += 1
+        self.outcomes[decision.level.name.lower()] += 1
         self.held = decision.wheel_speeds
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision
         assert np.abs(decision.wheel_speeds).max() <= self.given.robot.max_wheel_speed
-        if decision.rung is FallbackLevel.STOP:
+        if decision.level is FallbackLevel.STOP:
             assert not decision.wheel_speeds.any()
         elif self.given.command_delay == 0.0:
             self.check_arc(decision, pose)

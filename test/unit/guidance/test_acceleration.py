@@ -56,11 +56,11 @@ def test_the_robot_sets_out_arrives_and_brakes_gently(name, acceleration):
     given = limited(CASES[name], acceleration)
     run = closed_loop(given, steps=STEPS + 10)
     assert_gentle(run, given)
-    assert {each.rung for each in run.moves} == {FallbackLevel.NOMINAL}
+    assert {each.level for each in run.moves} == {FallbackLevel.NOMINAL}
     final = run.decisions[STEPS]
     assert final.finished
     assert not final.missed
-    assert final.miss < 1e-6
+    assert final.terminal_error < 1e-6
     # It drives through the goal, and comes to rest behind it.
     assert 'It brakes to' in final.reason
     assert 0.0 < final.twist[0] < run.decisions[STEPS - 1].twist[0]
@@ -110,7 +110,7 @@ def test_a_stop_is_the_ramp_that_was_audited():
     law = GuidanceLaw(given)
     run = drive(law, given, [k * PERIOD for k in range(40)], before=block)
     assert_gentle(run, given)
-    stops = [each for each in run.decisions if each.rung == FallbackLevel.STOP]
+    stops = [each for each in run.decisions if each.level == FallbackLevel.STOP]
     assert stops
     assert all('It brakes to' in each.reason or not np.any(each.twist) for each in stops)
     assert clearance(run.path, law.task) > 0.0

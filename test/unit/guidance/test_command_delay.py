@@ -50,7 +50,7 @@ class Drive:
 
 
 def assert_is(fault, decision):
-    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
+    fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)
 
 
 def test_told_of_its_delay_the_robot_arrives_as_it_does_without():
@@ -62,7 +62,7 @@ def test_told_of_its_delay_the_robot_arrives_as_it_does_without():
     assert untold.miss > 1e-3
     assert told.miss < 1e-9
     assert told.clearance == pytest.approx(0.0640, abs=1e-3)
-    assert {each.rung for each in told.decisions[:-1]} == {FallbackLevel.NOMINAL}
+    assert {each.level for each in told.decisions[:-1]} == {FallbackLevel.NOMINAL}
 
 
 @pytest.mark.parametrize('name', CASES)
@@ -71,7 +71,7 @@ def test_any_delay_that_is_known_is_made_up_for(name, delay):
     run = Drive(replace(CASES[name], command_delay=delay), actuation_delay=delay)
     assert run.miss < 1e-9
     assert run.clearance > 0.02
-    assert {each.rung for each in run.decisions if not each.finished} == {FallbackLevel.NOMINAL}
+    assert {each.level for each in run.decisions if not each.finished} == {FallbackLevel.NOMINAL}
 
 
 @pytest.mark.parametrize('delay', [0.06, 0.25])
@@ -106,7 +106,7 @@ def test_where_a_command_would_come_too_late_the_plan_goes_on(fault):
     assert last.stamp == 9800 * MS
     assert_is(fault, last)
     assert (last.wheel_speeds == before.wheel_speeds).all()
-    assert last.miss == before.miss
+    assert last.terminal_error == before.terminal_error
     assert (end.stamp, end.finished) == (10_000 * MS, True)
 
 
@@ -116,7 +116,7 @@ def test_without_a_plan_nothing_goes_on(fault):
     law.update(0, np.array(START))
     law.halt(9700 * MS, 'Odometry was lost.')
     decision = law.update(9800 * MS, np.array(START))
-    assert decision.rung == FallbackLevel.STOP
+    assert decision.level == FallbackLevel.STOP
     assert not decision.finished
     assert_is(fault, decision)
 
@@ -131,7 +131,7 @@ def test_where_the_last_command_may_not_outlast_the_final_time_a_stop_is_given_i
     assert run.miss < 1e-9
     assert run.clearance > 0.0
     final = round(near.final_time * 1e9)
-    stops = [each for each in run.decisions if each.rung == FallbackLevel.STOP]
+    stops = [each for each in run.decisions if each.level == FallbackLevel.STOP]
     outlasts = 1.6 * delay < 0.15
     given = final if outlasts else final - round(delay * 1e9)
     assert stops[0].stamp == min(at for at in run.poses if at >= given)
@@ -173,7 +173,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
         plant.advance(stamp)
         decision = law.update(stamp, plant.pose)
         plant.command(stamp, *decision.twist)
-    assert decision.rung == FallbackLevel.NOMINAL
+    assert decision.level == FallbackLevel.NOMINAL
     stamp += PERIOD
     plant.advance(stamp)
     # Within the 0.6 m that the robot goes before any new command could take effect.
@@ -181,7 +181,7 @@ def test_the_way_under_commands_given_is_swept_too(fault):
     ahead = (float(x + 0.35 * math.cos(heading)), float(y + 0.35 * math.sin(heading)))
     law.reconfigure(replace(given, obstacles=(*given.obstacles, Obstacle('box', ahead, 0.1))))
     decision = law.update(stamp, plant.pose)
-    assert decision.rung == FallbackLevel.STOP
+    assert decision.level == FallbackLevel.STOP
     assert_is(fault, decision)
     assert decision.reason.startswith('The commands given before come 0.')
     assert decision.reason.endswith('too close to obstacle box.')
@@ -191,8 +191,8 @@ def test_margins_are_those_of_the_way_as_well():
     # Beside the robot as it stands, and left behind before its first command takes effect.
     given = settings((FIRST, Obstacle('post', (0.0, -9.6), 0.3)), 51.0, command_delay=0.3)
     decision = GuidanceLaw(given).update(0, np.array(START))
-    assert decision.margin == pytest.approx(0.05)
-    assert decision.worst_margin <= 0.05 + 1e-12
+    assert decision.clearance == pytest.approx(0.05)
+    assert decision.worst_clearance <= 0.05 + 1e-12
 
 
 def test_a_reset_forgets_the_commands():
@@ -222,4 +222,4 @@ def test_the_same_odometry_gives_the_same_decisions():
     runs = [Drive(given, actuation_delay=0.1, actuation_jitter=0.05, seed=3) for _ in range(2)]
     for one, other in zip(*(run.decisions for run in runs), strict=True):
         assert (one.wheel_speeds == other.wheel_speeds).all()
-        assert (one.margin, one.reason) == (other.margin, other.reason)
+        assert (one.clearance, one.reason) == (other.clearance, other.reason)

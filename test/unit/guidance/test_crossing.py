@@ -40,7 +40,7 @@ def test_a_robot_that_gives_way_at_the_crossing_keeps_to_its_branch():
         poses.append(pose)
         held = decisions[-1].wheel_speeds[None]
         pose = SETTINGS.robot.roll_out(pose, held, np.array([0.2]))[-1]
-    assert {each.rung.name for each in decisions} == {'NOMINAL'}
+    assert {each.level.name for each in decisions} == {'NOMINAL'}
     assert math.dist(pose[:2], SETTINGS.goal) < 1e-6
     # By its heading alone it was on the other branch for a moment.
     before, carried, afresh = math.nan, [], []

@@ -50,7 +50,7 @@ def test_odometry_that_does_not_meet_the_final_time_tells_the_miss_at_it(setting
     driven_on = settings.target.errors(pose)[0]
     assert driven_on > (0.004 if halts else 0.01)
     for each in finished:
-        assert each.miss < 1e-6
+        assert each.terminal_error < 1e-6
         assert not each.missed
         assert each.reason == 'The final time has passed.'
 
@@ -59,10 +59,10 @@ def test_odometry_that_meets_it_is_taken_as_it_is(settings):
     decisions, pose, _ = drive(settings, at(50, 510))
     last = decisions[-1]
     assert last.finished
-    assert last.miss == settings.target.errors(pose)[0]
+    assert last.terminal_error == settings.target.errors(pose)[0]
 
 
 def test_odometry_that_comes_much_later_is_judged_where_it_is(settings):
     decisions, pose, _ = drive(settings, [*at(50, 500), END + 2_000_000_000])
-    assert decisions[-1].miss == settings.target.errors(pose)[0] > 1.0
+    assert decisions[-1].terminal_error == settings.target.errors(pose)[0] > 1.0
     assert decisions[-1].missed

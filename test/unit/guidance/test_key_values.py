@@ -15,8 +15,10 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.key_values import (
     decision_to_key_values,
     exact_repr,
+    present_keys,
     severity,
     waypoints,
+    with_former_keys,
 )
 
 
@@ -24,15 +26,15 @@ def decision(**changes):
     values = {
         'stamp': 1_700_000_000_000_000_007,
         'step': 7,
-        'rung': FallbackLevel.NOMINAL,
+        'level': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([1.0, 2.0]),
         'twist': np.array([0.1, 0.2]),
         'time_left': 8.6,
         'plan': None,
-        'miss': 0.1,
-        'margin': 0.2,
-        'worst_margin': 0.3,
+        'terminal_error': 0.1,
+        'clearance': 0.2,
+        'worst_clearance': 0.3,
     }
     return Decision(**{**values, **changes})
 
@@ -40,10 +42,19 @@ def decision(**changes):
 def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     sent = {'reason', 'plan', 'twist', 'wheel_speeds', 'phases'}
     # What is not the same for every run is told where there is something to tell.
-    seldom = {'wheel_slip', 'tracks', 'goal', 'heading_miss', 'told', 'late', 'skipped', 'pose'}
+    seldom = {
+        'wheel_slip',
+        'tracks',
+        'goal',
+        'heading_error',
+        'goals_received',
+        'late',
+        'skipped',
+        'pose',
+    }
     told = set(decision_to_key_values(decision(phases={'solve': 1.0})))
-    wheels = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms'}
-    assert told == set(Decision._fields) - sent - seldom | wheels
+    named = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms', 'fallback_level'}
+    assert told == set(Decision._fields) - sent - seldom - {'level'} | named
     assert 'wheel_slip' in decision_to_key_values(decision(wheel_slip=0.03))
 
 
@@ -66,18 +77,18 @@ def test_floats_read_back_bit_for_bit(number):
 
 
 @pytest.mark.parametrize(
-    ('rung', 'outcome', 'level'),
+    ('fallback', 'outcome', 'level'),
     [
         (FallbackLevel.NOMINAL, {}, 0),
         (FallbackLevel.ELASTIC, {}, 1),
-        (FallbackLevel.SHIFTED, {}, 1),
+        (FallbackLevel.PREVIOUS_PLAN, {}, 1),
         (FallbackLevel.STOP, {}, 2),
         (FallbackLevel.STOP, {'finished': True}, 0),
         (FallbackLevel.STOP, {'finished': True, 'missed': True}, 1),
     ],
 )
-def test_severity(rung, outcome, level):
-    assert severity(decision(rung=rung, **outcome)) == level
+def test_severity(fallback, outcome, level):
+    assert severity(decision(level=fallback, **outcome)) == level
 
 
 def test_waypoints_are_the_plan_s_poses():
@@ -86,3 +97,21 @@ def test_waypoints_are_the_plan_s_poses():
     for (x, y, z, w), pose in zip(waypoints(plan), poses, strict=True):
         assert [x, y] == pose[:2].tolist()
         assert math.cos(2.0 * math.atan2(z, w) - pose[2]) == pytest.approx(1.0)
+
+
+def test_keys_of_the_version_before_are_written_and_read_for_one_release():
+    made = decision(level=FallbackLevel.PREVIOUS_PLAN, heading_error=0.5, goals_received=2)
+    now = decision_to_key_values(made)
+    both = with_former_keys(now)
+    former = {key: both[key] for key in both.keys() - now.keys()}
+    assert former == {
+        'rung': 'shifted',
+        'miss': '0.1',
+        'margin': '0.2',
+        'worst_margin': '0.3',
+        'heading_miss': '0.5',
+        'told': '2',
+    }
+    renamed = now.keys() - {'fallback_level', 'terminal_error', 'clearance', 'worst_clearance'}
+    before = {key: now[key] for key in renamed - {'heading_error', 'goals_received'}} | former
+    assert present_keys(both.items()) == present_keys(before.items()) == now

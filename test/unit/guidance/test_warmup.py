@@ -54,7 +54,7 @@ JUMPS = {
     'into an obstacle': np.array([8.0, 3.25, 0.0]),
     'about': np.array([0.0, 0.0, math.pi]),
 }
-rungs = set()
+levels = set()
 changes = product(
     ('gauss_newton', 'projected', 'exact'),
     (0.0, 30.0, 51.0),
@@ -76,26 +76,26 @@ for hessian, limit, between, delay in changes:
     law.reconfigure(guidance_settings(TABLE.reconfigure(values, changed)))
     for step, jump in enumerate(JUMPS.values(), 1):
         for stamp in (3 * step * PERIOD, (3 * step + 1) * PERIOD + PERIOD // 3):
-            rungs.add(law.update(stamp, START + jump).rung.name)
+            levels.add(law.update(stamp, START + jump).level.name)
     law.halt(20 * PERIOD, 'Enough.')
     law.update(50 * PERIOD - PERIOD // 2, START)
     assert law.update(50 * PERIOD, START).finished
-assert rungs >= {'NOMINAL', 'ELASTIC'}, rungs
+assert levels >= {'NOMINAL', 'ELASTIC'}, levels
 
 # Where the active set gives up, the general iteration has Clarabel's answers.
 def general(radius):
     changed = {'solver.hessian': 'exact', 'obstacles.a.radius': radius}
     law = GuidanceLaw(guidance_settings(TABLE.reconfigure(values, changed)))
     found = [law.update(step * PERIOD, START) for step in range(2)]
-    return [each.rung.name for each in found], [each.wheel_speeds for each in found]
+    return [each.level.name for each in found], [each.wheel_speeds for each in found]
 
 
 own = [general(radius) for radius in (1.0, 2.0)]
 asked = []
 riccati_backend.solve_program = lambda *_: asked.append(1) or ITERATION_LIMIT
-for radius, (rungs, speeds) in zip((1.0, 2.0), own, strict=True):
+for radius, (levels, speeds) in zip((1.0, 2.0), own, strict=True):
     found = general(radius)
-    assert found[0] == rungs, (found, rungs)
+    assert found[0] == levels, (found, levels)
     # With a limit the multipliers are not unique, nor are the step lengths that they lead to.
     if not given['robot.max_wheel_acceleration']:
         np.testing.assert_allclose(found[1], speeds, atol=1e-5)

@@ -44,8 +44,8 @@ def test_a_pose_is_read_from_odometry():
 
 def test_a_decision_is_read_number_by_number():
     decision = decision_of(
-        status('All is well.', rung='nominal', step='3', time_left='9.4', finished='false',
-               wheel_speed_right='45.5', margin='nan', miss='none'),
+        status('All is well.', fallback_level='nominal', step='3', time_left='9.4',
+               finished='false', wheel_speed_right='45.5', clearance='nan', terminal_error='none'),
     )  # fmt: skip
     assert (decision['reason'], decision['level']) == ('All is well.', 'nominal')
     numbers = [decision[each] for each in ('step', 'time_left', 'wheel_speed_right')]
@@ -55,12 +55,12 @@ def test_a_decision_is_read_number_by_number():
     assert decision['finished'] is False
     assert decision_of(status())['level'] is None
     assert decision_of(DiagnosticArray())['level'] is None
-    assert decision_of(status(rung='stop'))['level'] == 'stop'
-    assert decision_of(status(rung='stop', finished='true'))['level'] == 'arrived'
+    assert decision_of(status(fallback_level='stop'))['level'] == 'stop'
+    assert decision_of(status(fallback_level='stop', finished='true'))['level'] == 'arrived'
 
 
 def test_texts_are_shortened():
-    assert len(decision_of(status('x' * 100_000, rung='y' * 100_000))['reason']) == 500
+    assert len(decision_of(status('x' * 100_000, fallback_level='y' * 100_000))['reason']) == 500
 
 
 def test_the_course_is_all_that_stands_in_the_markers():
@@ -102,7 +102,7 @@ def test_speeds_are_those_of_two_wheels():
 def test_everything_read_can_be_shown():
     state = SharedState([])
     state.show('driven', speeds_of(JointState(velocity=[math.nan, 2.0])))
-    state.show('decision', decision_of(status(margin='nan', miss='inf')))
+    state.show('decision', decision_of(status(clearance='nan', terminal_error='inf')))
     updates = json.loads(json.dumps(state.updates(ClientState()), allow_nan=False))
     assert updates['driven'] == [None, 2.0]
     assert updates['decision']['terminal_error'] is None

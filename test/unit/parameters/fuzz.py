@@ -126,11 +126,11 @@ def drive(given_):
     period = round(given_.control_period * 1e9)
     for step in range(STEPS):
         decision = law.update(step * period, pose)
-        decided.append(decision.rung.name.lower())
+        decided.append(decision.level.name.lower())
         assert decision.reason[-1] in '.?', decision.reason
         assert np.isfinite([*decision.wheel_speeds, *decision.twist]).all(), decision
         assert np.abs(decision.wheel_speeds).max() <= robot.max_wheel_speed
-        if decision.rung is FallbackLevel.STOP:
+        if decision.level is FallbackLevel.STOP:
             assert not decision.wheel_speeds.any()
         duration = np.array([given_.control_period])
         pose = robot.roll_out(pose, decision.wheel_speeds[None], duration)[-1]

@@ -33,7 +33,7 @@ def test_every_decision_starts_where_the_ones_before_led():
     for decision, pose in zip(decisions[:-1], poses, strict=False):
         np.testing.assert_allclose(decision.plan.poses[0], pose, atol=1e-9)
     assert np.linalg.norm(poses[-1, :2] - SETTINGS.goal) < 1e-6
-    assert decisions[-1].miss < 1e-6
+    assert decisions[-1].terminal_error < 1e-6
 
 
 def test_the_start_is_left_as_it_was():

@@ -15,8 +15,16 @@ from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, sweep, sweep_moving
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon, ShapeError, convex, outline
+from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
+from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, sweep
+from cmpsp_ros.world.obstacles.shapes import (
+    Capsule,
+    Obstacle,
+    Polygon,
+    ShapeError,
+    convex,
+    outlines,
+)
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 FLOOR = OpenFloor()
@@ -63,7 +71,7 @@ def clear_of(shape, distance=0.0):
 @given(shape=shapes, point=points)
 def test_distance_and_gradient(shape, point):
     space = clear_of(shape)
-    found, x, y = away_from(space.corners, space.first, 0, 0, *point)
+    found, x, y = away_from(space.field, space.corners, space.first, 0, 0, *point)
     wanted = signed(shape, np.array([point]))[0]
     assert found == pytest.approx(wanted, abs=1e-12)
     assert math.hypot(x, y) == pytest.approx(1.0)
@@ -80,9 +88,9 @@ def test_distance_and_gradient(shape, point):
 
 def test_gradient_where_there_is_none_leads_out():
     wall = clear_of(Capsule('wall', (0.0, 0.0), (2.0, 0.0), 0.1))
-    assert away_from(wall.corners, wall.first, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
+    assert away_from(wall.field, wall.corners, wall.first, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
     point = clear_of(Capsule('point', (1.0, 1.0), (1.0, 1.0), 0.1))
-    assert away_from(point.corners, point.first, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
+    assert away_from(point.field, point.corners, point.first, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
 
 
 drives = {
@@ -108,13 +116,13 @@ def driven(wheels, period, start, heading):
 def test_sweep_past_a_shape(shape, wheels, period, start, heading):
     arc, path, error = driven(wheels, period, start, heading)
     space = clear_of(shape)
-    found = sweep(arc, space.corners, space.first, 0, math.inf)
+    found = sweep(arc, space.field, space.corners, space.first, 0, math.inf)
     wanted = signed(shape, path).min()
     spacing = abs(arc.length) / PIECES
     assert found <= wanted + error
     assert found >= wanted - ROUGHNESS - error - spacing
     # With something nearer known already it is only said that this is no nearer.
-    assert min(sweep(arc, space.corners, space.first, 0, 0.1), 0.1) <= max(found, 0.1)
+    assert min(sweep(arc, space.field, space.corners, space.first, 0, 0.1), 0.1) <= max(found, 0.1)
 
 
 @hypothesis_settings(max_examples=400)
@@ -317,6 +325,6 @@ def test_what_is_no_convex_polygon(vertices, vertex, found):
 )
 @pytest.mark.parametrize('more', [0.0, 0.3])
 def test_outlines_lie_at_their_distance(shape, more):
-    line = outline(shape, shape.radius + more)
+    (line,) = outlines(shape, shape.radius + more)
     np.testing.assert_allclose(line[0], line[-1], atol=1e-12)
     np.testing.assert_allclose(signed(shape, line), shape.radius + more, atol=1e-9)

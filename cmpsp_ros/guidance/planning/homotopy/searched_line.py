@@ -44,7 +44,7 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
     """
     reached = np.repeat(space.reaches + space.radii, 2).reshape(-1, 2)
     marks = np.vstack([start, goal, space.centers - reached, space.centers + reached])
-    low, high = marks.min(axis=0) - _AROUND, marks.max(axis=0) + _AROUND
+    low, high = np.nanmin(marks, axis=0) - _AROUND, np.nanmax(marks, axis=0) + _AROUND
     cell = max(_CELL, float((high - low).max()) / _MAX_CELLS)
     across, up = (np.arange(low[axis], high[axis], cell) for axis in range(2))
     points = np.stack(np.meshgrid(across, up, indexing='ij'), axis=-1)

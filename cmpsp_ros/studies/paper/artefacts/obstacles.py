@@ -68,7 +68,7 @@ def fig12(lab: Laboratory) -> Artefact:
     panels = lab.both(many_obstacles())
     shares = [_beside_an_edge(drive) for drive in panels[1]]
     costs = [drive.path.cost for drive in panels[1]]
-    slack = [sum(rung != 'nominal' for rung in drive.rungs) for drive in panels[1]]
+    slack = [sum(level != 'nominal' for level in drive.levels) for drive in panels[1]]
     judged = _judged(lab, panels)
     claims = [
         Claim(

@@ -1,4 +1,4 @@
-"""Checks of the commands and of the ladder catch what is wrong with them."""
+"""Checks of the commands and of the fallback levels catch what is wrong with them."""
 
 from __future__ import annotations
 
@@ -111,11 +111,11 @@ def test_commands_on_old_odometry_are_caught(drive, outcomes):
     ('change', 'said'),
     [
         ({'reason': ' '}, 'without a reason'),
-        ({'rung': FallbackLevel.STOP}, 'with wheels that turn'),
+        ({'level': FallbackLevel.STOP}, 'with wheels that turn'),
         ({'finished': True}, 'after the final time'),
     ],
 )
-def test_a_rung_that_should_not_be_is_caught(drive, outcomes, change, said):
+def test_a_level_that_should_not_be_is_caught(drive, outcomes, change, said):
     drive.decisions[7] = drive.decisions[7]._replace(**change)
     findings = outcomes(drive)
     assert 'reasons' in failed(findings)
@@ -129,11 +129,11 @@ def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
         for at, failures in ((index, 1), (20 + index, 0)):
             # A plan that came too late was made anew: no step has failed.
             decision = drive.decisions[at]
-            level = FallbackLevel.SHIFTED
-            drive.decisions[at] = decision._replace(rung=level, failures=failures)
+            level = FallbackLevel.PREVIOUS_PLAN
+            drive.decisions[at] = decision._replace(level=level, failures=failures)
     findings = outcomes(drive)
-    assert findings['shifted'].outcome is outcome
-    assert findings['shifted'].worst == count
+    assert findings['previous_plan'].outcome is outcome
+    assert findings['previous_plan'].worst == count
 
 
 def test_a_start_that_the_recorder_missed_is_no_wrong_command(drive, outcomes):
@@ -175,7 +175,7 @@ def test_a_halt_may_be_sudden(gentle, outcomes):
     drive = gentle.copy()
     index = drive.at(4.0)
     drive.commands[index].twist = np.zeros(2)
-    stop = {'wheel_speeds': np.zeros(2), 'twist': np.zeros(2), 'rung': FallbackLevel.STOP}
+    stop = {'wheel_speeds': np.zeros(2), 'twist': np.zeros(2), 'level': FallbackLevel.STOP}
     drive.decisions[index] = drive.decisions[index]._replace(halted=True, **stop)
     for each in drive.commands[index + 1 :]:
         each.twist = np.zeros(2)

@@ -108,7 +108,12 @@ def test_csv(bag, tmp_path):
     (wheels,) = rows(folder / 'wheel_speeds.csv')
     assert (wheels['right [rad/s]'], float(wheels['left [rad/s]'])) == ('51.0', -THIRD)
     first, second = rows(folder / 'decisions.csv')
-    assert (first['rung'], first['reason'], first['miss [m]'], first['own']) == (
+    assert (
+        first['fallback_level'],
+        first['reason'],
+        first['terminal_error [m]'],
+        first['own'],
+    ) == (
         'stop',
         'All is "well", so far.',
         '0.25',
@@ -139,7 +144,7 @@ def test_goals_obstacles_that_move_and_roads(write, tmp_path):
     counts = {path.name: count for path, count in export(bag, folder).items()}
     assert counts == {'decisions.csv': 1, 'goals.csv': 1, 'moving.csv': 2, 'road.csv': 2}
     (said,) = rows(folder / 'decisions.csv')
-    columns = ('goal', 'goal_x [m]', 'goal_time [s]', 'told', 'missed')
+    columns = ('goal', 'goal_x [m]', 'goal_time [s]', 'goals_received', 'missed')
     assert [said[each] for each in columns] == ['b', '0.5', '17.0', '2', 'True']
     (goal,) = rows(folder / 'goals.csv')
     assert (float(goal['x [m]']), goal['frame'], goal['stamp [ns]']) == (THIRD, 'map', '3')
@@ -163,7 +168,7 @@ def test_parquet(bag, tmp_path):
     assert decisions['step'].to_pylist() == [None, 4]
     assert decisions['step_time'].to_pylist() == [None, 1.5]
     assert decisions.schema.field('step_time').metadata == {b'unit': b'ms'}
-    assert math.isnan(decisions['miss'].to_pylist()[1])
+    assert math.isnan(decisions['terminal_error'].to_pylist()[1])
 
 
 def test_many_rows(write, tmp_path, monkeypatch):
@@ -182,7 +187,7 @@ def test_decisions_in_arrays(write, tmp_path):
     array = make(ARRAY, header(5), [decision(stamp='5', miss='0.25')])
     export(write(('/guidance/decision', array)), tmp_path / 'tables')
     (row,) = rows(tmp_path / 'tables' / 'decisions.csv')
-    assert (row['stamp [ns]'], row['miss [m]'], row['reason'][:3]) == ('5', '0.25', 'All')
+    assert (row['stamp [ns]'], row['terminal_error [m]'], row['reason'][:3]) == ('5', '0.25', 'All')
     empty = ('/guidance/decision', make(ARRAY, header(5), []))
     shutil.rmtree(tmp_path / 'bag')
     with pytest.raises(BagError, match='wanted a decision'):

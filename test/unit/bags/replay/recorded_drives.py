@@ -123,7 +123,7 @@ class Drive:
             self.law.reset()
         decision = self.law.update(stamp, self.measured())
         if decision is not None:
-            self.publish(decision)
+            self.publish(self.law.foretell(decision, self.measured()))
 
     def measured(self):
         """The pose as it reads back from a message."""

@@ -43,7 +43,7 @@ def told(drive, bag):
 
 
 def test_a_replay_is_told_the_same(told, bag):
-    assert [each.told for each in told if each.told] != []
+    assert [each.goals_received for each in told if each.goals_received] != []
     assert {each.goal.name for each in told} == {'', 'goal_pose'}
     assert any(each.finished and not each.missed for each in told)
     outcome = replay(bag, NAMES)

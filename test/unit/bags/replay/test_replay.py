@@ -31,7 +31,7 @@ def next_double(text):
 
 def test_a_run_with_every_fault_is_identical(faulty):
     bag, decisions = faulty
-    assert {each.rung.name for each in decisions} >= {'NOMINAL', 'STOP'}
+    assert {each.level.name for each in decisions} >= {'NOMINAL', 'STOP'}
     assert len({each.run for each in decisions}) == 2
     assert [each.revision for each in decisions][-1] == 3
     outcome = replay(bag, NAMES)
@@ -40,6 +40,16 @@ def test_a_run_with_every_fault_is_identical(faulty):
     assert outcome.stops == sum(each.halted for each in decisions) == 4
     assert outcome.plans == sum(each.plan is not None for each in decisions) > 20
     assert outcome.skipped == 0
+
+
+def test_what_no_plan_can_do_is_foretold_again(drive, bag):
+    with drive(final_time=5.0) as run:
+        run.go(0.5)
+    first, second = run.decisions[:2]
+    assert 'The goal is out of reach by ' in first.reason
+    assert 'out of reach' not in second.reason
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
 
 
 @pytest.mark.parametrize('seconds', [0.26, 0.8])
@@ -85,7 +95,14 @@ def test_two_replays_are_one(faulty):
     assert replay(bag, NAMES) == replay(bag, NAMES)
 
 
-KEYS = ('wheel_speed_right', 'wheel_speed_left', 'miss', 'margin', 'worst_margin', 'time_left')
+KEYS = (
+    'wheel_speed_right',
+    'wheel_speed_left',
+    'terminal_error',
+    'clearance',
+    'worst_clearance',
+    'time_left',
+)
 
 
 @pytest.mark.parametrize('key', KEYS)
@@ -107,7 +124,7 @@ def test_the_last_bit_of_every_number_of_a_decision_counts(short, replayed, key)
 @pytest.mark.parametrize(
     ('key', 'value'),
     [
-        *(('rung', 'elastic'), ('iterations', '3'), ('qp_iterations', '1000')),
+        *(('fallback_level', 'elastic'), ('iterations', '3'), ('qp_iterations', '1000')),
         *(('active_rows', '1000'), ('failures', '1'), ('step', '7'), ('slack', '0.1')),
         ('finished', 'true'),
     ],
@@ -245,7 +262,7 @@ def test_a_bag_of_a_version_that_did_not_say_what_the_law_was_told(drive, alter)
 
 def test_what_is_said_of_it(short, replayed):
     assert str(replay(short[0], NAMES)).splitlines()[0] == 'identical: 3 decisions'
-    said_of_it = str(replayed(setting(1, margin='0.5')))
+    said_of_it = str(replayed(setting(1, clearance='0.5')))
     assert 'decision 2 (stamp' in said_of_it
-    assert 'margin: recorded 0.5, replayed ' in said_of_it
+    assert 'clearance: recorded 0.5, replayed ' in said_of_it
     assert 'different: 1 fields in 1 of 3 decisions' in said_of_it

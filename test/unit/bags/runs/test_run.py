@@ -39,7 +39,7 @@ def at(stamp, x, heading, speed):
 
 def decision(stamp, **more):
     wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
-    return status(**{'stamp': stamp, 'step': 0, 'rung': 'nominal', 'finished': 'false'} | wheels | more)
+    return status(**{'stamp': stamp, 'step': 0, 'fallback_level': 'nominal', 'finished': 'false'} | wheels | more)
 
 
 def write(folder, topics):
@@ -55,7 +55,7 @@ def topics(prefix=''):
     return {
         f'{prefix}/guidance/decision': (
             STATUS,
-            [decision(7, step_ms='0.30000000000000004'), decision(9, rung='stop', finished='true')],
+            [decision(7, step_ms='0.30000000000000004'), decision(9, fallback_level='stop', finished='true')],
         ),
         f'{prefix}/sim/truth': (ODOMETRY, [at(8, 1.0, 0.0, 1.0), at(9, 2.0, 3.5, 2.0)]),
         f'{prefix}/sim/wheel_speeds': (JOINTS, [joints(8, (1.0, 2.0)), joints(9, (3.0, 4.0))]),

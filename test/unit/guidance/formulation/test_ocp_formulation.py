@@ -121,7 +121,7 @@ def test_a_goal_near_an_obstacle_is_passed_and_the_obstacle_missed(margin):
     run = closed_loop(given)
     assert run.miss() < 1e-6
     assert clearance(run.path, given) >= margin
-    assert {decision.rung for decision in run.moves} == {FallbackLevel.NOMINAL}
+    assert {decision.level for decision in run.moves} == {FallbackLevel.NOMINAL}
 
 
 def test_a_goal_nearer_than_the_margin_is_no_reason_to_give_it_up():

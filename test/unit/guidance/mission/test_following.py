@@ -24,7 +24,7 @@ def test_rounds_are_alike(changes):
     # Two rounds of 44 s; `endless.py` drives for an hour.
     parts = list(drive(1.5, changes))
     assert is_steady(parts, 1.2)
-    assert sum(part.rungs['nominal'] for part in parts) == 450
+    assert sum(part.levels['nominal'] for part in parts) == 450
 
 
 def settings(speed, **changes):
@@ -41,7 +41,7 @@ def test_a_ring_is_followed_in_either_direction(speed):
     start = (0.0, -10.2, 0.0 if speed > 0.0 else math.pi)
     law, steps = GuidanceLaw(given), 400
     run = drive_law(law, given, [k * PERIOD for k in range(steps + 1)], start)
-    assert {decision.rung for decision in run.decisions} == {FallbackLevel.NOMINAL}
+    assert {decision.level for decision in run.decisions} == {FallbackLevel.NOMINAL}
     assert all(math.isinf(decision.time_left) for decision in run.decisions)
     assert all(decision.goal is None for decision in run.decisions)
     bearing = np.unwrap(np.arctan2(run.path[:, 1], run.path[:, 0]))
@@ -49,7 +49,7 @@ def test_a_ring_is_followed_in_either_direction(speed):
     assert turned == pytest.approx(speed, rel=0.01)
     assert np.linalg.norm(run.path[:, :2] - (10.0, 0.3), axis=1).min() >= 0.4 - 1e-9
     # What is reached ahead is a line across the road: beside it no place is asked for.
-    assert np.median([decision.miss for decision in run.decisions]) < 1e-3
+    assert np.median([decision.terminal_error for decision in run.decisions]) < 1e-3
 
 
 def test_it_ends_at_the_final_time_where_there_is_one():

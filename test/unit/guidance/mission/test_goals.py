@@ -36,7 +36,7 @@ def goals_driven():
 def test_every_goal_is_passed_at_its_time(goals_driven):
     given, run = goals_driven
     assert [goal.name for goal in given.goals] == ['a', 'b', 'c', 'd', 'e', 'goal']
-    assert {decision.rung for decision in run.moves} == {FallbackLevel.NOMINAL}
+    assert {decision.level for decision in run.moves} == {FallbackLevel.NOMINAL}
     for goal in given.goals:
         pose = run.decisions[round(goal.time * 1e9) // PERIOD - 1].plan.poses[-1]
         assert math.dist(pose[:2], goal.position) < 1e-9
@@ -69,7 +69,8 @@ def test_the_change_from_goal_to_goal_is_no_dip(goals_driven):
 def test_one_goal_is_told_as_ever():
     given, start = preset('corridor')
     decision = GuidanceLaw(given).update(0, np.array(start))
-    assert not {'goal', 'goal_x', 'heading_miss', 'told'} & set(decision_to_key_values(decision))
+    keys = {'goal', 'goal_x', 'heading_error', 'goals_received'}
+    assert not keys & set(decision_to_key_values(decision))
 
 
 @pytest.mark.parametrize('heading', [0.6, 3.0])
@@ -78,7 +79,7 @@ def test_a_heading_is_met_exactly(heading):
     run = drive(GuidanceLaw(given), given, [k * PERIOD for k in range(101)], start)
     assert run.miss(given.goal) < 1e-6
     assert off(run.pose[2], heading) < 1e-6
-    assert run.decisions[-1].heading_miss < 1e-6
+    assert run.decisions[-1].heading_error < 1e-6
     assert not run.decisions[-1].missed
 
 
@@ -139,7 +140,7 @@ def test_places_that_are_refused(fault):
         assert_refused(fault, lambda law=law, goal=goal: law.tell(0, goal), why)
         after = law.update(PERIOD, before.plan.poses[1])
         assert after.goal == before.goal
-        assert after.told == 1
+        assert after.goals_received == 1
 
 
 def test_where_a_road_is_followed_no_goal_is_taken(fault):
@@ -175,7 +176,9 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
         if stamp == 25 * PERIOD:
             law.tell(0, Goal((0.939, 1.082), 0.0, 0.86, 'goal_pose'))
         if run.decisions and run.decisions[-1].finished and len(reached) < 2:
-            reached.append((run.decisions[-1].miss, run.decisions[-1].heading_miss, stamp))
+            reached.append(
+                (run.decisions[-1].terminal_error, run.decisions[-1].heading_error, stamp)
+            )
             law.tell(stamp, Goal((4.243, 3.5), 0.0, None, 'goal_pose'))
 
     run = drive(law, given, [k * PERIOD for k in range(120)], start, before=tell)
@@ -184,12 +187,12 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
     assert first_heading < 1e-6
     # In a time that the way, the pace and two turns say.
     assert at < 70 * PERIOD
-    assert {decision.rung for decision in run.moves} <= {
+    assert {decision.level for decision in run.moves} <= {
         FallbackLevel.NOMINAL,
         FallbackLevel.ELASTIC,
     }
     # The second one is passed through and stopped at: nobody has told another since.
-    assert run.decisions[-1].told == 3
+    assert run.decisions[-1].goals_received == 3
 
 
 @pytest.mark.parametrize('heading', [None, 2.2])
@@ -205,7 +208,7 @@ def test_a_goal_is_held(fault, heading):
     assert run.decisions[105].finished
     assert not run.decisions[111].finished
     back = run.decisions[115]
-    fault.assert_said(back.rung.name.lower(), severity(back), back.reason)
+    fault.assert_said(back.level.name.lower(), severity(back), back.reason)
     assert run.decisions[-1].finished
     assert run.miss(given.goal) < 1e-6
     assert heading is None or off(run.pose[2], heading) < 1e-6

@@ -74,7 +74,7 @@ def test_no_guess_is_a_trap(guess, limit):
     given = settings(BOTH, limit, InitialGuess('constant', guess))
     run = closed_loop(given)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} <= {
+    assert {decision.level for decision in run.moves} <= {
         FallbackLevel.NOMINAL,
         FallbackLevel.ELASTIC,
     }
@@ -126,7 +126,7 @@ def test_a_plan_that_ends_in_the_middle_of_an_obstacle_is_left():
     start = (10.0 * math.cos(-1.5), 10.0 * math.sin(-1.5), math.pi / 2.0 - 1.5)
     run = closed_loop(given, start)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} == {FallbackLevel.NOMINAL}
+    assert {decision.level for decision in run.moves} == {FallbackLevel.NOMINAL}
 
 
 def test_without_obstacles_one_plan_is_improved(monkeypatch):
@@ -271,7 +271,7 @@ def test_a_robot_that_gets_no_nearer_waits():
     run = closed_loop(given)
     waits = [decision for decision in run.moves if decision.reason.startswith('The robot waits')]
     assert len(waits) > 5
-    assert {decision.rung for decision in waits} == {FallbackLevel.STOP}
+    assert {decision.level for decision in waits} == {FallbackLevel.STOP}
     assert clearance(run.path, given) >= -1e-9
 
 
@@ -290,7 +290,7 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
     given = settings(found, 51.0, ROAD)
     run = closed_loop(given, start)
     assert_arrives(run, given)
-    assert {decision.rung for decision in run.moves} <= {
+    assert {decision.level for decision in run.moves} <= {
         FallbackLevel.NOMINAL,
         FallbackLevel.ELASTIC,
     }

@@ -108,7 +108,7 @@ def test_behind_walls_all_round_nothing_is_found():
     run = closed_loop(given, START, steps=20)
     space = FreeSpace.of(FLOOR, around, 0.0)
     assert space.at(run.path).min() > 0.0
-    assert FallbackLevel.STOP in {each.rung for each in run.moves}
+    assert FallbackLevel.STOP in {each.level for each in run.moves}
 
 
 def test_some_of_them_are_traps_for_one_plan():
@@ -118,7 +118,7 @@ def test_some_of_them_are_traps_for_one_plan():
         alone = replace(given, solver=replace(given.solver, candidates=1))
         run = closed_loop(alone, START)
         if run.miss(given.goal) > 0.1:
-            assert FallbackLevel.STOP in {each.rung for each in run.moves}
+            assert FallbackLevel.STOP in {each.level for each in run.moves}
             trapped.append(scene)
     assert len(trapped) >= 4
 

@@ -23,7 +23,7 @@ def test_a_first_plan_that_runs_out_of_work_is_a_stop_with_its_reason(candidates
     law = GuidanceLaw(guidance_settings(TABLE.resolve(load_parameter_file('case3') | changes)))
     for stamp in (0, 10_000_000):
         decision = law.update(stamp, START)
-        assert decision.rung == FallbackLevel.STOP
+        assert decision.level == FallbackLevel.STOP
         assert decision.reason.startswith('The work of this control step was used up')
         assert decision.plan is None
         assert not decision.twist.any()

@@ -62,15 +62,15 @@ def drive(given_, movers, tell=told, start=START, steps=51):
 
 
 def assert_is(fault, decision):
-    fault.assert_said(decision.rung.name.lower(), severity(decision), decision.reason)
+    fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)
 
 
 @pytest.mark.parametrize('given_', [OPEN, AMONG], ids=['open road', 'case 3'])
 @pytest.mark.parametrize('movers', [[ONCOMING], [CROSSING], [ONCOMING, CROSSING]])
 def test_the_goal_is_reached_past_what_moves(given_, movers):
     decisions, least = drive(given_, movers)
-    assert {each.rung for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
-    assert decisions[-1].miss < given_.goal_tolerance
+    assert {each.level for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
+    assert decisions[-1].terminal_error < given_.goal_tolerance
     assert least >= 0.0
 
 
@@ -86,8 +86,8 @@ def test_what_comes_into_sight_on_the_way_is_missed_too(fault):
 
     decisions, least = drive(OPEN, [ONCOMING], tell=late)
     assert_is(fault, decisions[10])
-    assert {each.rung for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
-    assert decisions[-1].miss < OPEN.goal_tolerance
+    assert {each.level for each in decisions[:-1]} == {FallbackLevel.NOMINAL}
+    assert decisions[-1].terminal_error < OPEN.goal_tolerance
     assert least >= 0.0
 
 
@@ -132,7 +132,7 @@ def test_what_is_not_told_of_again_is_forgotten(fault):
     last = round(ROOM.timeout * 1e9) // PERIOD
     assert [len(each.tracks) for each in decisions] == [1] * (last + 1) + [0] * (50 - last)
     assert_is(fault, decisions[last + 1])
-    assert decisions[-1].miss < AMONG.goal_tolerance
+    assert decisions[-1].terminal_error < AMONG.goal_tolerance
 
 
 def test_what_drives_at_the_robot_is_evaded(fault):
@@ -148,10 +148,10 @@ def test_a_robot_in_the_way_is_led_out(fault):
     x, y, _ = START
     behind = (x - 0.25, y, 0.3, 0.0, 0.3)
     decisions, _ = drive(OPEN, [behind], steps=10)
-    assert decisions[0].margin < 0.0
+    assert decisions[0].clearance < 0.0
     assert_is(fault, decisions[0])
-    assert FallbackLevel.STOP not in {each.rung for each in decisions}
-    assert decisions[-1].margin > 0.0
+    assert FallbackLevel.STOP not in {each.level for each in decisions}
+    assert decisions[-1].clearance > 0.0
 
 
 def test_a_robot_that_is_surrounded_stands(fault):

@@ -151,9 +151,9 @@ def crossing(count, offset):
 def assert_arrived(robots):
     for each in robots:
         decided = [one for one in each.decisions if not one.finished]
-        assert {one.rung for one in decided} <= {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
+        assert {one.level for one in decided} <= {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
         assert each.decisions[-1].finished
-        assert each.decisions[-1].miss < each.given.goal_tolerance
+        assert each.decisions[-1].terminal_error < each.given.goal_tolerance
 
 
 @pytest.mark.parametrize('late', [0, 20 * MS])

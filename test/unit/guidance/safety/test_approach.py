@@ -98,7 +98,7 @@ def test_it_says_so_and_stops_clear():
     for each in slow:
         said = float(each.reason.split('Slows down to ')[1].split(' m/s')[0])
         assert said == pytest.approx(abs(each.twist[0]), rel=1e-2)
-    assert all(each.rung is not FallbackLevel.NOMINAL for each in slow)
+    assert all(each.level is not FallbackLevel.NOMINAL for each in slow)
     # From the first such step on it is never fast again.
     speeds = [abs(each.twist[0]) for each in run.moves[slow[0].step :]]
     assert max(speeds) <= speeds[0]

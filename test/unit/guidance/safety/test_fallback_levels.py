@@ -41,17 +41,17 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
     good = run.decisions[-1]
     broken(monkeypatch)
     rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
-    rungs = [decision.rung for decision in rest.decisions]
-    assert rungs[:3] == [FallbackLevel.SHIFTED] * 3
+    levels = [decision.level for decision in rest.decisions]
+    assert levels[:3] == [FallbackLevel.PREVIOUS_PLAN] * 3
     assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
     # The shifted plan is the last good one, exactly.
     for k, decision in enumerate(rest.decisions[:3], start=1):
         np.testing.assert_array_equal(decision.plan.controls, good.plan.controls[k:])
         assert decision.reason.startswith('No.')
         assert 'last audited plan' in decision.reason
-        assert decision.miss < 1e-2
+        assert decision.terminal_error < 1e-2
     # Then it is thrown away, and there is nothing left to fall back on.
-    assert rungs[3:] == [FallbackLevel.STOP] * 3
+    assert levels[3:] == [FallbackLevel.STOP] * 3
     for decision in rest.decisions[3:]:
         assert not decision.wheel_speeds.any()
         assert not decision.twist.any()
@@ -76,9 +76,9 @@ def test_the_levels_recover_when_the_solver_does(monkeypatch):
             monkeypatch.undo()
 
     run = drive(law, given, ON_TIME, before=disturb)
-    rungs = [decision.rung for decision in run.moves]
-    assert rungs[20:22] == [FallbackLevel.SHIFTED] * 2
-    assert set(rungs[:20] + rungs[22:]) <= SETTLED
+    levels = [decision.level for decision in run.moves]
+    assert levels[20:22] == [FallbackLevel.PREVIOUS_PLAN] * 2
+    assert set(levels[:20] + levels[22:]) <= SETTLED
     assert run.decisions[21].failures == 2
     assert run.decisions[22].failures == 0
     assert run.miss() < 1e-6
@@ -88,9 +88,9 @@ def test_failure_at_the_very_first_step_stops(monkeypatch):
     law = GuidanceLaw(CASES['case 1'])
     broken(monkeypatch)
     decision = law.update(0, np.array(START))
-    assert decision.rung is FallbackLevel.STOP
+    assert decision.level is FallbackLevel.STOP
     assert decision.failures == 1
-    assert decision.miss == pytest.approx(math.hypot(10.0, 9.25))
+    assert decision.terminal_error == pytest.approx(math.hypot(10.0, 9.25))
 
 
 @pytest.mark.parametrize('ahead', [0.45, 0.7, 1.0, 1.5])
@@ -110,7 +110,7 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
     assert clearance(rest.path, blocked) >= -1e-9
     assert np.abs(rest.controls).max() <= limit
     for decision in rest.moves:
-        if decision.rung is FallbackLevel.STOP:
+        if decision.level is FallbackLevel.STOP:
             assert decision.plan is None
             assert not decision.wheel_speeds.any()
             why = 'too close to obstacle sudden', 'The robot waits: no plan'
@@ -127,10 +127,10 @@ def test_an_obstacle_at_the_very_nose_makes_it_stop():
     blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
     law.reconfigure(blocked)
     decision = law.update(21 * PERIOD, pose)
-    if decision.rung in SETTLED:
-        assert decision.margin >= 0.0
+    if decision.level in SETTLED:
+        assert decision.clearance >= 0.0
     else:
-        assert decision.rung is FallbackLevel.STOP
+        assert decision.level is FallbackLevel.STOP
         assert 'too close to obstacle wall' in decision.reason
         assert decision.failures == 1
 
@@ -163,10 +163,10 @@ def test_after_the_final_time_it_stays_stopped():
     run = drive(law, given, ON_TIME)
     last = run.decisions[-1]
     assert last.finished
-    assert last.rung is FallbackLevel.STOP
+    assert last.level is FallbackLevel.STOP
     assert last.reason == 'The final time has passed.'
     assert last.time_left == 0.0
-    assert last.miss < 1e-6
+    assert last.terminal_error < 1e-6
     assert law.update(50 * PERIOD + 1, run.pose) is None
     again = law.update(52 * PERIOD, run.pose)
     assert again.finished
@@ -178,18 +178,18 @@ def test_odometry_that_first_comes_back_after_the_final_time():
     assert not law.update(0, np.array(START)).finished
     late = law.update(99 * PERIOD, np.array(START))
     assert late.finished
-    assert late.rung is FallbackLevel.STOP
+    assert late.level is FallbackLevel.STOP
 
 
 def test_halt():
     given = CASES['case 3']
     law = GuidanceLaw(given)
     early = law.halt(5, 'Nothing heard yet.')
-    assert early.rung is FallbackLevel.STOP
+    assert early.level is FallbackLevel.STOP
     assert early.reason == 'Nothing heard yet.'
     run = drive(law, given, ON_TIME[:11])
     stop = law.halt(10 * PERIOD + 5, 'Odometry is stale.')
-    assert stop.rung is FallbackLevel.STOP
+    assert stop.level is FallbackLevel.STOP
     assert stop.reason == 'Odometry is stale.'
     assert not stop.wheel_speeds.any()
     assert not stop.twist.any()
@@ -198,7 +198,7 @@ def test_halt():
     assert stop.time_left == pytest.approx(8.0, abs=1e-6)
     # It goes on from where it stands, from a fresh guess.
     onward = law.update(12 * PERIOD, run.pose)
-    assert onward.rung in SETTLED
+    assert onward.level in SETTLED
     assert onward.step == 11
 
 

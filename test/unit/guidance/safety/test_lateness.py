@@ -37,7 +37,7 @@ def test_a_late_plan_goes_on_shifted_by_the_time_that_it_took(late):
     stamp = PERIOD + 640 * MS
     decision = law.update(stamp, pose)
     assert decision.reason.startswith('The computer was late, by 0.62 s: its last plan goes on.')
-    assert (decision.rung, decision.iterations) == (FallbackLevel.SHIFTED, 0)
+    assert (decision.level, decision.iterations) == (FallbackLevel.PREVIOUS_PLAN, 0)
     # 0.64 s later the plan holds its fourth pair; here it is slowed.
     np.testing.assert_array_equal(decision.plan.controls[0], second.plan.controls[3])
     np.testing.assert_array_equal(decision.wheel_speeds, 0.5 * second.plan.controls[3])
@@ -51,7 +51,7 @@ def test_a_late_plan_that_is_not_clear_any_more_is_a_stop_and_a_start_for_the_ne
     ahead = pose[:2] + 0.25 * np.array([np.cos(pose[2]), np.sin(pose[2])])
     law.reconfigure(replace(CASE_3, obstacles=(Obstacle('box', tuple(ahead), 0.2),)))
     decision = law.update(PERIOD + 640 * MS, pose)
-    assert (decision.rung, decision.iterations) == (FallbackLevel.STOP, 0)
+    assert (decision.level, decision.iterations) == (FallbackLevel.STOP, 0)
     assert decision.reason == (
         'The computer was late, by 0.62 s: its last plan is not clear any more.'
     )

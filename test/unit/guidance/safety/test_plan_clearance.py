@@ -23,18 +23,18 @@ def first(preset, tracks=(), **changes):
 
 
 @pytest.mark.parametrize('preset', ['case3', 'corridor', 'goals', 'endless'])
-def test_its_least_is_the_worst_margin_of_the_decision(preset):
+def test_its_least_is_the_worst_clearance_of_the_decision(preset):
     settings, decision = first(preset)
     along = plan_clearance(settings, decision)
     assert along.shape == (len(decision.plan.poses),)
-    assert along.min() == pytest.approx(decision.worst_margin, abs=1e-9)
+    assert along.min() == pytest.approx(decision.worst_clearance, abs=1e-9)
     assert along.max() > along.min()
 
 
 def test_the_robot_and_its_slip_count():
     settings, decision = first('case3_wide', **{'robot.radius': 0.1})
     assert plan_clearance(settings, decision).min() == pytest.approx(
-        decision.worst_margin, abs=1e-9
+        decision.worst_clearance, abs=1e-9
     )
     plan, slipping = decision.plan, settings.robot.slipping(0.1)
     durations = plan.horizon.durations
@@ -50,7 +50,7 @@ def test_what_moves_counts_where_it_will_be(delay):
     settings, decision = first('moving', tracks, command_delay=delay)
     assert decision.tracks == tracks
     along = plan_clearance(settings, decision)
-    assert along.min() == pytest.approx(decision.worst_margin, abs=1e-9)
+    assert along.min() == pytest.approx(decision.worst_clearance, abs=1e-9)
     assert np.any(along < plan_clearance(settings, decision._replace(tracks=())) - 0.01)
 
 

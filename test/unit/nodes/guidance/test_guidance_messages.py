@@ -25,7 +25,7 @@ from cmpsp_ros.nodes.guidance.messages import (
 )
 
 FLOATS = st.floats() | st.sampled_from([5e-324, -0.0, 0.1 + 0.2, 1e308, math.inf, math.nan])
-NUMBERS = ('time_left', 'miss', 'margin', 'worst_margin', 'slack')
+NUMBERS = ('time_left', 'terminal_error', 'clearance', 'worst_clearance', 'slack')
 
 
 def bits(number):
@@ -36,15 +36,15 @@ def decision(**changes):
     values = {
         'stamp': 12_345_678_901_234_567,
         'step': 7,
-        'rung': FallbackLevel.NOMINAL,
+        'level': FallbackLevel.NOMINAL,
         'reason': 'Well.',
         'wheel_speeds': np.array([45.1, 44.2]),
         'twist': np.array([1.5, 0.1 + 0.2]),
         'time_left': 8.6,
         'plan': None,
-        'miss': 1e-9,
-        'margin': 0.1,
-        'worst_margin': 0.05,
+        'terminal_error': 1e-9,
+        'clearance': 0.1,
+        'worst_clearance': 0.05,
     }
     return Decision(**{**values, **changes})
 
@@ -77,34 +77,34 @@ def test_numpy_numbers_are_written_as_plain_ones():
 
 
 def test_a_decision_carries_its_name_level_and_reason():
-    made = decision(rung=FallbackLevel.ELASTIC, reason='Tight.')
+    made = decision(level=FallbackLevel.ELASTIC, reason='Tight.')
     message = DecisionMessage('/r1/guidance: it', 'r1', 'odom').fill(made)
     (status,) = message.status
     assert (status.name, status.message) == ('/r1/guidance: it', 'Tight.')
     assert (status.hardware_id, message.header.frame_id) == ('r1', 'odom')
     assert Time.from_msg(message.header.stamp).nanoseconds == made.stamp
     assert status.level == DiagnosticStatus.WARN
-    assert values_of(message)['rung'] == 'elastic'
+    assert values_of(message)['fallback_level'] == 'elastic'
     assert values_of(message)['finished'] == 'false'
 
 
 @pytest.mark.parametrize(
-    ('rung', 'level'),
+    ('fallback', 'level'),
     [
         (FallbackLevel.NOMINAL, DiagnosticStatus.OK),
         (FallbackLevel.ELASTIC, DiagnosticStatus.WARN),
-        (FallbackLevel.SHIFTED, DiagnosticStatus.WARN),
+        (FallbackLevel.PREVIOUS_PLAN, DiagnosticStatus.WARN),
         (FallbackLevel.STOP, DiagnosticStatus.ERROR),
     ],
 )
-def test_a_stop_is_an_error_unless_the_run_is_over(rung, level):
-    assert level_of(decision(rung=rung)) == level
-    assert level_of(decision(rung=rung, finished=True)) == DiagnosticStatus.OK
+def test_a_stop_is_an_error_unless_the_run_is_over(fallback, level):
+    assert level_of(decision(level=fallback)) == level
+    assert level_of(decision(level=fallback, finished=True)) == DiagnosticStatus.OK
 
 
 def test_a_message_filled_again_keeps_nothing_of_the_decision_before():
     refilled = DecisionMessage('it', 'robot', 'odom')
-    first = decision(rung=FallbackLevel.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
+    first = decision(level=FallbackLevel.ELASTIC, reason='Tight.', slack=0.5, phases={'solve': 1.0})
     second = decision(step=8, finished=True)
     for made in (first, second, first):
         assert refilled.fill(made) == DecisionMessage('it', 'robot', 'odom').fill(made)

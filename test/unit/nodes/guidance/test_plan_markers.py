@@ -1,4 +1,4 @@
-"""The plan in the colours of rung and clearance, the sentence beside the robot, what moves."""
+"""The plan in the colours of level and clearance, the reason at the robot, moving obstacles."""
 
 from __future__ import annotations
 
@@ -46,16 +46,16 @@ def fill(settings):
 
 
 def test_the_plan_is_drawn_from_the_robot_to_the_goal(fill, decision):
-    plan, line, rung = fill(decision)
-    assert [plan.action, line.action, rung.action] == [Marker.ADD] * 3
+    plan, line, text = fill(decision)
+    assert [plan.action, line.action, text.action] == [Marker.ADD] * 3
     assert len(plan.points) == 51
     assert line.points == plan.points
     assert line.scale.x < plan.scale.x
     assert line.pose.position.z > plan.pose.position.z
     assert (plan.points[0].x, plan.points[0].y) == (0.0, -9.25)
     assert (plan.points[-1].x, plan.points[-1].y) == pytest.approx((10.0, 0.0), abs=1.0)
-    assert (rung.pose.position.x, rung.pose.position.y) == (0.0, -9.25)
-    assert rung.text == f'{decision.rung.name.lower()}: {decision.reason}'
+    assert (text.pose.position.x, text.pose.position.y) == (0.0, -9.25)
+    assert text.text == f'{decision.level.name.lower()}: {decision.reason}'
 
 
 def test_they_are_where_and_when_the_decision_is_and_vanish_by_themselves(fill, decision):
@@ -67,18 +67,18 @@ def test_they_are_where_and_when_the_decision_is_and_vanish_by_themselves(fill, 
         assert max(each.scale.x, each.scale.z) > 0.0
 
 
-def test_every_rung_has_its_colour(fill, decision):
+def test_every_level_has_its_colour(fill, decision):
     def color(**changes):
-        plan, _, rung = fill(decision._replace(**changes))
-        assert plan.color == rung.color
+        plan, _, text = fill(decision._replace(**changes))
+        assert plan.color == text.color
         assert plan.color.a == 1.0
         return plan.color.r, plan.color.g, plan.color.b
 
-    colors = {rung: color(rung=rung) for rung in FallbackLevel}
+    colors = {level: color(level=level) for level in FallbackLevel}
     assert len(set(colors.values())) == len(FallbackLevel)
     assert colors[FallbackLevel.NOMINAL] == pytest.approx((0.0, 158 / 255, 115 / 255))
     # Having arrived is no stop that should worry anybody.
-    assert color(rung=FallbackLevel.STOP, finished=True) != colors[FallbackLevel.STOP]
+    assert color(level=FallbackLevel.STOP, finished=True) != colors[FallbackLevel.STOP]
 
 
 def rgb(color):
@@ -121,12 +121,12 @@ def test_without_a_plan_the_line_goes_and_the_sentence_stays(law, decision, sett
     halted = law.halt(4_000_000_000, 'No odometry.')
     assert [each.action for each in message.fill(halted).markers] == [Marker.DELETE] * 3
     before = [(each.ns, each.id) for each in message.fill(decision).markers]
-    plan, line, rung = message.fill(halted).markers
-    assert [(each.ns, each.id) for each in (plan, line, rung)] == before
-    assert [plan.action, line.action, rung.action] == [Marker.DELETE, Marker.DELETE, Marker.ADD]
+    plan, line, text = message.fill(halted).markers
+    assert [(each.ns, each.id) for each in (plan, line, text)] == before
+    assert [plan.action, line.action, text.action] == [Marker.DELETE, Marker.DELETE, Marker.ADD]
     assert (plan.points, line.points, line.colors) == ([], [], [])
-    assert rung.text == 'stop: No odometry.'
-    assert (rung.pose.position.x, rung.pose.position.y) == (0.0, -9.25)
+    assert text.text == 'stop: No odometry.'
+    assert (text.pose.position.x, text.pose.position.y) == (0.0, -9.25)
 
 
 def test_what_moves_is_where_it_is_by_now_with_an_arrow_a_second_long(decision):

@@ -1,0 +1,56 @@
+"""The occupied cells of a grid as one obstacle that stands still."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
+from cmpsp_ros.world.grids.field_functions import DistanceField
+from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+from cmpsp_ros.world.grids.outlines import loops
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class GridObstacle:
+    """All that is occupied in a grid.
+
+    Attributes:
+        name: The user's name for it, used in messages.
+        grid: The grid.
+        unknown_is_free: Whether what is unknown is free, all beyond the grid too; else it is
+            occupied.
+    """
+
+    name: str
+    grid: OccupancyGrid
+    unknown_is_free: bool = False
+
+    corners: ClassVar[tuple[Point, ...]] = ()
+    """None: it has a distance field instead."""
+
+    radius: ClassVar[float] = 0.0
+
+    @property
+    def center(self) -> Point:
+        """Middle of the grid (x, y) [m]."""
+        rows, columns = self.grid.cells.shape
+        x, y = self.grid.corners(np.array(rows / 2.0), np.array(columns / 2.0)).tolist()
+        return x, y
+
+    @cached_property
+    def field(self) -> DistanceField:
+        """Distances from the occupied cells."""
+        return distance_field(self.grid, unknown_is_free=self.unknown_is_free)
+
+    def outlines(self, distance: float) -> list[Array]:
+        """See `cmpsp_ros.world.obstacles.shapes.outlines`: to the next edges of cells."""
+        within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
+        return [self.grid.corners(*loop) for loop in loops(within)]

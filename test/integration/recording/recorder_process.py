@@ -1,0 +1,39 @@
+"""The recorder as a process."""
+
+from __future__ import annotations
+
+import sys
+
+from std_srvs.srv import Trigger
+
+from cmpsp_ros.nodes.common.topics import HEALTH
+from cmpsp_ros.nodes.recording.written import from_values
+
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
+
+
+def heard(publisher):
+    return lambda: publisher.get_subscription_count() > 0
+
+
+def flushing(ros):
+    """What flushes, and returns the number of messages in the bag by topic."""
+    client, said = ros.node.create_client(Trigger, '/recorder/flush'), []
+    ros.node.create_subscription(HEALTH.type, HEALTH.name, said.append, HEALTH.qos)
+    ros.spin_until(client.service_is_ready)
+    ros.spin_until(lambda: ros.node.count_publishers(HEALTH.name))
+
+    def counted():
+        statuses = [each for array in said for each in array.status]
+        return [each for each in statuses if each.name == '/recorder: recorder']
+
+    def counts():
+        said.clear()
+        future = client.call_async(Trigger.Request())
+        ros.spin_until(future.done)
+        assert future.result().success
+        (*_, status) = ros.spin_until(counted)
+        written = from_values({each.key: each.value for each in status.values})
+        return {topic: each.count for topic, each in written.items()}
+
+    return counts

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.map_line import map_line
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.road import Road
@@ -259,6 +260,20 @@ class GuidanceSettings:
             final_time=goal.time - begin,
             waypoints=(),
         )
+
+    @property
+    def has_map_line(self) -> bool:
+        """Whether a search on a map says which way leads to a goal: no road does."""
+        return not self.road.has_center_line and any(not each.corners for each in self.obstacles)
+
+    def map_line(self, start: Array, goal: tuple[float, float], spacing: float) -> Array:
+        """See `cmpsp_ros.world.map_line`."""
+        return map_line(self.obstacles, self.kept, start, goal, spacing)
+
+    @property
+    def kept(self) -> float:
+        """Distance of the robot's centre from everything [m]."""
+        return self.robot_radius + self.safety.margin
 
     @property
     def annulus(self) -> Annulus:

@@ -58,27 +58,26 @@ class FreeSpace:
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
         radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
-        field: Of the shape that has no corners but a distance field, if there is one.
+        grid: The shape that has no corners but a distance field, if there is one.
     """
 
     road: RoadSpace
     corners: Array
     first: Indices
     radii: Array
-    field: DistanceField = NO_FIELD
+    grid: GridObstacle | None = None
 
     @classmethod
     def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
         """Space whose every point is at least ``distance`` [m] from road edges and obstacles."""
         corners = [corner for obstacle in obstacles for corner in obstacle.corners]
         counts = [len(obstacle.corners) for obstacle in obstacles]
-        fields = [each.field for each in obstacles if isinstance(each, GridObstacle)]
         return cls(
             road.space(distance),
             np.array(corners, dtype=float).reshape(1, -1, 2),
             np.cumsum([0, *counts], dtype=np.int64),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
-            *fields,
+            next((each for each in obstacles if isinstance(each, GridObstacle)), None),
         )
 
     @property
@@ -88,6 +87,21 @@ class FreeSpace:
             return np.asarray(self.corners[0])
         parts = self._parts
         return np.array([(part.min(axis=0) + part.max(axis=0)) / 2.0 for part in parts])
+
+    @property
+    def landmarks(self) -> Array:
+        """Points that a path passes on one side or the other, shape ``(M + I, 2)`` [m]."""
+        return np.concatenate([self.centers, self.islands])
+
+    @property
+    def islands(self) -> Array:
+        """See `GridObstacle.islands`."""
+        return np.empty((0, 2)) if self.grid is None else self.grid.islands
+
+    @property
+    def field(self) -> DistanceField:
+        """Of the grid; one that is never asked where there is none."""
+        return NO_FIELD if self.grid is None else self.grid.field
 
     @property
     def reaches(self) -> Array:

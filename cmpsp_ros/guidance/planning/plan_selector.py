@@ -60,7 +60,9 @@ class PlanSelector:
         self._pool = AlternativePool(formulation, max(1, self._limit - 1))
         self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        self._centers = FreeSpace.of(settings.road, settings.obstacles, 0.0).centers
+        space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
+        self._centers, self._islands = space.centers, space.islands
+        self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
         self.phases: dict[str, float] = {}
         self._work_left = 1
         self.forget()
@@ -195,7 +197,8 @@ class PlanSelector:
     ) -> str:
         if count == 1:
             return ''
-        words = in_words(best.homotopy_class, [*self._names, *context.encounters.names])
+        names = [*self._names, *context.encounters.names, *self._island_names]
+        words = in_words(best.homotopy_class, names)
         sides = f', {words}' if words else ''
         verb = 'Changed over to' if changed else 'It is'
         return f' {verb} the best of {count} plans{sides}.'
@@ -245,7 +248,7 @@ class PlanSelector:
         bad_steps: int = 0,
     ) -> Alternative:
         began = self._timer()
-        centers = np.concatenate([self._centers, context.encounters.centers])
+        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
         sides = class_of(context.road_frame, centers, candidate.plan.poses)
         score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS

@@ -45,6 +45,27 @@ def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> Dis
     return DistanceField(frame, _distances(occupied) * grid.resolution)
 
 
+def node_points(field: DistanceField, nodes: NDArray[np.int64]) -> Array:
+    """Places of nodes, by their rows and columns ``(K, 2)``; shape ``(K, 2)`` [m]."""
+    frame, (rows, columns) = field.frame[0], nodes.T * field.frame['cell'][0]
+    return np.column_stack(
+        [
+            frame['x'] + frame['cosine'] * columns - frame['sine'] * rows,
+            frame['y'] + frame['sine'] * columns + frame['cosine'] * rows,
+        ]
+    )
+
+
+def node_near(field: DistanceField, point: Array) -> NDArray[np.int64]:
+    """Row and column of the node that is nearest to a point (x, y) [m]."""
+    frame = field.frame[0]
+    dx, dy = (point - np.array([frame['x'], frame['y']])) / frame['cell']
+    along = frame['cosine'] * dx + frame['sine'] * dy
+    up = frame['cosine'] * dy - frame['sine'] * dx
+    last = np.array(field.distances.shape) - 1
+    return np.clip(np.round([up, along]), 0, last).astype(np.int64)
+
+
 def _distances(occupied: NDArray[np.bool_]) -> Array:
     """Signed distances at the centres of cells, in cells.
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
+from cmpsp_ros.world.grids.islands import islands_of
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.grids.outlines import loops
 
@@ -49,6 +50,16 @@ class GridObstacle:
     def field(self) -> DistanceField:
         """Distances from the occupied cells."""
         return distance_field(self.grid, unknown_is_free=self.unknown_is_free)
+
+    @cached_property
+    def islands(self) -> Array:
+        """A point of each group of occupied cells that a way may pass on either side.
+
+        They are those that do not touch the rim of the grid, the largest of them, ``(I, 2)`` [m].
+        """
+        occupied = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= 0.0
+        points = [self.grid.centers(*cell) for cell in islands_of(occupied)]
+        return np.array(points).reshape(-1, 2)
 
     def outlines(self, distance: float) -> list[Array]:
         """See `cmpsp_ros.world.obstacles.shapes.outlines`: to the next edges of cells."""

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids import field_functions
+from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.obstacles.shapes import outline_of
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road_space import RoadSpace
@@ -23,6 +25,10 @@ Gap = tuple[float, float]
 _ROUNDING = 100.0
 # Beside all obstacles on open floor [m].
 _BESIDE = 1.0
+# Beside the line and its ends, in the cells of a grid [m].
+_ASIDE = 2.0
+# Towards the centre of a bend, as a part of its radius.
+_TOO_FAR = 0.9
 
 
 def between_samples(space: FreeSpace, straddled: float) -> FreeSpace:
@@ -58,7 +64,10 @@ def free_gaps(frame: RoadFrame, space: FreeSpace) -> tuple[list[list[Gap]], list
     taken: list[list[Gap]] = [[] for _ in frame.stations]
     shapes = np.split(space.corners[0], space.first[1:-1]) if len(radii) else []
     for corners, radius in zip(shapes, radii.tolist(), strict=True):
-        for station, section in _sections(frame, corners, radius):
+        found = (
+            _sections(frame, corners, radius) if len(corners) else _in_field(frame, space, radius)
+        )
+        for station, section in found:
             taken[station].append(section)
     edges = _edges(frame, space.road, taken)
     return [_between(sorted(each), *edge) for each, edge in zip(taken, edges, strict=True)], edges
@@ -103,6 +112,45 @@ def _sections(frame: RoadFrame, corners: Array, radius: float) -> Iterator[tuple
         found = np.concatenate(cuts)
         if len(found):
             yield station, (float(found.min()), float(found.max()))
+
+
+def _in_field(frame: RoadFrame, space: FreeSpace, radius: float) -> Iterator[tuple[int, Gap]]:
+    """Stations that occupied cells of a grid lie at, and from where to where across the line."""
+    cell = float(space.field.frame['cell'][0])
+    reach = max(map(abs, frame.ends)) + _ASIDE
+    lateral = np.linspace(-reach, reach, 2 * math.ceil(reach / cell) + 1)
+    blocked = np.zeros((len(frame.stations), len(lateral)), dtype=bool)
+    _fill_blocked(blocked, space.field, radius, frame, lateral)
+    changes = np.diff(blocked.astype(np.int8), axis=1, prepend=0, append=0)
+    half = (lateral[1] - lateral[0]) / 2.0
+    for station in np.flatnonzero(blocked.any(axis=1)).tolist():
+        begins, ends = np.flatnonzero(changes[station] > 0), np.flatnonzero(changes[station] < 0)
+        for begin, end in zip(begins.tolist(), (ends - 1).tolist(), strict=True):
+            yield station, (float(lateral[begin]) - half, float(lateral[end]) + half)
+
+
+@allocation_free
+def _fill_blocked(
+    blocked: NDArray[np.bool_],
+    field: DistanceField,
+    radius: float,
+    frame: RoadFrame,
+    lateral: Array,
+) -> None:
+    """Where a grid is nearer than a radius, anywhere from one station to the next."""
+    count = math.ceil(frame.step / field.frame[0].cell)
+    for k in range(blocked.shape[0]):
+        cosine, sine = frame.directions[k, 0], frame.directions[k, 1]
+        for j in range(blocked.shape[1]):
+            # Beyond the centre of a bend the coordinates begin again.
+            blocked[k, j] = frame.curvature[k] * lateral[j] > _TOO_FAR
+            for i in range(count):
+                along = ((i + 0.5) / count - 0.5) * frame.step
+                x = frame.points[k, 0] + along * cosine - lateral[j] * sine
+                y = frame.points[k, 1] + along * sine + lateral[j] * cosine
+                if not field_functions.distance_from(field, x, y) >= radius:
+                    blocked[k, j] = True
+                    break
 
 
 def _edges(frame: RoadFrame, road: RoadSpace, taken: Sequence[Sequence[Gap]]) -> list[Gap]:

@@ -104,7 +104,7 @@ def guide_paths(
         return []
     space = between_samples(space, _straddled(settings, start.robot))
     gaps, edges = free_gaps(frame, space)
-    at, lateral = (each.tolist() for each in frame.coordinates(space.centers))
+    at, lateral = (each.tolist() for each in frame.coordinates(space.landmarks))
     stretches = stretches_of(frame, gaps, at)
     trails = search(frame, stretches, lateral)
     if not trails and (found := searched_paths(settings, space, start, target, durations)):
@@ -163,7 +163,7 @@ def searched_paths(
     if line.length > _ROUGHLY * start.robot.max_speed * float(durations.sum()):
         return []
     poses = np.column_stack([points, np.zeros(len(points))])
-    homotopy_class = class_of(frame, space.centers, poses)
+    homotopy_class = class_of(frame, space.landmarks, poses)
     guess = follow_profile(settings, start, durations, line, profile)
     return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 

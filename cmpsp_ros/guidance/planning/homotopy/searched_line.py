@@ -12,8 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.planning.homotopy.road_frame import SPACING
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.grid_search import (
+    NARROW,
+    cells_from,
+    costs_of,
+    evenly_spaced,
+    lengths_to,
+)
 
 Array = NDArray[np.float64]
 
@@ -22,13 +28,7 @@ Array = NDArray[np.float64]
 _CELL: Final = 0.1
 _MAX_CELLS: Final = 160
 _AROUND: Final = 1.0
-# A cell costs up to so much more where there is less clearance than this [m].
-_ROOM: Final = 0.4
-_NARROW: Final = 2.0
 _SMOOTHINGS: Final = 6
-_NEIGHBOURS: Final = np.array(
-    [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
-)
 
 
 def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
@@ -51,52 +51,12 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
     poses = np.column_stack([points.reshape(-1, 2), np.full(points[..., 0].size, math.nan)])
     clearance = space.at(poses).min(axis=1).reshape(points.shape[:2])
     first, last = (np.round((each - low) / cell).astype(np.int64) for each in (start, goal))
-    costs = 1.0 + _NARROW * np.clip(1.0 - clearance / _ROOM, 0.0, 1.0)
-    costs[clearance < 0.0] = math.inf
+    costs = costs_of(clearance)
     # Where the robot stands, and where it is to stand, is not for the search to judge.
     for place in (first, last):
-        costs[tuple(place)] = min(costs[tuple(place)], 1.0 + _NARROW)
-    lengths = np.full(costs.shape, math.inf)
-    lengths[tuple(last)] = 0.0
-    while _sweep(lengths, costs, _NEIGHBOURS):
-        pass
-    if not math.isfinite(lengths[tuple(first)]):
+        costs[tuple(place)] = min(costs[tuple(place)], 1.0 + NARROW)
+    places = cells_from(lengths_to(costs, last), first)
+    if not len(places):
         return np.empty((0, 2))
-    places = [first]
-    while lengths[tuple(places[-1])] > 0.0:
-        beside = places[-1] + _NEIGHBOURS
-        beside = beside[((beside >= 0) & (beside < costs.shape)).all(axis=1)]
-        places.append(beside[np.argmin(lengths[beside[:, 0], beside[:, 1]])])
-    inner = [points[tuple(each)] for each in places[1:-1]]
-    return _even(np.array([start, *inner, goal]))
-
-
-def _even(line: Array) -> Array:
-    """The line with corners smoothed, at even distances."""
-    for _ in range(_SMOOTHINGS):
-        line[1:-1] += (line[:-2] - 2.0 * line[1:-1] + line[2:]) / 4.0
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    at = np.linspace(0.0, along[-1], max(math.ceil(along[-1] / SPACING), 1) + 1)
-    return np.column_stack([np.interp(at, along, each) for each in line.T])
-
-
-@allocation_free
-def _sweep(lengths: Array, costs: Array, neighbours: NDArray[np.int64]) -> bool:
-    """Shorten the lengths to the goal over the grid, in four orders; whether any has changed."""
-    rows, columns, changed = lengths.shape[0], lengths.shape[1], False
-    for order in range(4):
-        for a in range(rows):
-            i = a if order % 2 == 0 else rows - 1 - a
-            for b in range(columns):
-                j = b if order < 2 else columns - 1 - b
-                if math.isinf(costs[i, j]):
-                    continue
-                best = lengths[i, j]
-                for k in range(neighbours.shape[0]):
-                    m, n = i + neighbours[k, 0], j + neighbours[k, 1]
-                    if 0 <= m < rows and 0 <= n < columns:
-                        step = math.sqrt(float(neighbours[k, 0] ** 2 + neighbours[k, 1] ** 2))
-                        best = min(best, lengths[m, n] + step * costs[i, j])
-                if best < lengths[i, j]:
-                    lengths[i, j], changed = best, True
-    return changed
+    inner = points[tuple(places[1:-1].T)]
+    return evenly_spaced(np.vstack([start, inner, goal]), SPACING, _SMOOTHINGS)

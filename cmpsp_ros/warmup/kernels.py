@@ -35,6 +35,7 @@ from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.simulator.ray_casting import cast
 from cmpsp_ros.warmup.process_pool import new_pool
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.distance_field import distance_field
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
@@ -185,7 +186,9 @@ def _scans() -> None:
     """Cast a ray, and take it into a grid."""
     cast(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros((0, 4)), np.zeros((0, 5)))
     ends = np.zeros((1, 2))
-    LocalGrid(1.0, 0.1, 1.0).see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
+    grid = LocalGrid(1.0, 0.1, 1.0)
+    grid.see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
+    distance_field(grid.at(0), unknown_is_free=True)
 
 
 def _method() -> None:

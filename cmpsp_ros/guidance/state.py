@@ -19,6 +19,7 @@ from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.sensing.surroundings import Sighting
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ class LawState:
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
+        sighting: What is known of the surroundings; None without sensors.
         foretold: What no plan of the run can do, in sentences.
     """
 
@@ -80,6 +82,7 @@ class LawState:
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
+    sighting: Sighting | None = None
     foretold: tuple[str, ...] = ()
 
     @classmethod

@@ -41,6 +41,8 @@ class Sensor:
         pose: Where it is on the robot (x, y, heading) [m, m, rad].
         reach: Length of beam beyond which nothing is used [m].
         heights: Least and greatest z of points that count, in its frame [m].
+        topic: Where its messages come.
+        type: Of its messages: ``scan`` for LaserScan, ``cloud`` for PointCloud2.
     """
 
     name: str
@@ -48,6 +50,8 @@ class Sensor:
     pose: Pose = (0.0, 0.0, 0.0)
     reach: float = math.inf
     heights: tuple[float, float] = (-math.inf, math.inf)
+    topic: str = 'scan'
+    type: str = 'scan'
 
     def check_frame(self, message: Any) -> None:
         """Refuse a message in another frame.

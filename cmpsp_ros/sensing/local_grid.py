@@ -32,7 +32,8 @@ class LocalGrid:
             resolution: Side of a cell [m].
             memory: For how long what is out of sight is remembered [s].
         """
-        self._resolution = resolution
+        # As it is in a nav_msgs/OccupancyGrid, so that the grid in a bag is this one.
+        self._resolution = resolution = float(np.float32(resolution))
         self._memory = round(memory * 1e9)
         side = max(1, math.ceil(size / resolution))
         self._column, self._row = -(side // 2), -(side // 2)

@@ -62,7 +62,8 @@ class PlanSelector:
         self._names = [obstacle.name for obstacle in settings.obstacles]
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
-        self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        whole = 'what is seen' if settings.sight.sensors else 'the map'
+        self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
         self.phases: dict[str, float] = {}
         self._work_left = 1
         self.forget()

@@ -22,6 +22,7 @@ from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+from cmpsp_ros.nodes.guidance.sensor_input import SensorInput
 from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
@@ -73,6 +74,7 @@ class GuidanceLoop:
         self._law = GuidanceLaw(settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._obstacles = ObstacleInput(node, settings)
+        self._sensors = SensorInput(node, settings)
         self._transforms = TransformInput(node)
         self.road = RoadInput(node, values)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
@@ -89,6 +91,7 @@ class GuidanceLoop:
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
         self._obstacles.close()
+        self._sensors.close()
         self._transforms.close()
         self.road.close()
         self._outputs.close()
@@ -149,6 +152,7 @@ class GuidanceLoop:
         now = self._now()
         return [
             *self._obstacles.warnings(now),
+            *self._sensors.warnings(),
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
@@ -182,9 +186,14 @@ class GuidanceLoop:
         if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
             self._halt_for(why)
             return
+        if blindness := self._sensors.note(stamp, pose):
+            self._halt_for(blindness)
+            return
         try:
-            tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
-            decision = self._law.update(stamp, pose, tracks)
+            is_due = self._law.is_due(stamp)
+            tracks = self._obstacles.at(stamp) if is_due else ()
+            sighting = self._sensors.at(stamp, pose) if is_due else None
+            decision = self._law.update(stamp, pose, tracks, sighting)
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return
@@ -268,6 +277,7 @@ class GuidanceLoop:
             self._law.reset()
             self._begun = False
             self._obstacles.forget_after(stamp)
+            self._sensors.forget()
 
     def _watch(self) -> None:
         if not self.active:

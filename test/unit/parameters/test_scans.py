@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of
+from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.simulator.laser import LaserSettings
@@ -30,7 +30,7 @@ def test_obstacles_of_the_simulator_are_no_others():
             **{f'sim.obstacles.wall.{k}': v for k, v in block.items()},
         }
     )
-    assert obstacles_of(values, OWN_OBSTACLES) == (Capsule('wall', (0.0, 0.0), (1.0, 0.0), 0.1),)
+    assert shapes_of(values, OWN_OBSTACLES) == (Capsule('wall', (0.0, 0.0), (1.0, 0.0), 0.1),)
     assert obstacles_of(values) == ()
 
 

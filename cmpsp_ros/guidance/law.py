@@ -55,13 +55,17 @@ class GuidanceLaw:
         self._configure(settings)
 
     def _configure(self, settings: GuidanceSettings) -> None:
+        self._take(settings)
+        self._selector = PlanSelector(self._settings, self._audit, self._timer)
+
+    def _take(self, settings: GuidanceSettings) -> None:
+        """Take settings, and what is seen beside them."""
         self._given, sighting = settings, self._state.sighting
         settings = settings if sighting is None else settings.seeing(sighting.grid)
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
         self._approach = Approach(settings, self._audit)
-        self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
 
@@ -154,9 +158,14 @@ class GuidanceLaw:
     def _see(self, sighting: Sighting | None) -> None:
         """Take in what has been seen since the last control step."""
         known = self._state.sighting
-        if sighting is not None and (known is None or sighting.stamp != known.stamp):
-            self._state.sighting = sighting
-            self._configure(self._given)
+        if sighting is None or (known is not None and sighting.stamp == known.stamp):
+            return
+        self._state.sighting, before = sighting, len(self._settings.obstacles)
+        self._take(self._given)
+        if len(self._settings.obstacles) == before:
+            self._selector.see(self._settings, self._audit)
+        else:
+            self._selector = PlanSelector(self._settings, self._audit, self._timer)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.

@@ -97,6 +97,16 @@ class Bag:
             self.close()
             raise
 
+    def as_decided_on(self, node: str, name: str) -> str:
+        """A topic that a node hears; its own of that name where it published it transformed.
+
+        Args:
+            node: Full name.
+            name: Of the topic, in the namespace of the node.
+        """
+        own, heard = f'{node}/{name}', f'{node.rpartition("/")[0]}/{name}'
+        return own if own in self.topics and self.topics[own].count else heard
+
     def raw(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Iterate over a topic's messages as recorded: stamp [ns] and serialised message (CDR).
 

@@ -8,28 +8,29 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance import decision_builder
-from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
+from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
+from cmpsp_ros.guidance.commands.final_time import FinalTime
+from cmpsp_ros.guidance.commands.late_commands import LateCommands
+from cmpsp_ros.guidance.commands.stopping import closed_ahead, reason_to_stop
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NEVER, Horizon, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining
-from cmpsp_ros.guidance.late_commands import slowed_for_lateness
+from cmpsp_ros.guidance.horizon import NEVER, to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
+from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
-from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
+from cmpsp_ros.guidance.planning.stagnation import PATIENCE
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach
+from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.sensing.surroundings import Sighting
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 
 Array = NDArray[np.float64]
@@ -66,6 +67,9 @@ class GuidanceLaw:
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
         self._approach = Approach(settings, self._audit)
+        self._decisions = DecisionBuilder(settings, self._audit)
+        self._final_time = FinalTime(settings, self._fallback, self._decisions)
+        self._late_commands = LateCommands(settings, self._audit, self._decisions)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
 
@@ -82,6 +86,7 @@ class GuidanceLaw:
         state.goals.reconfigure(settings)
         state.use_slip(settings)
         state.revision, state.idle_steps = state.revision + 1, 0
+        state.closed_road = ClosedRoad()
         if settings.road != before.road:
             state.progress = math.nan
 
@@ -122,35 +127,27 @@ class GuidanceLaw:
         state.advance_wheels(settings, stamp)
         start, pending = self._predict(stamp, pose, moving)
         here = PlanStart(pose, state.robot, moving, state.progress)
+        ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         if now >= goals.end:
-            state.due, state.plan = now + self._period, None
-            return self._sent(self._finish(stamp, pose, moving), tracks)
+            return self._sent(self._final_time.finish(state, stamp, pose, moving), tracks)
         state.final_pose = None
-        horizon = remaining(now, self._period, goals.final)
-        state.due = horizon.next_instant
-        # A command that is given later takes effect after the final time.
-        last = goals.final - self._delay
-        too_late = goals.is_last and (now >= last or self._is_settled(last - now))
-        if too_late:
-            horizon = Horizon.between([now, last if now < last else state.due])
-        elif self._delay:
-            horizon = remaining(now, self._period, last)
+        horizon, too_late = self._final_time.horizon(state)
         halvings = state.lateness.halvings
         context = PlanningContext(
             settings, start, goals.target, horizon, state.plan, pending, halvings
         )
         if too_late:
-            decision = self._continue_past_end(stamp, pose, context, last)
+            decision = self._final_time.go_on(state, stamp, pose, context)
         else:
             context.plan = self._turn(context) if has_new_goal else state.plan or state.waiting
             if late and not has_new_goal and state.plan is not None:
                 decision = self._follow_late_plan(stamp, pose, context, late)
             else:
                 decision = self._decide(stamp, pose, context)
-        decision = slowed_for_lateness(self._audit, settings, state, decision, here, start)
-        self._decide_in_time(start, decision.plan, last)
+        decision = self._late_commands.slowed(state, decision, here, start, ramp)
+        self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
@@ -232,7 +229,9 @@ class GuidanceLaw:
             # Where the robot is nobody knows: no path is known to be clear, so it brakes as hard as
             # its motors can.
             state.ramp = NO_RAMP
-        return self._sent(self._stop(stamp, nowhere, reason, finished=finished, halted=True))
+        return self._sent(
+            self._decisions.stop(state, stamp, nowhere, reason, finished=finished, halted=True)
+        )
 
     def withdraw(self, decision: Decision, took: float) -> Decision:
         """Take back the last command, which came too late to be sent; its plan goes on.
@@ -246,7 +245,7 @@ class GuidanceLaw:
         Returns:
             What to record of it.
         """
-        self._state.take_back(self._settings, took)
+        self._state.take_back(took)
         why = f'It took {took:.3g} s and was not sent, for it came too late.'
         return decision._replace(reason=f'{why} {decision.reason}', late=took)
 
@@ -269,7 +268,7 @@ class GuidanceLaw:
     def _turn(self, context: PlanningContext) -> Plan | None:
         """Begin towards another goal; with a plan where no road says how."""
         self._selector.forget()
-        self._state.idle_steps = 0
+        self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
         if not self._state.goals.is_return:
             return None
         goal, start, horizon = context.goal, context.start, context.horizon
@@ -279,11 +278,14 @@ class GuidanceLaw:
         """Select a plan, or fall back: to the previous plan shifted, or to a stop."""
         state, start = self._state, context.start
         if state.plan is None and (reason := self._audit.why_no_start(pose)):
-            return self._stop(stamp, pose, reason, moving=start.moving)
+            return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         if state.tracker.new_obstacle_seen:
             self._selector.look_again()
         state.waiting = None
+        if state.closed_road.waits and not len(start.moving):
+            return self._decisions.stop(state, stamp, pose, state.closed_road.waits)
         selected = self._selector.best(context)
+        closed = closed_ahead(state, self._approach, context, selected)
         result, verdict, plan = selected.result, selected.verdict, selected.plan
         errors = selected.terminal_error, selected.heading_error
         if selected.admissible:
@@ -291,28 +293,26 @@ class GuidanceLaw:
             level = FallbackLevel.ELASTIC if selected.is_relaxed else FallbackLevel.NOMINAL
             reason = selected.describe(self._audit, self._settings, start.moving)
             reason += self._selector.remark
-            why, road = '', self._settings.road
-            # Before a moving obstacle it is not safe to wait.
-            if not len(start.moving):
-                why, state.idle_steps = reason_to_wait(state.idle_steps, road, context, selected)
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
-            if not why and ahead is not None and ahead.speed < STANDSTILL:
-                why = f'The robot stops: {ahead}'
-            if why:
+            if why := reason_to_stop(state, context, selected, ahead, closed):
                 state.plan, state.waiting = None, plan
-                return self._stop(stamp, pose, f'{why} {reason}', result)
+                return self._decisions.stop(state, stamp, pose, f'{why} {reason}', result)
         else:
             state.failures += 1
             reason = verdict.reason if result.solved else result.reason
             shifted = self._shifted(context)
             if shifted is None:
                 state.idle_steps = PATIENCE
+                if closed is not None:
+                    reason = f'{state.closed_road.wait_before(closed)} {reason}'
                 self._drop_plan_after_failures()
-                return self._stop(stamp, pose, reason, result, moving=start.moving)
+                return self._decisions.stop(state, stamp, pose, reason, result, moving=start.moving)
             level, (plan, verdict) = FallbackLevel.PREVIOUS_PLAN, shifted
             errors = context.goal.errors(plan.poses[-1])
             reason += ' The last audited plan goes on.'
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
+        if closed is not None and (ahead is None or closed.speed < ahead.speed):
+            ahead = closed
         # It is improved as it is: what slows it down may be wrong about what it leads into.
         state.plan = plan
         self._drop_plan_after_failures()
@@ -320,25 +320,13 @@ class GuidanceLaw:
         limited = self._approach.limited(plan, verdict, ahead, start, context.pending, wheels)
         if limited is None:
             why = 'The robot stops: if its wheels lag, no speed is clear.'
-            return self._stop(stamp, pose, f'{why} {reason}', result, moving=start.moving)
+            return self._decisions.stop(
+                state, stamp, pose, f'{why} {reason}', result, moving=start.moving
+            )
         plan, verdict, remark = limited
-        return self._follow(stamp, level, reason + remark, plan, verdict, errors, result)
-
-    def _follow(
-        self,
-        stamp: int,
-        level: FallbackLevel,
-        reason: str,
-        plan: Plan,
-        verdict: Verdict,
-        errors: tuple[float, float | None],
-        result: SolveResult | None = None,
-    ) -> Decision:
-        self._state.follow(plan, verdict)
-        phases = UNTIMED if result is None else self._selector.phases
-        robot = self._settings.robot
-        return decision_builder.follow(
-            self._state, stamp, level, reason, plan, verdict, robot, errors, result, phases
+        phases = self._selector.phases
+        return self._decisions.follow(
+            state, stamp, level, reason + remark, plan, verdict, errors, result, phases
         )
 
     def _follow_late_plan(
@@ -358,84 +346,17 @@ class GuidanceLaw:
         if shifted is None:
             state.plan, state.waiting = None, context.plan
             reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
-            return self._stop(stamp, pose, reason, moving=context.start.moving)
+            return self._decisions.stop(state, stamp, pose, reason, moving=context.start.moving)
         state.plan = shifted[0]
         reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
         errors = context.goal.errors(state.plan.poses[-1])
-        return self._follow(stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors)
+        return self._decisions.follow(
+            state, stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors
+        )
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon
         return self._fallback.shifted(plan, start, horizon, self._delay, context.pending)
-
-    def _is_settled(self, left: int) -> bool:
-        """Whether the last plan left no more commands for the time that is left [ns]."""
-        return self._delay > 0 and self._state.plan is not None and left < self._period // 2
-
-    def _continue_past_end(
-        self, stamp: int, pose: Array, context: PlanningContext, last: int
-    ) -> Decision:
-        """Let the last plan go on, past its end too, where a new command comes too late.
-
-        Too early a stop would cost the goal if the delay is shorter than it is said to be, or the
-        wheels rather lag.
-        """
-        state, start = self._state, context.start
-        shifted, plan = self._shifted(context), state.plan
-        beyond = state.due - state.now if state.now >= last else 0
-        if (
-            plan is None
-            or shifted is None
-            or (beyond and not self._fallback.may_outlast(start, shifted[0].controls, beyond))
-        ):
-            reason = 'No plan can go on until a stop takes effect.'
-            return self._stop(stamp, pose, reason, moving=start.moving)
-        reason = 'The plan goes on: a new command comes too late to change its end.'
-        errors = context.goal.errors(plan.poses[-1])
-        return self._follow(stamp, FallbackLevel.NOMINAL, reason, *shifted, errors)
-
-    def _decide_in_time(self, start: PlanStart, plan: Plan | None, last: int) -> None:
-        """Decide once more if the last command on the way to a goal may not outlast its time.
-
-        By itself it does, by as long as the next one takes to come into effect: a stop, or the
-        first on the way to another goal.
-        """
-        state = self._state
-        if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
-            return
-        outlasting = state.due - state.now
-        if state.now < last and not self._fallback.may_outlast(start, plan.controls, outlasting):
-            state.due = last
-
-    def _finish(self, stamp: int, pose: Array, moving: MovingDiscs) -> Decision:
-        """Stop after the final time, and judge where the robot was then."""
-        state, passed = self._state, pose
-        if state.goals.goal is not None:
-            passed = state.pose_at_end(stamp, pose, self._period, self._delay)
-        reason, missed = decision_builder.ending(state, self._settings, passed)
-        decision = self._stop(stamp, pose, reason, moving=moving, finished=True, missed=missed)
-        error, heading_error = state.goals.target.errors(passed)
-        return decision._replace(terminal_error=error, heading_error=heading_error)
-
-    def _stop(
-        self,
-        stamp: int,
-        pose: Array,
-        reason: str,
-        result: SolveResult | None = None,
-        moving: MovingDiscs = NOTHING_MOVES,
-        **flags: bool,
-    ) -> Decision:
-        state, settings = self._state, self._settings
-        state.brake(stamp, self._period)
-        twist = settings.robot.twist(state.previous_control)
-        if np.any(twist) and 'halted' not in flags:
-            reason += f' It brakes to {abs(twist[0]):.3g} m/s.'
-        clearance = float(self._audit.clearance_at(pose, moving, state.progress).min())
-        iterations = 0 if result is None else result.iterations
-        return decision_builder.stop(
-            state, stamp, pose, reason, clearance, twist, iterations=iterations, **flags
-        )
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state

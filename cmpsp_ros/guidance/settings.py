@@ -14,7 +14,7 @@ from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.sensing.surroundings import SightSettings
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.map_line import map_line
+from cmpsp_ros.world.map_line import map_lengths, map_line
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.road import Road
@@ -282,8 +282,19 @@ class GuidanceSettings:
         return not self.road.has_center_line and any(not each.corners for each in self.obstacles)
 
     def map_line(self, start: Array, goal: tuple[float, float], spacing: float) -> Array:
-        """See `cmpsp_ros.world.map_line`."""
+        """See `cmpsp_ros.world.map_line`; empty where no map says which way leads to a goal."""
+        if not self.has_map_line:
+            return np.empty((0, 2))
         return map_line(self.obstacles, self.kept, start, goal, spacing)
+
+    def map_lengths(self, points: Array, goal: tuple[float, float]) -> Array:
+        """See `cmpsp_ros.world.map_line`."""
+        return map_lengths(self.obstacles, self.kept, points, goal)
+
+    def search_map(self, goal: tuple[float, float]) -> None:
+        """Search the map for the ways to a goal: it takes too long for a control step."""
+        if self.has_map_line:
+            self.map_lengths(np.array([goal]), goal)
 
     @property
     def kept(self) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
@@ -17,7 +18,7 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
+from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.sensing.surroundings import Sighting
 
@@ -55,6 +56,7 @@ class LawState:
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
         sighting: What is known of the surroundings; None without sensors.
+        closed_road: What closes the road to the present goal.
         foretold: What no plan of the run can do, in sentences.
     """
 
@@ -83,6 +85,7 @@ class LawState:
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
     sighting: Sighting | None = None
+    closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 
     @classmethod
@@ -110,14 +113,10 @@ class LawState:
         elif stamp - self.commanded_at >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 
-    def take_back(self, settings: GuidanceSettings, took: float) -> None:
+    def take_back(self, took: float) -> None:
         """Take back the last command, which was not sent since it took so long [s]."""
-        held = self.previous_control = self.pending.take_back()
-        period, limit = settings.control_period, settings.max_wheel_change
-        if limit < math.inf:
-            # The ramp of the command before is forgotten.
-            plan = np.stack([held, held])
-            self.ramp = braking(plan, np.array([period]), period, limit, along=False)
+        # The ramp of the command before is forgotten.
+        self.previous_control, self.ramp = self.pending.take_back(), NO_RAMP
         self.slip.lose()
         self.lateness.add(took)
         self.due = self.now + 1

@@ -14,6 +14,8 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.homotopy.free_gaps import fill_blocked
+from cmpsp_ros.guidance.planning.homotopy.road_frame import frame_along
 from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
@@ -27,6 +29,7 @@ from cmpsp_ros.robots.acceleration import with_lag
 from cmpsp_ros.sensing.beams import Sight
 from cmpsp_ros.sensing.surroundings import Surroundings
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.field_functions import NO_FIELD
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Capsule
 from cmpsp_ros.world.roads.annulus import Annulus
@@ -101,7 +104,9 @@ def run_kernels(settings: GuidanceSettings) -> None:
     with_lag(np.zeros(2), controls, np.ones(2), 1.0, 1)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
-    searched_line(space, pose[:2], np.array(on_road.goal))
+    line = searched_line(space, pose[:2], np.array(on_road.goal))
+    blocked = np.zeros((len(line), 1), dtype=bool)
+    fill_blocked(blocked, NO_FIELD, 0.0, frame_along(line), np.zeros(1))
     space.along(pose[None], controls[:1], durations)
     _A_DISC.along(pose[None], controls[:1], durations, durations)
     start = PlanStart(pose, on_road.robot, _A_DISC)
@@ -127,6 +132,8 @@ def _made_short(settings: GuidanceSettings) -> GuidanceSettings:
         final_time=min(settings.final_time, longest),
         waypoints=(),
         solver=few,
+        # The places of the warm-up may be in its walls, and the code is the same without it.
+        obstacles=tuple(each for each in settings.obstacles if each.corners),
     )
 
 

@@ -26,9 +26,12 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles and goal, and of odometry, which is looked up on `/tf` where it '
-        'is in another frame.',
+        'Frame of road, obstacles, goals and odometry; what comes in another frame is looked up on '
+        '`/tf`.',
         **_FIXED)
+    yield task('robot_frame', _STRING, '', '',
+        "Frame of the robot's centre, midway between its wheels, where odometry is of another one: "
+        'looked up on `/tf`. Empty: the child frame of odometry.', **_FIXED, **guidance_only)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
@@ -155,12 +158,14 @@ def _parameters() -> Iterator[Parameter]:
 
     yield place('map.cells', _STRING, 'none', '',
         'Cells of an occupancy grid, in which what is occupied is one obstacle: rows, columns and '
-        'what they hold, packed. `map.file` reads them from a file of map_server.')
+        'what they hold, packed. `map.file` reads them from a file of map_server.', **_FIXED)
     yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Pose of the corner of its first cell (x, y, yaw).', length=3)
-    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side of one of its cells.', range=_POSITIVE)
+        'Pose of the corner of its first cell (x, y, yaw).', length=3, **_FIXED)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side of one of its cells.',
+        range=_POSITIVE, **_FIXED)
     yield place('map.unknown_is_free', _BOOL, False, '',
-        'Whether its unknown cells, and all beyond it, are free; else they are occupied.')
+        'Whether its unknown cells, and all beyond it, are free; else they are occupied.',
+        **_FIXED)
 
     moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',

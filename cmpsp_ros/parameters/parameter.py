@@ -80,7 +80,7 @@ class Parameter:
     Attributes:
         name: Its key, with ``<name>`` where a name listed by the user stands.
         type: What it holds.
-        default: Value when none is given, or ``REQUIRED``.
+        default: Value when none is given, or ``REQUIRED``. Text may be empty where this is.
         unit: SI unit, empty when there is none.
         description: One sentence for its table.
         group: Heading under which it is documented.
@@ -127,7 +127,8 @@ class Parameter:
             ParameterType.BOOL: 'true or false',
             ParameterType.INTEGER: f'an integer{within}{unit}',
             ParameterType.DOUBLE: f'a number{within}{unit}',
-            ParameterType.STRING: ' or '.join(self.choices) or 'text, not empty',
+            ParameterType.STRING: ' or '.join(self.choices)
+            or ('text' if self.default == '' else 'text, not empty'),
             ParameterType.DOUBLE_ARRAY: f'a list of {length}numbers{within}{unit}',
             ParameterType.STRING_ARRAY: f'a list of {length}different names',
         }[self.type]
@@ -196,6 +197,8 @@ class Parameter:
         return number if math.isfinite(number) and number in self.range else None
 
     def _text(self, value: object) -> str | None:
+        if value == '' == self.default:
+            return ''
         # ROS hands texts on through C: no zero, no half of a surrogate pair would arrive.
         if not isinstance(value, str) or not value.strip() or not value.isprintable():
             return None

@@ -87,7 +87,7 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
 def sagitta(bend: float, limits: TwistLimits, period: float) -> float:
     """Clearance from a bent edge at the samples that keeps the arcs between them clear.
 
-    Along an arc the second derivative of the clearance by time is at least ``-(v w + v^2 bend)``:
+    Along an arc the second derivative of the clearance by time is at most ``v w + v^2 bend``:
     over a period it falls below the line between its ends by at most an eighth of that times the
     period squared.
 

@@ -9,10 +9,12 @@ import subprocess
 import time
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from interface_packages import build
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -153,6 +155,26 @@ def spawn(
     yield start
     for each in reversed(started):
         each.end()
+
+
+@pytest.fixture(scope='session')
+def _interfaces(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    return cache(lambda package: build(package, tmp_path_factory.mktemp(package)))
+
+
+@pytest.fixture
+def interfaces(
+    _interfaces: Callable[[str], Path], monkeypatch: pytest.MonkeyPatch
+) -> Callable[[str], None]:
+    """Have this process and those to be started import a package: `interfaces('tf2_msgs')`."""
+
+    def add(package: str) -> None:
+        folder = _interfaces(package)
+        monkeypatch.syspath_prepend(folder)
+        paths = [str(folder), os.environ.get('PYTHONPATH', '')]
+        monkeypatch.setenv('PYTHONPATH', os.pathsep.join(filter(None, paths)))
+
+    return add
 
 
 @dataclass

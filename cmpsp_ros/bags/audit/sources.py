@@ -60,11 +60,11 @@ def find(bag: Bag, sources: Sources) -> Places:
     namespace = node.rpartition('/')[0]
     return Places(
         node,
-        _topic(bag, sources.odom or f'{namespace}/odom', '--odom'),
+        _topic(bag, sources.odom or bag.as_decided_on(node, 'odom'), '--odom'),
         _topic(bag, sources.cmd_vel or f'{namespace}/cmd_vel', '--cmd-vel'),
         f'{node}/decision',
         f'{node}/predicted_path',
-        f'{namespace}/moving_obstacles',
+        bag.as_decided_on(node, 'moving_obstacles'),
     )
 
 

@@ -58,11 +58,6 @@ class Names:
         return f'{self.node}/decision'
 
     @property
-    def goal_pose(self) -> str:
-        """Topic of goals that come under way."""
-        return f'{self.node.rpartition("/")[0]}/goal_pose'
-
-    @property
     def path(self) -> str:
         """Topic of the predicted paths."""
         return f'{self.node}/predicted_path'
@@ -123,13 +118,16 @@ class Recording:
             BagError: A topic is missing.
         """
         self._others = names.others(others)
+        # Of a node that says which goals it has heard these are all, and in its own frame.
+        self._goal_pose = bag.as_decided_on(names.node, 'goal_pose')
+        self._moving = names.moving, f'{names.node}/moving_obstacles'
         optional = (
             EVENTS,
             names.cmd_vel,
             names.path,
-            names.moving,
+            *self._moving,
             names.sighting,
-            names.goal_pose,
+            self._goal_pose,
             *self._others,
         )
         self._bag, self._names, self._frame_id = bag, names, frame_id
@@ -216,7 +214,7 @@ class Recording:
         elif topic == self._names.cmd_vel:
             twist = getattr(message, 'twist', message)
             self._commands.append((received, (twist.linear.x, twist.angular.z)))
-        elif topic == self._names.moving:
+        elif topic in self._moving:
             with suppress(TrackError):
                 self._note(tracks_of(message, self._frame_id))
         elif topic == self._names.sighting:
@@ -225,7 +223,7 @@ class Recording:
         elif topic in self._others:
             with suppress(TrackError):
                 self._note([plan_of(message, self._others[topic], self._frame_id)])
-        elif topic == self._names.goal_pose:
+        elif topic == self._goal_pose:
             # What the node refuses at sight never reaches the law.
             with suppress(GoalError):
                 self.goals.append((received, *goal_of(message, self._frame_id)))

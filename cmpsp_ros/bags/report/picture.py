@@ -104,7 +104,8 @@ def _draw_clearance(axes: Axes, views: Sequence[View]) -> None:
         times, road, obstacle = view.clearance
         color = bag_color(number)
         names = ('road edges', 'obstacles') if not number else (None, None)
-        axes.plot(times, road, color=color, label=names[0])
+        if np.isfinite(road).any():
+            axes.plot(times, road, color=color, label=names[0])
         if np.isfinite(obstacle).any():
             axes.plot(times, obstacle, '--', color=color, label=names[1])
     axes.axhline(0.0, color=LIMIT, ls='--', lw=1.0)

@@ -20,6 +20,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads.road_functions import FAR
 
 Array = NDArray[np.float64]
 
@@ -140,6 +141,8 @@ class View:
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
         road = np.concatenate([each.clearance[:, :EDGES].min(axis=1) for each in sweeps])
+        # On open floor there are no edges, and nothing is to be shown.
+        road[road >= FAR] = np.inf
         obstacles = np.concatenate(
             [each.clearance[:, EDGES:].min(axis=1, initial=np.inf) for each in sweeps]
         )

@@ -80,7 +80,7 @@ class Run:
     Attributes:
         decisions: In order.
         plans: In order; empty where nobody listened to them.
-        driven: The path driven: the simulator's own where there is one, else odometry's.
+        driven: The path driven, as by `read_driven`.
         tracks: Moving obstacles, as they were received, by number and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
         wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
@@ -117,12 +117,15 @@ def read_run(path: Path, namespace: str = '') -> Run:
             plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
-        tracks = read_tracks(bag, f'{namespace}/moving_obstacles', None)
+        moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
+        tracks = read_tracks(bag, moving, None)
         return Run(decisions, plans, driven_in(bag, namespace), tracks, stamps, speeds)
 
 
 def read_driven(path: Path, namespace: str = '') -> Driven:
-    """Read the path driven alone: the simulator's own where there is one, else odometry's.
+    """Read the path driven alone, in the frame of the course.
+
+    Where odometry is in that frame and there is a simulator it is the simulator's own.
 
     Args:
         path: The bag.
@@ -137,8 +140,10 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
 
 def driven_in(bag: Bag, namespace: str) -> Driven:
     """As `read_driven`, of an open bag."""
-    truth = f'{namespace}/sim/truth'
-    topic = truth if truth in bag.topics else f'{namespace}/odom'
+    truth, topic = f'{namespace}/sim/truth', bag.as_decided_on(f'{namespace}/guidance', 'odom')
+    # The truth is in the frame of the odometry that was heard.
+    if truth in bag.topics and topic == f'{namespace}/odom':
+        topic = truth
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.

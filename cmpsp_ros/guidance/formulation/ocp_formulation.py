@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
+from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.models.control_rate import rate_rows
@@ -18,12 +19,6 @@ from cmpsp_ros.world.inter_sample_margin import at_ends
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
-
-# Cost of violating a constraint by a metre, in the merit function and in the relaxation. An
-# obstacle outranks the road's edge, which outranks the goal.
-_OBSTACLE_PENALTY = 1e4
-_EDGE_PENALTY = 3e3
-_GOAL_PENALTY = 1e3
 
 # Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
 # of the iterations that is faster or turns faster.
@@ -55,8 +50,8 @@ class OcpFormulation:
         # What exceeds its acceleration the robot cannot do: that is never relaxed.
         changes = rate_rows(settings.max_wheel_change, 2)
         self.penalty_path = np.array(
-            [_EDGE_PENALTY] * N_EDGE_CONSTRAINTS
-            + [_OBSTACLE_PENALTY] * obstacles
+            [PENALTIES['edge']] * N_EDGE_CONSTRAINTS
+            + [PENALTIES['obstacle']] * obstacles
             + [math.inf] * changes
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
@@ -168,7 +163,7 @@ def terminal_constraint(target: Target) -> TerminalConstraint:
 
 def terminal_penalty(outputs: int) -> Array:
     """Weight of each terminal constraint, shape ``(outputs,)`` [1/m]."""
-    return np.full(outputs, _GOAL_PENALTY)
+    return np.full(outputs, PENALTIES['terminal_error'])
 
 
 def _rounded_up(duration: float) -> float:

@@ -41,7 +41,10 @@ class Transforms:
         self._known: dict[str, _Known] = {}
 
     def hear(self, message: Any, *, is_static: bool = False) -> None:
-        """Remember a `tf2_msgs/TFMessage`; what is not finite or older than before is left out."""
+        """Remember a `tf2_msgs/TFMessage`, but for what is not finite.
+
+        One that is older than before has later ones forgotten: time has jumped back.
+        """
         for each in message.transforms:
             parent, child, stamp = each.header.frame_id, each.child_frame_id, stamp_of(each)
             moved, turned = each.transform.translation, each.transform.rotation
@@ -50,7 +53,10 @@ class Transforms:
             if known is None or (known.parent, known.is_static) != (parent, is_static):
                 known = _Known(parent, is_static, deque(maxlen=_KEPT), deque(maxlen=_KEPT))
                 self._known[child] = known
-            if np.isfinite(pose).all() and (not known.stamps or stamp > known.stamps[-1]):
+            if np.isfinite(pose).all():
+                while known.stamps and known.stamps[-1] >= stamp:
+                    known.stamps.pop()
+                    known.poses.pop()
                 known.stamps.append(stamp)
                 known.poses.append(pose)
 
@@ -62,7 +68,7 @@ class Transforms:
         Args:
             target: The frame in which it is wanted.
             source: The frame that is wanted.
-            stamp: When [ns].
+            stamp: When [ns]; 0 for the latest that is known.
             timeout: How far before or after that the nearest transform may be [s].
 
         Raises:
@@ -96,7 +102,7 @@ class Transforms:
     def _at(self, frame: str, stamp: int, timeout: float) -> Array:
         """Pose of a frame in its parent."""
         parent, is_static, stamps, poses = self._known[frame]
-        if is_static:
+        if is_static or stamp == 0:
             return poses[-1]
         after = bisect_right(stamps, stamp)
         if 0 < after < len(stamps):

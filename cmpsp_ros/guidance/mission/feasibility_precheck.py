@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
 from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.road import Point
@@ -56,7 +58,12 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
 
 
 def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
-    wanted = 2.0 * (settings.robot_radius + settings.safety.margin)
+    wanted = 2.0 * settings.kept
+    if settings.has_map_line and not len(settings.map_line(np.array(start), settings.goal, 1.0)):
+        yield (
+            f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
+            f' robot, which is {wanted:.3f} m wide with safety.margin.'
+        )
     for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
         what = (
             f'There is no way past obstacle {names[0]}: the wider gap beside it'

@@ -87,6 +87,7 @@ class GoalManager:
             raise GoalError(
                 f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
             )
+        self._settings.search_map(goal.position)
         self._waiting = stamp, goal
 
     def update(self, stamp: int, now: int, pose: Array, progress: float = math.nan) -> bool:
@@ -131,7 +132,12 @@ class GoalManager:
         settings, (x, y) = self._settings, goal.position
         road = settings.road
         length = arc_length_to(road, pose, goal.position, goal.heading, progress)
-        if not road.has_center_line:
+        line = settings.map_line(pose[:2], goal.position, _NEAR)
+        if len(line) > 1:
+            steps = np.diff(line, axis=0)
+            length = float(np.hypot(*steps.T).sum())
+            begin, end = np.arctan2(steps[[0, -1], 1], steps[[0, -1], 0]).tolist()
+        elif not road.has_center_line:
             begin = end = math.atan2(y - pose[1], x - pose[0])
         else:
             _, begin = lookahead_point(road, pose, math.copysign(_NEAR, length), progress)

@@ -81,6 +81,8 @@ class PlanSelector:
         self._centers, self._islands = space.centers, space.islands
         whole = 'what is seen' if settings.sight.sensors else 'the map'
         self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        for goal in settings.goals:
+            settings.search_map(goal.position)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""

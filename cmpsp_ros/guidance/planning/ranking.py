@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.formulation.priorities import BY_PRIORITY
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
@@ -37,7 +38,7 @@ _TOUCH = 1e-3
 
 
 class Score(NamedTuple):
-    """What plans are compared by, in this order.
+    """What plans are compared by, in this order; what is violated in that of `BY_PRIORITY`.
 
     Attributes:
         admissible: Whether the plan may be followed at all.
@@ -72,7 +73,8 @@ class Score(NamedTuple):
         """Whether to replace another plan: only for one that is clearly better."""
         if self.admissible != other.admissible:
             return self.admissible
-        for mine, its in zip(self[1:4], other[1:4], strict=True):
+        for each in BY_PRIORITY:
+            mine, its = getattr(self, each), getattr(other, each)
             if mine < _CLEARLY_LESS * its:
                 return True
             if mine > its:

@@ -54,12 +54,15 @@ def reason_to_wait(
 
 
 def _gains_enough(road: Road, context: PlanningContext, plan: Plan) -> bool:
-    """Whether a plan soon gets nearer to the goal, along the road or straight."""
+    """Whether a plan soon gets nearer to the goal: along the road, around a map or straight."""
     start, goal, edges = context.start, context.goal, plan.horizon.edges
     soon = max(1, int(edges.searchsorted(edges[0] + _SOON, side='right')) - 1)
     reach = start.robot.max_speed * float(edges[soon] - edges[0]) / NANOSECONDS
     poses = np.ascontiguousarray(plan.poses[: soon + 1])
     along = np.abs(remaining_arc_length(road, poses, goal.position, goal.heading, start.progress))
-    straight = np.hypot(*(poses[:, :2] - goal.position).T)
-    gain = float(max(along[0] - along.min(), straight[0] - straight.min()))
+    lengths = [along, np.hypot(*(poses[:, :2] - goal.position).T)]
+    if context.settings.has_map_line:
+        around = context.settings.map_lengths(poses[:, :2], goal.position)
+        lengths = [around] if np.isfinite(around[0]) else lengths
+    gain = max(float(each[0] - each.min()) for each in lengths)
     return gain >= min(_WORTH_WHILE, _FRACTION * reach)

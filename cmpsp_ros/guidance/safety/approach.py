@@ -7,6 +7,7 @@ robot that is heavier than its model is beyond that arc before it stands.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -117,6 +118,23 @@ class Approach:
         lengths = np.abs(twists[:step, 0]) * durations[:step]
         distance = float(lengths.sum()) + max(float(before), 0.0)
         return Contact(names[what], distance, self._speed(distance, float(durations[0])))
+
+    def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
+        """The nearest of some obstacles.
+
+        Args:
+            obstacles: How far away each is at least along the way, by its name [m].
+            start: Where the robot is.
+        """
+        clearance = dict(
+            zip(self._names, self._space.at(start.pose[None], start.progress)[0], strict=True)
+        )
+        away = {f'obstacle {name}': along for name, along in obstacles.items()}
+        distances = {name: max(float(clearance[name]), along, 0.0) for name, along in away.items()}
+        name = min(distances, key=distances.__getitem__)
+        return Contact(
+            name, distances[name], self._speed(distances[name], self._settings.control_period)
+        )
 
     def limited(
         self,

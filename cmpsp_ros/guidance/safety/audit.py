@@ -173,6 +173,22 @@ class Audit:
             reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
         return reason, NO_RAMP
 
+    def braking_from(self, start: PlanStart) -> Array:
+        """Commands that bring the robot to rest from now on, along the curvature that it drives.
+
+        Args:
+            start: Where it is.
+
+        Returns:
+            Shape ``(K, 2)`` [rad/s]; none where they are not clear: it stops at once.
+        """
+        if self._max_change == math.inf:
+            return NO_RAMP
+        held = np.stack([start.previous_control, start.previous_control])
+        ramp = braking(held, np.array([self._period]), self._period, self._max_change, along=False)
+        shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
+        return NO_RAMP if shortfall > _ROUNDING else ramp
+
     def is_clear_with_lag(
         self, start: PlanStart, plan: Plan, ramp: Array, wheels: Array, lag: float
     ) -> bool:

@@ -94,7 +94,8 @@ GUIDANCE_ODOM = Topic(
     'in',
     'odom',
     Odometry,
-    'pose in the frame `frame_id`; best effort, so that it hears every publisher',
+    'pose in the frame `frame_id`, or in one from which `/tf` leads there; best effort, so that it'
+    ' hears every publisher',
     depth=50,
     best_effort=True,
 )
@@ -104,7 +105,7 @@ GUIDANCE_MOVING = Topic(
     'moving_obstacles',
     PointCloud2,
     'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
-    ' `radius` [m] (floats) and `id` (integer), in the frame `frame_id`; best effort',
+    ' `radius` [m] (floats) and `id` (integer); frame as of `odom`; best effort',
     depth=50,
     best_effort=True,
 )
@@ -132,16 +133,15 @@ GOAL_POSE = Topic(
     'in',
     'goal_pose',
     PoseStamped,
-    'another goal, with its heading, instead of all others, as RViz sends it; in the frame'
-    ' `frame_id`',
+    'another goal, with its heading, instead of all others, as RViz sends it; frame as of `odom`',
 )
 GUIDANCE_ROAD = Topic(
     'guidance',
     'in',
     'road',
     Path,
-    'with `road.source: topic`: the centre line of a `corridor`, in the frame `frame_id`, in place'
-    ' of the last; closed where it ends as it begins; latched',
+    'with `road.source: topic`: the centre line of a `corridor`, in place of the last; frame as of'
+    ' `odom`; closed where it ends as it begins; latched',
     depth=1,
     latched=True,
 )
@@ -212,6 +212,30 @@ HEALTH = Topic(
     DiagnosticArray,
     'once a second and on every change: state, subscribers, fallback level, step times, missed'
     ' deadlines, odometry age',
+)
+OWN_ODOM = Topic(
+    'guidance',
+    'out',
+    '~/odom',
+    Odometry,
+    'odometry as it is decided on: of `robot_frame`, in the frame `frame_id`; where a transform led'
+    ' there and somebody listens',
+    depth=OF_A_RUN,
+)
+OWN_GOAL_POSE = Topic(
+    'guidance',
+    'out',
+    '~/goal_pose',
+    PoseStamped,
+    'every goal that is heard, in the frame `frame_id`',
+)
+OWN_MOVING = Topic(
+    'guidance',
+    'out',
+    '~/moving_obstacles',
+    PointCloud2,
+    'those that came in another frame, in the frame `frame_id`',
+    depth=OF_A_RUN,
 )
 GUIDED_BY = Topic(
     'guidance',

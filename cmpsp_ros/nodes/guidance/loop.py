@@ -11,17 +11,16 @@ from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
-from cmpsp_ros.nodes.common.road_messages import RoadInput
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
+from cmpsp_ros.nodes.guidance.road_input import RoadInput
 from cmpsp_ros.nodes.guidance.sensor_input import SensorInput
 from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
@@ -73,10 +72,10 @@ class GuidanceLoop:
         self.active = False
         self._law = GuidanceLaw(settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
-        self._obstacles = ObstacleInput(node, settings)
+        self._transforms = TransformInput(node, values['robot_frame'], settings)
+        self._obstacles = ObstacleInput(node, settings, self._transforms)
         self._sensors = SensorInput(node, settings)
-        self._transforms = TransformInput(node)
-        self.road = RoadInput(node, values)
+        self.road = RoadInput(node, values, self._transforms)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
         self._goals = GOAL_POSE.listen_on(node, self._on_goal)
         self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
@@ -116,7 +115,7 @@ class GuidanceLoop:
         """Take other settings, from the next control step on."""
         self._settings = settings
         self._law.reconfigure(settings)
-        self._obstacles.settings = settings
+        self._obstacles.settings = self._transforms.settings = settings
         self._scenery_changed = True
         if not self.active:
             self.show()
@@ -171,15 +170,14 @@ class GuidanceLoop:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
-            message, skipped = self._newest(data, now)
-            frame_id, timeout = self._settings.frame_id, self._settings.odom_timeout
-            pose, is_transformed = self._transforms.pose_of(message, frame_id, timeout)
+            message, newest = self._newest(data, now)
+            pose, is_transformed = self._transforms.pose_of(message, newest)
             stamp = stamp_of(message)
-            check_age(stamp, now, timeout)
+            check_age(stamp, now, self._settings.odom_timeout)
         except OdometryError as error:
             self._halt_for(str(error))
             return
-        self._outputs.name_robot(message.child_frame_id)
+        self._outputs.name_robot(self._transforms.robot_frame(message.child_frame_id))
         self.silence.end(now)
         self._pose = pose.tolist()
         self._notice_time(stamp)
@@ -200,7 +198,7 @@ class GuidanceLoop:
         if decision is None:
             return
         sent = self._now()
-        decision = decision._replace(skipped=skipped)
+        decision = decision._replace(skipped=newest is not data)
         if is_transformed:
             decision = decision._replace(pose=tuple(self._pose))
         period, took = self._settings.control_period, (sent - now) / NANOSECONDS
@@ -222,13 +220,15 @@ class GuidanceLoop:
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
-    def _newest(self, data: bytes, now: int) -> tuple[Odometry, bool]:
-        """Odometry, and whether it is newer odometry that waits instead of what has grown old."""
+    def _newest(self, data: bytes, now: int) -> tuple[Odometry, bytes]:
+        """Odometry, and its bytes: of newer odometry that waits, where this has grown old."""
         message = read_odometry(data)
-        if (now - stamp_of(message)) / NANOSECONDS <= self._settings.control_period:
-            return message, False
-        newest = take_newest(self._odometry)
-        return (message, False) if newest is None else (read_odometry(newest), True)
+        stamp = stamp_of(message)
+        age = (now - stamp) / NANOSECONDS
+        if age <= self._settings.control_period or not self._law.is_due(stamp):
+            return message, data
+        newest = take_newest(self._odometry) or data
+        return read_odometry(newest), newest
 
     def _expect_end(self, decision: Decision, now: int) -> None:
         """See to it that the robot stops in time where odometry does not come just then."""
@@ -258,7 +258,7 @@ class GuidanceLoop:
             self._node.get_logger().warning(f'goal_pose is not heard: the node is {state}')
             return
         try:
-            self._law.tell(*goal_of(message, self._settings.frame_id))
+            self._law.tell(*self._transforms.goal_of(message))
         except GoalError as error:
             self._node.get_logger().warning(f'goal_pose is refused: {error}')
 

@@ -106,12 +106,12 @@ class GuidanceNode(LifecycleNode):
             check_cpu(self._values)
             settings = guidance_settings(self._values)
             prepare_aloud(settings, self.get_logger())
+            self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         except Exception as error:  # rclpy would swallow it
             return self._refuse(str(error) or type(error).__name__, 'configure')
         self._refusal = ''
         start = settings.start_pose
         self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
-        self._loop = GuidanceLoop(self, self._values, settings, self._garbage)
         self._rivals = Rivals(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._parameters_out = PARAMETERS.publish_on(self)

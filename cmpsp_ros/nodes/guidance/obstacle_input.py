@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
-from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age, tracks_of
+from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.peer_trajectories import Seen
     from cmpsp_ros.guidance.messages.tracks import Track
     from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 
 _THROTTLE = 2.0
 
@@ -34,9 +35,11 @@ class ObstacleInput:
         settings: All settings of the guidance law, as they are now.
     """
 
-    def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
+    def __init__(
+        self, node: LifecycleNode, settings: GuidanceSettings, transforms: TransformInput
+    ) -> None:
         """Open the topics: of obstacles unless `moving_obstacles.capacity` is 0, and of others."""
-        self.settings = settings
+        self.settings, self._transforms = settings, transforms
         self._node, self._refusals = node, dict[str, str]()
         self._tracks: Tracks[Track] = Tracks()
         self._plans: Tracks[PeerTrajectory] = Tracks()
@@ -81,7 +84,7 @@ class ObstacleInput:
 
     def _hear(self, message: PointCloud2) -> None:
         try:
-            tracks = tracks_of(message, self.settings.frame_id)
+            tracks = self._transforms.tracks_of(message)
             self._check_age(message, 'Obstacles are')
         except TrackError as error:
             self._refuse(GUIDANCE_MOVING.name, error)

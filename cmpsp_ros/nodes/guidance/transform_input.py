@@ -1,15 +1,29 @@
-"""Odometry in another frame than the course, by the transforms on `/tf`."""
+"""Messages in other frames than the course's, led there by the transforms on `/tf`."""
 
 from __future__ import annotations
 
-from functools import partial
+import math
+from collections import deque
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Header
 
+from cmpsp_ros.guidance.goals import GoalError
+from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
 from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
+from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
+from cmpsp_ros.parameters.courses.road_messages import road_in
+from cmpsp_ros.parameters.errors import ParameterError, Problem
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -17,63 +31,206 @@ except ImportError:  # tf2 is not among the wheels
     TFMessage = None
 
 if TYPE_CHECKING:
-    import numpy as np
+    from collections.abc import Callable
+
+    from geometry_msgs.msg import Pose
+    from nav_msgs.msg import Path
     from numpy.typing import NDArray
     from rclpy.lifecycle import LifecycleNode
+    from rclpy.subscription import Subscription
+    from sensor_msgs.msg import PointCloud2
 
-_DEPTH = 100
+    from cmpsp_ros.guidance.goals import Goal
+    from cmpsp_ros.guidance.messages.tracks import Track
+    from cmpsp_ros.guidance.settings import GuidanceSettings
+
+    Array = NDArray[np.float64]
+
+_DEPTH = 500
 
 
 class TransformInput:
-    """Listens to transforms from when odometry first comes in another frame."""
+    """Listens to transforms, which are read only where one is asked for.
 
-    def __init__(self, node: LifecycleNode) -> None:
-        """Wait for such odometry."""
-        self._node = node
-        self._transforms = Transforms()
-        self._subscriptions: list[Any] = []
+    What it has led to the frame of the course is published there, so that a bag has what decided
+    and needs no transforms.
 
-    def pose_of(
-        self, message: Any, frame_id: str, timeout: float
-    ) -> tuple[NDArray[np.float64], bool]:
-        """Pose of odometry in a frame, and whether it took a transform.
+    Attributes:
+        settings: All settings of the guidance law, as they are now.
+    """
+
+    def __init__(self, node: LifecycleNode, robot_frame: str, settings: GuidanceSettings) -> None:
+        """Open the topics.
 
         Args:
-            message: With a header and a pose.
-            frame_id: The frame wanted.
-            timeout: How far from its time the nearest transform may be [s].
-
-        Raises:
-            OdometryError: It cannot be used, or there is no transform.
+            node: The node.
+            robot_frame: Frame of the robot's centre; empty for the child frame of odometry.
+            settings: With the frame wanted.
         """
-        found = message.header.frame_id
-        if found == frame_id:
-            return pose_of(message, frame_id), False
-        why = 'tf2_msgs, for a transform, is not installed'
+        self.settings = settings
+        self._node, self._robot_frame = node, robot_frame
+        self._transforms = Transforms()
+        self._unread: deque[bytes] = deque(maxlen=_DEPTH)
+        self._odometry = OWN_ODOM.publish_on(node)
+        self._goals = OWN_GOAL_POSE.publish_on(node)
+        self._moving = OWN_MOVING.publish_on(node)
+        self._subscriptions = []
         if TFMessage is not None:
-            self._listen()
-            try:
-                there = self._transforms.look_up(frame_id, found, stamp_of(message), timeout)
-                return compose(there, pose_of(message, found)), True
-            except TransformError as error:
-                why = str(error)
-        raise OdometryError(
-            f'Odometry is in frame {found!r}, wanted {frame_id!r} (frame_id): {why}.'
-        )
+            self._subscriptions = [
+                self._listen('/tf', DurabilityPolicy.VOLATILE, self._keep),
+                self._listen('/tf_static', DurabilityPolicy.TRANSIENT_LOCAL, self._hear_static),
+            ]
 
     def close(self) -> None:
         """Close the topics."""
         for each in self._subscriptions:
             self._node.destroy_subscription(each)
+        for publisher in (self._odometry, self._goals, self._moving):
+            self._node.destroy_publisher(publisher)
 
-    def _listen(self) -> None:
-        if not self._subscriptions:
-            for topic, is_static in (('/tf', False), ('/tf_static', True)):
-                latched = DurabilityPolicy.TRANSIENT_LOCAL
-                durability = latched if is_static else DurabilityPolicy.VOLATILE
-                hear = partial(self._transforms.hear, is_static=is_static)
-                qos = QoSProfile(depth=_DEPTH, durability=durability)
-                subscription = self._node.create_subscription(TFMessage, topic, hear, qos)
-                self._subscriptions.append(subscription)
+    def robot_frame(self, child_frame: str) -> str:
+        """Frame of the robot's centre, where odometry is of a child frame."""
+        return self._robot_frame or child_frame
+
+    def pose_of(self, message: Odometry, data: bytes) -> tuple[Array, bool]:
+        """Pose of the robot's centre by odometry, and whether it took a transform.
+
+        Args:
+            message: The odometry.
+            data: The same, serialised.
+
+        Raises:
+            OdometryError: It cannot be used, or there is no transform.
+        """
+        wanted, stamp = self.settings.frame_id, stamp_of(message)
+        frame, child = message.header.frame_id, message.child_frame_id
+        center = self.robot_frame(child)
+        if frame == wanted and center == child:
+            return pose_of(message, wanted), False
+        there = self._in_frame('Odometry is', message, stamp, OdometryError)
+        try:
+            upon = self._look_up(child, center, stamp)
+        except TransformError as error:
+            why = f'Odometry is of {child!r}, wanted {center!r} (robot_frame): {error}.'
+            raise OdometryError(why) from error
+        pose = compose(compose(there, pose_of(message, frame)), upon)
+        if self._odometry.get_subscription_count():
+            self._publish_odometry(data, center, pose, upon)
+        return pose, True
+
+    def goal_of(self, message: PoseStamped) -> tuple[int, Goal]:
+        """Time stamp [ns] and goal of a message, which is published as it is meant.
+
+        Raises:
+            GoalError: It cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        if frame != wanted:
+            stamp, goal = goal_of(message, frame)
+            there = self._in_frame('The goal is', message, stamp, GoalError)
+            message = PoseStamped(header=Header(stamp=message.header.stamp, frame_id=wanted))
+            _set_pose(message.pose, compose(there, np.array([*goal.position, goal.heading or 0.0])))
+            if goal.heading is None:
+                message.pose.orientation.z = message.pose.orientation.w = 0.0
+        told = goal_of(message, wanted)
+        self._goals.publish(message)
+        return told
+
+    def tracks_of(self, message: PointCloud2) -> list[Track]:
+        """Moving obstacles in a message; their velocities are over ground, along its axes.
+
+        Raises:
+            TrackError: They cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        tracks, stamp = tracks_of(message, frame), stamp_of(message)
+        if frame == wanted:
+            return tracks
+        there = self._in_frame('Obstacles are', message, stamp, TrackError)
+        tracks = [_moved(each, there) for each in tracks]
+        self._moving.publish(cloud_of(tracks, stamp, wanted))
+        return tracks
+
+    def road_in(self, message: Path) -> dict[str, Any]:
+        """The parameters that a road is; it stays where it is by the latest transform.
+
+        Raises:
+            ParameterError: It cannot be used, or there is no transform.
+        """
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        changes = road_in(message, frame)
+        if frame == wanted:
+            return changes
+        try:
+            there = self._look_up(wanted, frame, 0)
+        except TransformError as error:
+            problem = Problem('road', f'frame {frame!r}', f'{wanted!r} (frame_id): {error}')
+            raise ParameterError(problem) from error
+        numbers = changes['road.points']
+        points = zip(numbers[::2], numbers[1::2], strict=True)
+        moved = [compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
+        return {**changes, 'road.points': [number for each in moved for number in each]}
+
+    def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
+        """Publish odometry of the robot's centre, with covariances as they are."""
+        message = deserialize_message(data, Odometry)
+        message.header.frame_id, message.child_frame_id = self.settings.frame_id, center
+        _set_pose(message.pose.pose, pose)
+        twist = message.twist.twist
+        x = twist.linear.x - twist.angular.z * float(upon[1])
+        y = twist.linear.y + twist.angular.z * float(upon[0])
+        twist.linear.x, twist.linear.y = _turned(x, y, -float(upon[2]))
+        self._odometry.publish(message)
+
+    def _in_frame(self, what: str, message: Any, stamp: int, error: type[ValueError]) -> Array:
+        """Pose of a message's frame in the course's, shape ``(3,)`` [m, m, rad]."""
+        wanted, frame = self.settings.frame_id, message.header.frame_id
+        try:
+            return self._look_up(wanted, frame, stamp)
+        except TransformError as why:
+            raise error(f'{what} in frame {frame!r}, wanted {wanted!r} (frame_id): {why}.') from why
+
+    def _look_up(self, target: str, source: str, stamp: int) -> Array:
+        """Pose of a frame in another one at a time [ns].
+
+        Raises:
+            TransformError: It is not known.
+        """
+        if target == source:
+            return np.zeros(3)
+        if TFMessage is None:
+            raise TransformError('tf2_msgs, for a transform, is not installed')
         for each in self._subscriptions:
             drain_queue(each)
+        while self._unread:
+            self._transforms.hear(deserialize_message(self._unread.popleft(), TFMessage))
+        return self._transforms.look_up(target, source, stamp, self.settings.odom_timeout)
+
+    def _keep(self, data: bytes) -> None:
+        self._unread.append(data)
+
+    def _hear_static(self, data: bytes) -> None:
+        self._transforms.hear(deserialize_message(data, TFMessage), is_static=True)
+
+    def _listen(
+        self, topic: str, durability: DurabilityPolicy, hear: Callable[[bytes], None]
+    ) -> Subscription:
+        qos = QoSProfile(depth=_DEPTH, durability=durability)
+        return self._node.create_subscription(TFMessage, topic, hear, qos, raw=True)
+
+
+def _set_pose(message: Pose, pose: Array) -> None:
+    x, y, heading = pose.tolist()
+    message.position.x, message.position.y = x, y
+    message.orientation.z, message.orientation.w = math.sin(heading / 2.0), math.cos(heading / 2.0)
+
+
+def _turned(x: float, y: float, angle: float) -> tuple[float, float]:
+    cosine, sine = math.cos(angle), math.sin(angle)
+    return cosine * x - sine * y, sine * x + cosine * y
+
+
+def _moved(track: Track, there: Array) -> Track:
+    x, y, _ = compose(there, np.array([track.x, track.y, 0.0])).tolist()
+    vx, vy = _turned(track.vx, track.vy, float(there[2]))
+    return replace(track, x=x, y=y, vx=vx, vy=vy)

@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-import struct
 from typing import TYPE_CHECKING, Any, Final
 
-from sensor_msgs.msg import PointCloud2, PointField
-
-from cmpsp_ros.guidance.messages.tracks import FLOATS, Track
+from cmpsp_ros.guidance.messages.tracks import Track
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from cmpsp_ros.parameters.table import Values
 
 _NS: Final = 1_000_000_000
-_POINT: Final = struct.Struct(f'<{len(FLOATS)}di')
 
 
 class Traffic:
@@ -57,23 +51,3 @@ class Traffic:
             x_now, y_now = x + seconds * u, y + seconds * v
             tracks.append(Track(number, stamp_ns, radius, x_now, y_now, u, v))
         return tracks
-
-
-def cloud_of(tracks: Sequence[Track], stamp_ns: int, frame_id: str) -> PointCloud2:
-    """The message that describes obstacles; `messages.tracks.tracks_of` reads it."""
-    message = PointCloud2(height=1, width=len(tracks), is_dense=True, is_bigendian=False)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, _NS)
-    message.header.frame_id = frame_id
-    message.fields = [
-        PointField(name=name, offset=8 * place, datatype=PointField.FLOAT64, count=1)
-        for place, name in enumerate(FLOATS)
-    ]
-    message.fields.append(
-        PointField(name='id', offset=8 * len(FLOATS), datatype=PointField.INT32, count=1)
-    )
-    message.point_step = _POINT.size
-    message.row_step = _POINT.size * len(tracks)
-    message.data = b''.join(
-        _POINT.pack(each.x, each.y, each.vx, each.vy, each.radius, each.id) for each in tracks
-    )
-    return message

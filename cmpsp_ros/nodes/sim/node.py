@@ -15,6 +15,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.common.parameters import declare
 from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.nodes.common.runtime import run
@@ -29,7 +30,7 @@ from cmpsp_ros.nodes.common.topics import (
     SIM_WHEELS,
     TRUTH,
 )
-from cmpsp_ros.nodes.sim.moving_obstacles import Traffic, cloud_of
+from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.scanner import Scanner
 from cmpsp_ros.parameters.catalogue import TABLE

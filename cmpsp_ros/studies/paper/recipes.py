@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
@@ -28,8 +29,6 @@ from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
-
-_GOAL_PENALTY, _EDGE_PENALTY, _OBSTACLE_PENALTY = 1e3, 3e3, 1e4
 
 
 class Recipe(Enum):
@@ -113,11 +112,11 @@ def _improve(
     else:
         goal = np.array(settings.goal)
         problem = GuidanceProblem(settings.robot, space, _cost(settings), pose, goal, durations)
-    obstacles = [_OBSTACLE_PENALTY] * len(settings.obstacles)
+    obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     adds = recipe is Recipe.ONE_PLAN
     options = Options(
-        penalty_terminal=np.full(2, _GOAL_PENALTY),
-        penalty_path=np.array([_EDGE_PENALTY] * N_EDGE_CONSTRAINTS + obstacles),
+        penalty_terminal=np.full(2, PENALTIES['terminal_error']),
+        penalty_path=np.array([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + obstacles),
         elastic=adds,
         line_search=adds,
         trust_radius=(

@@ -61,7 +61,7 @@ class DistanceField(NamedTuple):
     distances: Array
 
 
-NO_FIELD: Final = DistanceField(np.zeros(1, FRAME), np.full((4, 4), math.inf))
+NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
 """Stands where there is none."""
 
 

@@ -66,6 +66,7 @@ class GridObstacle:
         return [self.grid.corners(*loop) for loop in loops(self.grid.cells == Cell.OCCUPIED)]
 
     def outlines(self, distance: float) -> list[Array]:
-        """See `cmpsp_ros.world.obstacles.shapes.outlines`: to the next edges of cells."""
+        """See `cmpsp_ros.world.obstacles.shapes.outlines`: along edges of cells, longest first."""
         within = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= distance
-        return [self.grid.corners(*loop) for loop in loops(within)]
+        found = [self.grid.corners(*loop) for loop in loops(within)]
+        return sorted(found, key=lambda line: -len(line))

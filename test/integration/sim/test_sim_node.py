@@ -191,7 +191,9 @@ def test_parameters_change_live_as_one_valid_set_or_not_at_all(simulate, ros):
 
     refused = change('cmd_vel_timeout', -1.0)
     assert not refused.successful
-    assert 'cmd_vel_timeout: found -1.0' in refused.reason
+    # By its descriptor, which ROS looks at first.
+    assert 'cmd_vel_timeout out of range' in refused.reason
+    assert 'value: -1.0' in refused.reason
     fixed = change('odom_rate', 10.0)
     assert not fixed.successful
     assert 'until a restart' in fixed.reason

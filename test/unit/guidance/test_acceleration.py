@@ -105,7 +105,7 @@ def test_a_stop_is_the_ramp_that_was_audited():
         if len(run.decisions) == 20:
             ahead = np.arctan2(run.pose[1], run.pose[0]) + 0.26
             center = 10.0 * np.cos(ahead), 10.0 * np.sin(ahead)
-            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 1.05),)))
+            law.reconfigure(replace(given, obstacles=(Obstacle('new', center, 0.95),)))
 
     law = GuidanceLaw(given)
     run = drive(law, given, [k * PERIOD for k in range(40)], before=block)
@@ -165,3 +165,35 @@ def test_the_limit_is_kept_however_far_the_goal(qp):
     assert result.elastic
     commands = np.vstack([[8.0, 8.0], result.plan.controls[:-1]])
     assert np.abs(np.diff(commands, axis=0)).max() <= 2.0 + CHANGE_ROUNDING
+
+
+@pytest.mark.parametrize(('away', 'stops_at_once'), [(0.6, True), (2.0, False)])
+def test_after_a_late_command_it_brakes_only_where_that_is_clear(away, stops_at_once):
+    given = limited(CASES['case 1'])
+    law = GuidanceLaw(given)
+    run = drive(law, given, [k * PERIOD for k in range(12)])
+    law.withdraw(run.decisions[-1], 0.3)
+    held = run.decisions[-2].wheel_speeds
+    x, y, heading = run.pose
+    place = x + away * np.cos(heading), y + away * np.sin(heading)
+    law.reconfigure(replace(given, obstacles=(Obstacle('new', place, 0.3),)))
+    decision = law.update(11 * PERIOD + PERIOD // 2, run.pose)
+    assert np.any(decision.wheel_speeds) != stops_at_once
+    if not stops_at_once:
+        assert np.abs(decision.wheel_speeds - held).max() <= given.max_wheel_change
+
+
+def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
+    given = limited(CASES['case 3'], max_command_delay=0.6)
+    law, pose, slower = GuidanceLaw(given), np.array(START), 0
+    for step in range(STEPS):
+        decision = law.update(step * PERIOD, pose)
+        slower += 'commands may be late' in decision.reason or 'if it is late' in decision.reason
+        commands = np.vstack([decision.wheel_speeds, law._state.ramp])
+        pieces = np.repeat(commands, 20, axis=0)
+        path = given.robot.roll_out(pose, pieces, np.full(len(pieces), 0.01))
+        assert clearance(path, given) >= -1e-3
+        assert np.abs(np.diff(commands, axis=0)).max(initial=0.0) <= given.max_wheel_change + 1e-9
+        assert not np.any(commands[-1])
+        pose = path[20]
+    assert slower > 0

@@ -134,25 +134,10 @@ def test_road_blocked(fault):
     run = closed_loop(given)
     assert_safe(run, given)
     first = next(k for k, decision in enumerate(run.moves) if decision.level is FallbackLevel.STOP)
-    assert_is(fault, run.moves[first])
-    assert_is(fault, run.moves[-1])
-    # Standing still wins over driving to and fro.
-    after = run.path[40 * first :, :2]
-    assert np.linalg.norm(np.diff(after, axis=0), axis=1).sum() < STRIDE
+    for decision in run.moves[first:]:
+        assert_is(fault, decision)
+        assert not np.any(decision.twist)
     assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE, 'as far as it goes'
-
-
-def test_road_blocked_with_time_to_spare(fault):
-    """It may still creep on towards the goal, but does not spend the time on the move."""
-    given = replace(EMPTY, obstacles=(WALL,), final_time=20.0)
-    run = closed_loop(given, steps=100)
-    assert_safe(run, given)
-    first = next(k for k, decision in enumerate(run.moves) if decision.level is FallbackLevel.STOP)
-    assert_is(fault, run.moves[first])
-    after = run.path[40 * first :, :2]
-    assert np.linalg.norm(np.diff(after, axis=0), axis=1).sum() < 2.0
-    assert math.dist(after[-1], given.goal) <= math.dist(after[0], given.goal)
-    assert math.dist(run.pose[:2], WALL.center) < WALL.radius + 2.0 * STRIDE
 
 
 def test_road_clear_again(fault):

@@ -120,7 +120,7 @@ def _in_field(frame: RoadFrame, space: FreeSpace, radius: float) -> Iterator[tup
     reach = max(map(abs, frame.ends)) + _ASIDE
     lateral = np.linspace(-reach, reach, 2 * math.ceil(reach / cell) + 1)
     blocked = np.zeros((len(frame.stations), len(lateral)), dtype=bool)
-    _fill_blocked(blocked, space.field, radius, frame, lateral)
+    fill_blocked(blocked, space.field, radius, frame, lateral)
     changes = np.diff(blocked.astype(np.int8), axis=1, prepend=0, append=0)
     half = (lateral[1] - lateral[0]) / 2.0
     for station in np.flatnonzero(blocked.any(axis=1)).tolist():
@@ -130,14 +130,22 @@ def _in_field(frame: RoadFrame, space: FreeSpace, radius: float) -> Iterator[tup
 
 
 @allocation_free
-def _fill_blocked(
+def fill_blocked(
     blocked: NDArray[np.bool_],
     field: DistanceField,
     radius: float,
     frame: RoadFrame,
     lateral: Array,
 ) -> None:
-    """Where a grid is nearer than a radius, anywhere from one station to the next."""
+    """Find where a grid is nearer than a radius, anywhere from one station to the next.
+
+    Args:
+        blocked: Filled, shape ``(K, L)``.
+        field: Of the grid.
+        radius: The radius [m].
+        frame: Road coordinates with ``K`` stations.
+        lateral: Lateral positions, shape ``(L,)`` [m].
+    """
     count = math.ceil(frame.step / field.frame[0].cell)
     for k in range(blocked.shape[0]):
         cosine, sine = frame.directions[k, 0], frame.directions[k, 1]

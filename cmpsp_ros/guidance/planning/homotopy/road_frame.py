@@ -130,10 +130,9 @@ def _polar(settings: GuidanceSettings, pose: Array, goal: tuple[float, float]) -
 def _along_line(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
     goal, pose = target.position, np.ascontiguousarray(start.pose, dtype=np.float64)
     total = arc_length_to(settings.road, pose, goal, target.heading, start.progress)
-    if settings.has_map_line:
-        points = settings.map_line(pose[:2], goal, SPACING)
-        if len(points) > 1:
-            return frame_along(points)
+    points = settings.map_line(pose[:2], goal, SPACING)
+    if len(points) > 1:
+        return frame_along(points)
     length = max(abs(total), SPACING)
     stations = np.linspace(0.0, length, _count(length))
     lengths = np.copysign(stations, total)

@@ -16,8 +16,11 @@ from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 KINDS = ('gauss_newton', 'projected', 'exact')
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
@@ -222,3 +225,14 @@ def test_solution_is_that_of_an_independent_solver(cost, limit, obstacles, kind)
     assert iterate.evaluation.g.max() < 1e-8
     least, _ = best(posed, iterate.U, cost, road, limit, obstacles)
     assert iterate.evaluation.cost == pytest.approx(least, rel=1e-6)
+
+
+def test_derivatives_beside_a_map():
+    cells = np.zeros((60, 80), np.uint8)
+    cells[20:26, 30:34] = cells[40:, 50:52] = 1
+    grid = GridObstacle('map', OccupancyGrid((-1.0, -2.5, 0.3), 0.1, cells))
+    posed = problem(Cost(15.0, 2.0, 0.3), (*OBSTACLES, grid), road=OpenFloor(), steps=6, y=-1.0)
+    U = np.array([20.0, 19.0]) + 0.5 * np.random.default_rng(0).normal(size=(7, 2))
+
+    assert posed.size.path == N_EDGE_CONSTRAINTS + 3
+    assert_derivatives(posed, U, atol=1e-5)

@@ -69,6 +69,21 @@ def test_the_last_one_holds_for_a_while_and_a_static_one_for_ever(transforms):
     transforms.look_up('base_link', 'scanner', 10**6 * SECOND, 0.5)
 
 
+def test_time_that_has_jumped_back_has_what_came_later_forgotten(transforms):
+    transforms.hear(message(2 * SECOND, 'map', 'odom', 7.0, 0.0, 0.0))
+    np.testing.assert_allclose(
+        transforms.look_up('map', 'odom', 2 * SECOND, 0.5), (7.0, 0.0, 0.0), atol=1e-12
+    )
+    with pytest.raises(TransformError, match='off'):
+        transforms.look_up('map', 'odom', 11 * SECOND, 0.5)
+
+
+def test_a_stamp_of_zero_asks_for_the_latest(transforms):
+    np.testing.assert_allclose(
+        transforms.look_up('map', 'odom', 0, 0.5), (2.0, 4.0, -3.1), atol=1e-12
+    )
+
+
 @pytest.mark.parametrize(('target', 'source'), [('world', 'odom'), ('map', 'nowhere')])
 def test_what_is_not_known_is_said(transforms, target, source):
     with pytest.raises(TransformError, match=f"no transform from '{source}' to '{target}'"):

@@ -1,0 +1,60 @@
+"""When the robot had better stop than follow a plan that it may follow."""
+
+from __future__ import annotations
+
+from cmpsp_ros.guidance.planning.candidate import Candidate
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
+from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
+from cmpsp_ros.guidance.safety.audit import TOUCHING
+from cmpsp_ros.guidance.state import LawState
+
+
+def closed_ahead(
+    state: LawState, approach: Approach, context: PlanningContext, selected: Candidate
+) -> Contact | None:
+    """What closes the road; it is not looked for while plans lead to the goal.
+
+    Args:
+        state: Of the law, which keeps it.
+        approach: Knows how fast the robot may be before it.
+        context: The control step.
+        selected: The plan that is selected.
+    """
+    settings, closed_road, start = context.settings, state.closed_road, context.start
+    if len(start.moving):
+        return None
+    if not selected.feasible or selected.verdict.worst_margin < -TOUCHING:
+        closed_road.look(settings, start, context.goal)
+    return closed_road.ahead(settings, approach, start, state.now)
+
+
+def reason_to_stop(
+    state: LawState,
+    context: PlanningContext,
+    selected: Candidate,
+    ahead: Contact | None,
+    closed: Contact | None,
+) -> str:
+    """Why to stop rather than follow an admissible plan, in a sentence; empty for no reason.
+
+    Args:
+        state: Of the law, which counts what leads nowhere.
+        context: The control step.
+        selected: The plan that is selected.
+        ahead: What it leads into.
+        closed: What closes the road.
+    """
+    settings, why = context.settings, ''
+    is_near = closed is not None and closed.speed < settings.robot.max_speed
+    # Before a moving obstacle it is not safe to wait.
+    if not len(context.start.moving):
+        idle_steps = PATIENCE if is_near else state.idle_steps
+        why, state.idle_steps = reason_to_wait(idle_steps, settings.road, context, selected)
+    if closed is not None:
+        if why and is_near:
+            return state.closed_road.wait_before(closed)
+        return state.closed_road.reason_to_wait(closed, state.now) or why
+    if not why and ahead is not None and ahead.speed < STANDSTILL:
+        return f'The robot stops: {ahead}'
+    return why

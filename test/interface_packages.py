@@ -1,0 +1,100 @@
+"""Interface packages that no package index has: built from their fields by the rosidl wheels.
+
+One extension module holds what CMake would spread over several libraries.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+
+ROS = Path(sys.prefix)
+DEFINITIONS = {
+    'tf2_msgs': {'msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'},
+}
+
+
+def build(package: str, folder: Path) -> Path:
+    """Build a package that has definitions here, and return the folder to import it from."""
+    source, interfaces = folder / 'source', DEFINITIONS[package]
+    for name, text in interfaces.items():
+        path = source / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding='utf-8')
+    command = [sys.executable, __file__, package, str(folder), *interfaces]
+    environment = {**os.environ, 'AMENT_PREFIX_PATH': str(ROS)}
+    subprocess.run(command, env=environment, check=True, capture_output=True)
+    _compile(package, folder)
+    return folder / 'python'
+
+
+def _generate(package: str, folder: Path, files: list[str]) -> None:
+    from rosidl_cli.command.translate.api import translate
+    from rosidl_generator_c.cli import GenerateC
+    from rosidl_generator_py.cli import GeneratePython
+    from rosidl_typesupport_c.cli import GenerateCTypesupport
+    from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
+    from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
+
+    share, c = [str(ROS / 'share')], folder / 'c' / package
+    idl = translate(
+        package_name=package,
+        interface_files=[f'{folder / "source"}:{each}' for each in files],
+        include_paths=share,
+        output_format='idl',
+        output_path=folder / package,
+    )
+    python = {'typesupport_implementations': ['rosidl_typesupport_c']}
+    for generator, output in (
+        (GenerateC('c'), c),
+        (GenerateFastRTPSCTypesupport('fastrtps_c'), c),
+        (GenerateIntrospectionCTypesupport('introspection_c'), c),
+        (GenerateCTypesupport('c'), folder / 'c' / 'dispatch'),
+        (GeneratePython('py', **python), folder / 'python' / package),
+    ):
+        generator.generate(package, list(idl), share, output_path=output)
+
+
+def _compile(package: str, folder: Path) -> None:
+    python, library = folder / 'python' / package, ROS / 'lib'
+    (python / '__init__.py').touch()
+    needed = [*library.glob('lib*__rosidl_*_c.so'), *library.glob('lib*__rosidl_generator_py.so')]
+    needed += library.glob('librosidl_*.so')
+    needed += [library / f'lib{each}.so' for each in ('fastcdr', 'rmw', 'rcutils')]
+    # The dispatcher loads one library for each kind by its name, unless it is there already.
+    kinds = [
+        f'lib{package}__rosidl_typesupport_{kind}.so' for kind in ('fastrtps_c', 'introspection_c')
+    ]
+    first, second = (python / each for each in kinds)
+    _link(folder, first, [*_sources(folder / 'c'), *needed])
+    _link(folder, second, [first])
+    module = python / f'{package}_s__rosidl_typesupport_c.so'
+    _link(folder, module, [*_sources(python), first, second, *needed])
+
+
+def _sources(folder: Path) -> list[Path]:
+    return [path for path in folder.rglob('*') if path.suffix in {'.c', '.cpp'}]
+
+
+def _link(folder: Path, target: Path, parts: list[Path]) -> None:
+    headers = [folder / 'c', sysconfig.get_path('include'), np.get_include()]
+    headers += [ROS / 'include', *(ROS / 'include').iterdir()]
+    subprocess.run(
+        [
+            *('gcc', '-shared', '-fPIC', '-O0', '-w', '-Wl,--no-as-needed'),
+            *(f'-I{each}' for each in headers),
+            *(*map(str, parts), '-lstdc++', f'-Wl,-rpath,{ROS / "lib"}:{target.parent}'),
+            *(f'-Wl,-soname,{target.name}', '-o', str(target)),
+        ],
+        check=True,
+        capture_output=True,
+    )
+
+
+if __name__ == '__main__':
+    _generate(sys.argv[1], Path(sys.argv[2]), sys.argv[3:])

@@ -1,0 +1,85 @@
+"""A road that a wall closes from edge to edge: the robot stops before it, and stays."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import MS, PERIOD, ROAD, SECOND, START, drive, settings
+
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.obstacles.shapes import Capsule
+
+OPEN = settings(limit=51.0, guess=ROAD)
+CLOSED = 'The road is closed at obstacle wall: the robot waits before it.'
+
+
+def wall(bearing, slant=0.0, radius=0.05):
+    """From inside the inner edge to outside the outer one."""
+    ends = zip((8.9, 11.1), np.radians([bearing, bearing + slant]), strict=True)
+    start, end = ((r * math.cos(angle), r * math.sin(angle)) for r, angle in ends)
+    return Capsule('wall', start, end, radius)
+
+
+def closed(**how):
+    return replace(OPEN, obstacles=(wall(-70.0, **how),))
+
+
+def drive_heavy(given, lag):
+    """Decisions, and the least clearance of a robot whose wheels lag by as much [m]."""
+    law, plant = GuidanceLaw(given), Plant(PlantSettings(given.robot, START, wheel_lag=lag))
+    decisions, motions = [], [plant.motion]
+    for stamp in range(0, round(given.final_time * 1e9), 20 * MS):
+        motions += plant.advance(stamp)
+        decision = law.update(stamp, plant.measure())
+        if decision is not None:
+            decisions.append(decision)
+            plant.command(stamp, *decision.twist)
+    space = FreeSpace.of(given.road, given.obstacles, given.robot_radius)
+    poses, twists = (
+        np.array([getattr(each, key) for each in motions]) for key in ('pose', 'twist')
+    )
+    durations = np.diff([each.stamp_ns for each in motions]) / 1e9
+    return decisions, space.along(poses[:-1], twists[:-1], durations).min()
+
+
+@pytest.mark.parametrize('lag', [0.0, 0.2])
+@pytest.mark.parametrize('how', [{}, {'slant': 10.0}, {'slant': -10.0}, {'radius': 0.4}])
+def test_the_robot_stops_before_a_wall_and_stays(how, lag):
+    decisions, clearance = drive_heavy(closed(**how), lag)
+    assert clearance > 0.01
+    first = next(k for k, each in enumerate(decisions) if each.reason.startswith(CLOSED))
+    assert first < 25, 'it does not turn about until its time is up'
+    assert {each.reason for each in decisions[first + 1 :]} == {CLOSED}
+    assert not any(np.any(each.twist) for each in decisions[first:])
+
+
+def test_it_drives_on_when_the_wall_is_gone():
+    given = replace(closed(), final_time=20.0)
+    law = GuidanceLaw(given)
+
+    def before(run, stamp):
+        if stamp == 60 * PERIOD:
+            assert run.decisions[-1].reason == CLOSED
+            law.reconfigure(replace(given, obstacles=(SECOND,)))
+
+    run = drive(law, given, [k * PERIOD for k in range(101)], before=before)
+    assert run.decisions[-1].finished
+    assert not run.decisions[-1].missed
+
+
+def test_it_drives_on_to_a_goal_on_this_side():
+    given, near = replace(closed(), final_time=20.0), (0.4, -10.2)
+    law = GuidanceLaw(given)
+
+    def before(run, stamp):
+        if stamp == 60 * PERIOD:
+            assert run.decisions[-1].reason == CLOSED
+            law.tell(stamp, Goal(near, math.nan))
+
+    run = drive(law, given, [k * PERIOD for k in range(101)], before=before)
+    assert run.decisions[-1].finished
+    assert math.dist(run.pose[:2], near) < 0.01

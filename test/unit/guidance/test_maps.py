@@ -1,0 +1,147 @@
+"""The law on maps: it arrives, clear of every occupied square, and decides the same again."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scenarios import MS, drive
+
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, Safety
+from cmpsp_ros.mpsp.jit.watch import compilations
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+
+PRESETS = ('warehouse', 'door', 'dead_end')
+CELL = 0.05
+
+
+def distance_to_squares(grid, path):
+    """Least distance of points from the occupied squares of a grid at the origin."""
+    rows, columns = np.nonzero(grid.cells != Cell.FREE)
+    least = math.inf
+    for x, y in path[:, :2]:
+        across = np.maximum(np.abs(x / grid.resolution - columns - 0.5) - 0.5, 0.0)
+        along = np.maximum(np.abs(y / grid.resolution - rows - 0.5) - 0.5, 0.0)
+        least = min(least, float(np.hypot(across, along).min()) * grid.resolution)
+    return least
+
+
+@cache
+def driven(name):
+    values = TABLE.resolve(load_parameter_file(name))
+    settings = guidance_settings(values)
+    period = round(settings.control_period * 1000) * MS
+    stamps = [k * period for k in range(round(settings.final_time * 1e9) // period + 1)]
+    return settings, drive(GuidanceLaw(settings), settings, stamps, values['initial_pose'], 8)
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_presets_arrive_clear_of_every_square(name):
+    settings, run = driven(name)
+    (grid,) = (each.grid for each in settings.obstacles)
+
+    assert run.miss(settings.goal) < settings.goal_tolerance
+    assert distance_to_squares(grid, run.path) >= settings.robot_radius
+    assert {each.level for each in run.moves} == {FallbackLevel.NOMINAL}
+    least = min(each.clearance for each in run.moves)
+    assert 0.0 <= least <= distance_to_squares(grid, run.path) - settings.robot_radius + 1e-6
+
+
+def test_decisions_are_the_same_again():
+    run, again = driven('door')[1], driven.__wrapped__('door')[1]
+
+    np.testing.assert_array_equal(run.controls, again.controls)
+    assert [each.reason for each in run.decisions] == [each.reason for each in again.decisions]
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_nothing_is_compiled_on_the_way(name):
+    driven(name)
+    with compilations() as compiled:
+        driven.__wrapped__(name)
+    assert not compiled
+
+
+def course(*boxes, size=(80, 120), **changes):
+    """Open floor with a map; boxes are rows and columns of what is occupied."""
+    cells = np.zeros(size, np.uint8)
+    cells[:2] = cells[-2:] = cells[:, :2] = cells[:, -2:] = Cell.OCCUPIED
+    for top, bottom, left, right in boxes:
+        cells[top:bottom, left:right] = Cell.OCCUPIED
+    given = GuidanceSettings(
+        robot=DifferentialDrive(max_wheel_speed=20.0),
+        road=OpenFloor(),
+        goal=(5.0, 2.0),
+        obstacles=(GridObstacle('map', OccupancyGrid((0.0, 0.0, 0.0), CELL, cells)),),
+        robot_radius=0.2,
+        safety=Safety(0.02),
+        initial_guess=InitialGuess('road'),
+        final_time=12.0,
+    )
+    return replace(given, **changes)
+
+
+WALL = (0, 60, 58, 60)
+
+
+def test_the_audit_refuses_to_drive_into_the_map_and_names_it():
+    audit, pose = Audit(course(WALL)), np.array([2.6, 2.0, 0.0])
+    straight = np.full((3, 2), 20.0)
+
+    verdict = audit.check(PlanStart(pose, course().robot), straight, np.full(2, 0.2))
+
+    assert not verdict.passed
+    assert 'too close to obstacle map' in verdict.reason
+    away = audit.check(PlanStart(pose, course().robot), -straight, np.full(2, 0.2))
+    assert away.passed
+    assert away.nearest == 'obstacle map'
+    assert audit.clearance_at(pose)[N_EDGE_CONSTRAINTS] == pytest.approx(0.3 - 0.2, abs=5e-3)
+    assert 'inside obstacle map' in audit.why_no_start(np.array([2.8, 2.0, 0.0]))
+
+
+def test_homotopy_classes_are_told_by_what_stands_alone_on_the_map():
+    given = course((36, 46, 56, 64))
+
+    decision = GuidanceLaw(given).update(0, np.array([1.0, 2.0, 0.0]))
+
+    assert 'the best of 2 plans' in decision.reason
+    assert 'of the map at (3.0, 2.' in decision.reason
+
+
+def test_a_map_without_a_way_is_foretold_and_nothing_is_touched():
+    given = course((0, 80, 58, 60))
+
+    (said,) = infeasibility_warnings(given, (1.0, 2.0))
+    run = drive(GuidanceLaw(given), given, [k * 200 * MS for k in range(61)], (1.0, 2.0, 0.0), 8)
+
+    assert said.startswith('The map leaves no way from (1, 2) m to the goal')
+    assert infeasibility_warnings(course(WALL), (1.0, 2.0)) == []
+    assert distance_to_squares(given.obstacles[0].grid, run.path) >= given.robot_radius
+    assert run.decisions[-1].missed
+
+
+def test_a_goal_that_is_received_is_given_the_time_of_the_way_around():
+    given = course(WALL)
+    law = GuidanceLaw(given)
+    pose = np.array([1.0, 2.0, 0.0])
+    law.update(0, pose)
+
+    law.tell(0, Goal((5.0, 1.0), 0.0))
+    decision = law.update(200 * MS, pose)
+
+    straight = 4.2 / given.pace
+    assert straight * 1.3 < decision.time_left < straight * 3.0

@@ -62,8 +62,8 @@ def test_a_change_of_a_part():
     ('message', 'reason'),
     [
         (grid(frame='odom'), "frame_id: found 'odom', wanted 'map'"),
-        (grid((), wide=0), 'size: found 2 x 0, wanted 1 to'),
-        (grid(wide=10**5, high=10**4), 'size: found 10000 x 100000, wanted 1 to'),
+        (grid((), wide=0), 'cells: found 2 x 0, wanted 1 to'),
+        (grid(wide=10**5, high=10**4), 'cells: found 10000 x 100000, wanted 1 to'),
         (grid((0,) * 5), 'data: found 5 values, wanted 6 for 3 x 2'),
         (grid(x=math.nan), 'origin: found'),
         (grid(y=-math.inf), 'origin: found'),
@@ -86,7 +86,7 @@ def test_a_grid_that_is_refused(message, reason):
         (change((0,) * 4, x=2, y=0, wide=2, high=2), '2 x 2 cells at 2, 0, wanted a part of'),
         (change((0,), x=0, y=-1, wide=1, high=1), 'wanted a part of a grid of 3 x 2'),
         (change((0,), x=0, y=0, wide=2, high=1), 'data: found 1 values, wanted 2 for 2 x 1'),
-        (change((), x=0, y=0, wide=0, high=1), 'size: found 1 x 0'),
+        (change((), x=0, y=0, wide=0, high=1), 'cells: found 1 x 0'),
     ],
 )
 def test_a_change_that_is_refused(message, reason):

@@ -15,6 +15,34 @@ import numpy as np
 
 ROS = Path(sys.prefix)
 DEFINITIONS = {
+    'nav2_msgs': {
+        'action/NavigateToPose.action': """
+geometry_msgs/PoseStamped pose
+string behavior_tree
+---
+uint16 error_code
+string error_msg
+---
+geometry_msgs/PoseStamped current_pose
+builtin_interfaces/Duration navigation_time
+builtin_interfaces/Duration estimated_time_remaining
+int16 number_of_recoveries
+float32 distance_remaining
+""",
+        'action/FollowPath.action': """
+nav_msgs/Path path
+string controller_id
+string goal_checker_id
+string progress_checker_id
+---
+std_msgs/Empty result
+uint16 error_code
+string error_msg
+---
+float32 distance_to_goal
+float32 speed
+""",
+    },
     'tf2_msgs': {'msg/TFMessage.msg': 'geometry_msgs/TransformStamped[] transforms\n'},
 }
 
@@ -53,7 +81,7 @@ def _generate(package: str, folder: Path, files: list[str]) -> None:
     for generator, output in (
         (GenerateC('c'), c),
         (GenerateFastRTPSCTypesupport('fastrtps_c'), c),
-        (GenerateIntrospectionCTypesupport('introspection_c'), c),
+        (GenerateIntrospectionCTypesupport('introspection_c'), folder / 'introspection' / package),
         (GenerateCTypesupport('c'), folder / 'c' / 'dispatch'),
         (GeneratePython('py', **python), folder / 'python' / package),
     ):
@@ -71,7 +99,7 @@ def _compile(package: str, folder: Path) -> None:
         f'lib{package}__rosidl_typesupport_{kind}.so' for kind in ('fastrtps_c', 'introspection_c')
     ]
     first, second = (python / each for each in kinds)
-    _link(folder, first, [*_sources(folder / 'c'), *needed])
+    _link(folder, first, [*_sources(folder / 'c'), *_sources(folder / 'introspection'), *needed])
     _link(folder, second, [first])
     module = python / f'{package}_s__rosidl_typesupport_c.so'
     _link(folder, module, [*_sources(python), first, second, *needed])
@@ -82,7 +110,12 @@ def _sources(folder: Path) -> list[Path]:
 
 
 def _link(folder: Path, target: Path, parts: list[Path]) -> None:
-    headers = [folder / 'c', sysconfig.get_path('include'), np.get_include()]
+    headers = [
+        folder / 'c',
+        folder / 'introspection',
+        sysconfig.get_path('include'),
+        np.get_include(),
+    ]
     headers += [ROS / 'include', *(ROS / 'include').iterdir()]
     subprocess.run(
         [

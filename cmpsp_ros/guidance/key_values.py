@@ -52,9 +52,11 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'active_rows': decision.active_rows,
         'failures': decision.failures,
         **({'wheel_slip': decision.wheel_slip} if decision.wheel_slip > 0.0 else {}),
+        **_of_lag(decision),
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,
+        **({'cancelled': True} if decision.cancelled else {}),
         **({'late': decision.late} if decision.late > 0.0 else {}),
         **({'skipped': True} if decision.skipped else {}),
         **({'pose': ' '.join(map(repr, decision.pose))} if decision.pose else {}),
@@ -66,6 +68,11 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
     return {key: exact_repr(value) for key, value in values.items()}
+
+
+def _of_lag(decision: Decision) -> dict[str, object]:
+    keys = 'wheel_lag', 'wheel_lag_min', 'wheel_lag_max'
+    return dict(zip(keys, decision.wheel_lag or (), strict=False))
 
 
 def _of_goal(decision: Decision) -> dict[str, object]:
@@ -107,9 +114,10 @@ def present_keys(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 
-    Having arrived is no error, and having missed the goal a warning: the robot stands safely.
+    Having arrived is no error, nor is a goal that was cancelled, and having missed the goal a
+    warning: the robot stands safely.
     """
-    if decision.finished:
+    if decision.finished or decision.cancelled:
         return int(decision.missed)
     if decision.level == FallbackLevel.NOMINAL:
         return int(decision.late > 0.0)

@@ -26,6 +26,7 @@ from cmpsp_ros.nodes.common.topics import (
     TOPICS,
     Topic,
 )
+from cmpsp_ros.nodes.guidance.goal_actions import FOLLOW, NAVIGATE
 from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
 _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>
@@ -51,6 +52,10 @@ _OF_LIFECYCLE_NODES: Final = (
     'get_state',
     'get_transition_graph',
 )
+
+
+_OF_ACTIONS: Final = ('cancel_goal', 'get_result', 'send_goal')
+"""Services of every action."""
 
 
 @dataclass
@@ -123,6 +128,9 @@ def _guidance() -> Rights:
     found = _of_table('guidance')
     found.reply |= {f'guidance/{name}' for name in _OF_LIFECYCLE_NODES}
     found.publish.add('guidance/transition_event')
+    for action in (NAVIGATE, FOLLOW):
+        found.reply |= {f'{action}/_action/{name}' for name in _OF_ACTIONS}
+        found.publish |= {f'{action}/_action/{name}' for name in ('feedback', 'status')}
     # For use_sim_time, as with the viewer; the recorder hears it anyway.
     found.subscribe |= {CLOCK.name, '/tf', '/tf_static'}
     return found

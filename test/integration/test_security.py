@@ -24,22 +24,6 @@ CONFIG = Path(__file__).parents[2] / 'config'
 NODES = ('guidance', 'sim', 'recorder', 'viewer', 'player')
 ENFORCED = {'ROS_SECURITY_ENABLE': 'true', 'ROS_SECURITY_STRATEGY': 'Enforce'}
 
-# What may go unused: transforms, for tf2 is not on the Python package index, and topics of the
-# table, which may hang on parameters that are not set here.
-TRANSFORMS = {('guidance', 'subscribe', each) for each in ('/tf', '/tf_static')}
-OPTIONAL = (
-    TRANSFORMS
-    | {('sim', 'publish', '/tf')}
-    | {
-        (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)
-        for each in TOPICS
-        if (
-            name := '/'
-            + each.name.replace('~', each.node).replace('<namespace>', '*').removeprefix('/')
-        )
-    }
-)
-
 
 def granted():
     """(node, right, name) of the policy."""
@@ -50,6 +34,24 @@ def granted():
             for each in listed:
                 name = each.text if each.text[0] == '/' else f'/{each.text}'
                 yield profile.get('node'), right, name
+
+
+# What may go unused: transforms and actions, for tf2 and Nav2 are not on the Python package index,
+# and topics of the table, which may hang on parameters that are not set here.
+TRANSFORMS = {('guidance', 'subscribe', each) for each in ('/tf', '/tf_static')}
+OPTIONAL = (
+    TRANSFORMS
+    | {('sim', 'publish', '/tf')}
+    | {each for each in granted() if '/_action/' in each[2]}
+    | {
+        (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)
+        for each in TOPICS
+        if (
+            name := '/'
+            + each.name.replace('~', each.node).replace('<namespace>', '*').removeprefix('/')
+        )
+    }
+)
 
 
 def used(node):

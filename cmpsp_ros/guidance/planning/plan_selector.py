@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -58,8 +58,9 @@ class PlanSelector:
         self._guesses = Guesses(self._formulation, self._limit)
         self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
         self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
-        self._delay = to_nanoseconds(settings.command_delay)
         self.phases: dict[str, float] = {}
+        # Of all obstacles, in the road frame of the control step.
+        self._places = np.empty(0), np.empty(0)
         self._work_left = 1
         self.see(settings, audit)
         self.forget()
@@ -81,8 +82,9 @@ class PlanSelector:
         self._centers, self._islands = space.centers, space.islands
         whole = 'what is seen' if settings.sight.sensors else 'the map'
         self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
-        for goal in settings.goals:
-            settings.search_map(goal.position)
+        if settings.map_search is not None:
+            for goal in settings.goals:
+                settings.map_search.prepare(goal.position)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""
@@ -181,10 +183,10 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        followed, may_change = (
-            self._scored(self._pool.followed, warm, context),
-            self._may_change(warm),
-        )
+        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
+        self._places = context.road_frame.coordinates(centers)
+        followed = self._scored(self._pool.followed, warm, context)
+        may_change = self._may_change(warm)
         # A fresh plan must fit in beside those that are known.
         capacity = self._limit - 2 if review else self._limit - 1
         improved, waiting = [], []
@@ -265,8 +267,7 @@ class PlanSelector:
         bad_steps: int = 0,
     ) -> Alternative:
         began = self._timer()
-        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
-        sides = class_of(context.road_frame, centers, candidate.plan.poses)
+        sides = class_of(context.road_frame, self._places, candidate.plan.poses)
         score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)
@@ -312,8 +313,8 @@ class PlanSelector:
         )
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        if self._delay:
-            result = result._replace(plan=result.plan._replace(delay=self._delay))
+        if context.delay:
+            result = result._replace(plan=result.plan._replace(delay=context.delay))
         return Candidate.of(result, verdict, context.goal)
 
 

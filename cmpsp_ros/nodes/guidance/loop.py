@@ -7,18 +7,18 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, stamp_of
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
-from cmpsp_ros.nodes.common.topics import GOAL_POSE, GUIDANCE_ODOM
+from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
+from cmpsp_ros.nodes.guidance.goal_input import GoalInput
 from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
-from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
+from cmpsp_ros.nodes.guidance.odometry_watchdog import OdometryWatchdog
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
 from cmpsp_ros.nodes.guidance.road_input import RoadInput
 from cmpsp_ros.nodes.guidance.sensor_input import SensorInput
@@ -26,7 +26,6 @@ from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
-    from geometry_msgs.msg import PoseStamped
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.guidance.decision import Decision
@@ -77,7 +76,7 @@ class GuidanceLoop:
         self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
-        self._goals = GOAL_POSE.listen_on(node, self._on_goal)
+        self._goals = GoalInput(node, self._law, self._transforms, self.road, lambda: self.active)
         self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
         self._end_timer = node.create_timer(_WATCH_PERIOD, self._on_end)
         self._end_timer.cancel()
@@ -86,7 +85,7 @@ class GuidanceLoop:
     def close(self) -> None:
         """Close the topics."""
         self._node.destroy_subscription(self._odometry)
-        self._node.destroy_subscription(self._goals)
+        self._goals.close()
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
         self._obstacles.close()
@@ -97,13 +96,14 @@ class GuidanceLoop:
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
+        self._goals.end('The run began again.')
         self._begin()
         self._law.reset()
 
     def _begin(self) -> None:
         self.decision: Decision | None = None
         self.times = StepTimes()
-        self.silence = Silence()
+        self.watchdog = OdometryWatchdog()
         self._clock_watch = ClockWatch()
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
@@ -127,9 +127,15 @@ class GuidanceLoop:
             self._outputs.show(self._law.task, ahead)
         self._scenery_changed = self.road.waits
 
-    def halt(self, reason: str) -> None:
-        """Stop the robot for a reason that odometry does not show, in a sentence."""
-        decision = self._law.halt(self._now(), reason)
+    def rest(self, reason: str) -> None:
+        """Stop the robot for a reason in a sentence, and be active no more."""
+        self._halt(reason)
+        self._goals.end(reason)
+        self.active = False
+
+    def _halt(self, reason: str) -> None:
+        cancelled = reason == self._goals.cancelled
+        decision = self._law.halt(self._now(), reason, cancelled=cancelled)
         if self.decision is not None and self.decision.plan is not None:
             # It has driven on since odometry was heard of last.
             self._pose = self.decision.plan.pose_at(self.decision.stamp, decision.stamp)
@@ -144,7 +150,7 @@ class GuidanceLoop:
     @property
     def odometry_age(self) -> float | None:
         """How long ago odometry was heard of [s]; None if it never was."""
-        return self.silence.age(self._now())
+        return self.watchdog.age(self._now())
 
     def warnings(self) -> list[str]:
         """What is wrong around the decisions, in sentences."""
@@ -178,14 +184,15 @@ class GuidanceLoop:
             self._halt_for(str(error))
             return
         self._outputs.name_robot(self._transforms.robot_frame(message.child_frame_id))
-        self.silence.end(now)
+        self.watchdog.end(now)
         self._pose = pose.tolist()
         self._notice_time(stamp)
         if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
             self._halt_for(why)
             return
-        if blindness := self._sensors.note(stamp, pose):
-            self._halt_for(blindness)
+        blindness = self._sensors.note(stamp, pose)
+        if why := self._goals.cancelled or blindness:
+            self._halt_for(why)
             return
         try:
             is_due = self._law.is_due(stamp)
@@ -243,7 +250,8 @@ class GuidanceLoop:
         # Odometry of that instant comes first where it is there; in lockstep it always is.
         drain_queue(self._odometry)
         now, end = self._now(), self._law.ends_at
-        if self.active and end is not None and now > end and not self._is_finished:
+        is_over = self._is_finished or self._goals.cancelled
+        if self.active and end is not None and now > end and not is_over:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
             self._outputs.command(decision)
             self._note(decision)
@@ -251,16 +259,6 @@ class GuidanceLoop:
     @property
     def _is_finished(self) -> bool:
         return self.decision is not None and self.decision.finished
-
-    def _on_goal(self, message: PoseStamped) -> None:
-        if not self.active or self.road.waits:
-            state = 'waiting for a road' if self.active else 'inactive'
-            self._node.get_logger().warning(f'goal_pose is not heard: the node is {state}')
-            return
-        try:
-            self._law.tell(*self._transforms.goal_of(message))
-        except GoalError as error:
-            self._node.get_logger().warning(f'goal_pose is refused: {error}')
 
     def _use_slack(self, slack: float = math.inf) -> None:
         """Do what can wait until the command is out, and the next is not yet due."""
@@ -275,6 +273,7 @@ class GuidanceLoop:
             said = f'time has jumped back by {back:.3f} s: the run begins again'
             self._node.get_logger().warning(said)
             self._law.reset()
+            self._goals.end(said)
             self._begun = False
             self._obstacles.forget_after(stamp)
             self._sensors.forget()
@@ -285,9 +284,9 @@ class GuidanceLoop:
         if self._garbage.overdue:
             self._use_slack()
         timeout = self._settings.odom_timeout
-        if self.silence.is_longer_than(timeout, self._now()):
+        if self.watchdog.is_longer_than(timeout, self._now()):
             drain_queue(self._odometry)
-        if self.silence.goes_on(timeout, self._now()):
+        if self.watchdog.goes_on(timeout, self._now()):
             self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
 
     def _halt_for(self, reason: str) -> None:
@@ -295,16 +294,17 @@ class GuidanceLoop:
         now = self._now()
         period = self._settings.control_period * 1e9
         if self._halted_at is None or not 0 <= now - self._halted_at < period:
-            self.halt(reason)
+            self._halt(reason)
             self._halted_at = now
 
     def _note(self, decision: Decision) -> None:
         self._outputs.report(decision, self._pose)
+        self._goals.note(decision, self._pose)
         before = self.decision
         if before is None or (decision.level, decision.missed) != (before.level, before.missed):
             said = f'{decision.level.name.lower()}: {decision.reason}'
             # rclpy refuses one place in the code that logs at two levels.
-            if decision.level == FallbackLevel.NOMINAL or decision.finished:
+            if decision.level == FallbackLevel.NOMINAL or decision.finished or decision.cancelled:
                 self._node.get_logger().info(said)
             else:
                 self._node.get_logger().warning(said)

@@ -20,7 +20,7 @@ from cmpsp_ros.nodes.common.lifecycle import (
 from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
 from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
-from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
+from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
 from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
@@ -86,7 +86,7 @@ class GuidanceNode(LifecycleNode):
 
     def _activate_when_known(self) -> None:
         """Become active by itself: where others command this robot, once they have been heard."""
-        if not self._rivals.others:
+        if not self._arbiter.others:
             self.trigger_activate()
             return
 
@@ -112,7 +112,7 @@ class GuidanceNode(LifecycleNode):
         self._refusal = ''
         start = settings.start_pose
         self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
-        self._rivals = Rivals(self, self._give_way)
+        self._arbiter = CommandArbiter(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._parameters_out = PARAMETERS.publish_on(self)
         self._parameters_out.publish(event_of(self))
@@ -129,7 +129,7 @@ class GuidanceNode(LifecycleNode):
         """Begin: the next odometry is time 0. Not where another node guides this robot."""
         if missing := self._missing():
             return self._refuse('\n'.join(missing), 'activate')
-        if rival := self._rivals.guiding:
+        if rival := self._arbiter.guiding:
             return self._refuse(_GUIDED.format(rival), 'activate')
         self._refusal = ''
         self._loop.reset()
@@ -137,7 +137,7 @@ class GuidanceNode(LifecycleNode):
         self._garbage.begin()
         for each in self._scheduling.apply():
             self.get_logger().warning(f'{each} The node goes on without.')
-        self._rivals.begin()
+        self._arbiter.begin()
         self._late.begin()
         self._state, self._loop.active = ACTIVE, True
         self.get_logger().info('active')
@@ -153,7 +153,7 @@ class GuidanceNode(LifecycleNode):
         """Close the topics."""
         self._loop.close()
         self.destroy_publisher(self._parameters_out)
-        self._rivals.close()
+        self._arbiter.close()
         self._garbage.end()
         self._state = UNCONFIGURED
         return super().on_cleanup(state)
@@ -174,13 +174,12 @@ class GuidanceNode(LifecycleNode):
 
     def _rest(self, reason: str) -> None:
         """Stop the robot for a reason, and guide it no more."""
-        self._loop.halt(reason)
-        self._loop.active = False
+        self._loop.rest(reason)
         self._give_back()
 
     def _give_back(self) -> None:
         """Give back what an active node takes of Python, the system and the robot."""
-        self._rivals.end()
+        self._arbiter.end()
         self._late.end()
         self._garbage.end()
         self._scheduling.restore()
@@ -244,7 +243,7 @@ class GuidanceNode(LifecycleNode):
             return report_on(self._state, self._refusal, None)
         if self._state == INACTIVE:
             return report_on(self._state, self._refusal, self._loop, self._remarks())
-        warnings = [*self._rivals.warnings(), *plausibility_warnings(self._values or {})]
+        warnings = [*self._arbiter.warnings(), *plausibility_warnings(self._values or {})]
         errors = self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ROAD
-from cmpsp_ros.parameters.errors import ParameterError
 
 if TYPE_CHECKING:
     from nav_msgs.msg import Path
@@ -16,6 +15,9 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.nodes.guidance.transform_input import TransformInput
     from cmpsp_ros.parameters.table import Values
+
+# An empty list shows no type, and rclpy takes it for one of bytes.
+_TYPES = {'goal.heading': Parameter.Type.DOUBLE_ARRAY}
 
 
 class RoadInput:
@@ -49,23 +51,41 @@ class RoadInput:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
 
+    def drive_along(self, path: Path) -> tuple[float, float]:
+        """Take the path of an action for the road, and its end for the goal, which is returned.
+
+        Raises:
+            ValueError: It cannot be that; nothing changes.
+        """
+        if self._subscription is None:
+            raise ValueError('A path needs road.type corridor and road.source topic')
+        changes = self._transforms.road_in(path)
+        if changes['road.closed']:
+            raise ValueError('The path ends where it begins')
+        x, y = end = changes['road.points'][-2:]
+        self._take({**changes, 'goal.position': end, 'goal.heading': []})
+        return x, y
+
     def _hear(self, message: Path) -> None:
         try:
-            changes = self._transforms.road_in(message)
-        except ParameterError as error:
-            self._refuse(str(error))
-            return
+            self._take(self._transforms.road_in(message))
+        except ValueError as error:
+            self.refusal = f'The road that came is refused: {" ".join(str(error).splitlines())}.'
+            self._node.get_logger().error(self.refusal)
+
+    def _take(self, changes: dict[str, Any]) -> None:
+        """Change the parameters.
+
+        Raises:
+            ValueError: They are refused.
+        """
         known = {key: self._node.get_parameter(key).value for key in changes}
         if changes != {**known, 'road.points': list(known['road.points'] or ())}:
             outcome = self._node.set_parameters_atomically(
-                [Parameter(key, value=value) for key, value in changes.items()]
+                [Parameter(key, _TYPES.get(key), value) for key, value in changes.items()]
             )
             if not outcome.successful:
-                self._refuse(outcome.reason)
-                return
+                raise ValueError(outcome.reason)
         self.waits, self.refusal = False, ''
-        self._node.get_logger().info(f'a road of {len(message.poses)} points has come')
-
-    def _refuse(self, reason: str) -> None:
-        self.refusal = f'The road that came is refused: {" ".join(reason.splitlines())}.'
-        self._node.get_logger().error(self.refusal)
+        count = len(changes['road.points']) // 2
+        self._node.get_logger().info(f'a road of {count} points has come')

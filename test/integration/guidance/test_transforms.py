@@ -164,7 +164,7 @@ def test_goals_and_obstacles_of_other_frames_are_led_to_that_of_the_course(
     )
     goals.publish(pose_stamped(stamp, 'odom', 1.0, 1.0, 0.0))
     client.until(lambda: "goal_pose is refused: The goal is in frame 'odom'" in running.stderr)
-    client.until_health(level=DiagnosticStatus.ERROR, rung='stop')
+    client.until_health(level=DiagnosticStatus.ERROR, fallback_level='stop')
 
     def step(condition=lambda decision: True):
         nonlocal stamp
@@ -176,16 +176,16 @@ def test_goals_and_obstacles_of_other_frames_are_led_to_that_of_the_course(
     localisation.locate(stamp)
     # What is published first may be heard last: a step or two are taken meanwhile.
     decision = step()
-    while decision['rung'] == 'stop':
+    while decision['fallback_level'] == 'stop':
         decision = step()
     np.testing.assert_allclose([float(each) for each in decision['pose'].split()], START, atol=1e-9)
 
     wanted = np.array([7.0, -7.0, 0.8])
     there = compose(back(localisation.drift(stamp)), wanted).tolist()
     goals.publish(pose_stamped(stamp, 'odom', *there))
-    while 'told' not in decision:
+    while 'goals_received' not in decision:
         decision = step()
-    assert decision['told'] == '1'
+    assert decision['goals_received'] == '1'
     found = [float(decision[key]) for key in ('goal_x', 'goal_y', 'goal_heading')]
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 

@@ -131,6 +131,22 @@ def test_a_halt_is_at_once_but_for_the_final_time():
     np.testing.assert_array_equal(halted.twist, [0.0, 0.0])
 
 
+def test_a_goal_that_is_cancelled_ends_in_a_gentle_stop_and_the_next_one_is_driven_to():
+    given = limited(CASES['case 1'])
+    law, run, stamp = GuidanceLaw(given), None, 0
+    run = drive(law, given, [k * PERIOD for k in range(10)])
+    wheels, pose = [run.decisions[-1].wheel_speeds], run.pose
+    while np.any(wheels[-1]):
+        stamp = (10 + len(wheels)) * PERIOD
+        stop = law.halt(stamp, 'The goal was cancelled.', cancelled=True)
+        wheels.append(stop.wheel_speeds)
+        pose = given.robot.roll_out(pose, stop.wheel_speeds[None], np.array([0.2]))[-1]
+    assert len(wheels) > 3
+    assert np.abs(np.diff(wheels, axis=0)).max() <= given.max_wheel_change + CHANGE_ROUNDING
+    law.tell(0, Goal((10.0, 0.0), 0.0))
+    assert np.any(law.update(stamp + PERIOD, pose).wheel_speeds)
+
+
 def test_a_new_goal_behind_the_robot_is_turned_to_gently():
     given = limited(settings((), 51.0, ROAD))
     law = GuidanceLaw(given)
@@ -197,3 +213,20 @@ def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
         assert not np.any(commands[-1])
         pose = path[20]
     assert slower > 0
+
+
+@pytest.mark.parametrize('later', [15.0, 60.0])
+def test_an_acceleration_that_changes_under_way_holds_from_the_next_command_on(later):
+    given = limited(CASES['case 3'])
+    law, changed = GuidanceLaw(given), limited(CASES['case 3'], later)
+
+    def change(_run, stamp):
+        if stamp == 20 * PERIOD:
+            law.reconfigure(changed)
+
+    run = drive(law, given, [k * PERIOD for k in range(STEPS + 20)], before=change)
+    changes = np.abs(np.diff(run.controls, axis=0)).max(axis=1)
+    assert changes[:19].max() <= given.max_wheel_change + CHANGE_ROUNDING
+    assert changes[19:].max() <= changed.max_wheel_change + CHANGE_ROUNDING
+    assert clearance(run.path, given) >= -1e-9
+    assert not np.any(run.decisions[-1].twist)

@@ -1,0 +1,196 @@
+"""Goals as Nav2's actions: a real client, guidance node and simulator, in real time."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+from action_msgs.msg import GoalStatus
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Odometry
+from rclpy.action import ActionClient
+
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.nodes import MODULES
+from cmpsp_ros.nodes.common.road_messages import path_of
+
+pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
+
+# The first start may compile.
+LIMIT = 120.0
+CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
+
+
+class Goal:
+    """A goal that is sent, and what comes of it."""
+
+    def __init__(self, client, actions, request):
+        self.client, self.feedback = client, []
+        sent = actions.send_goal_async(request, lambda each: self.feedback.append(each.feedback))
+        client.until(sent.done)
+        self.handle = sent.result()
+        self.ended = self.handle.get_result_async() if self.handle.accepted else None
+
+    def result(self, timeout=60.0):
+        self.client.until(self.ended.done, timeout)
+        answer = self.ended.result()
+        return answer.status, answer.result.error_code, answer.result.error_msg
+
+    def cancel(self):
+        answer = self.handle.cancel_goal_async()
+        self.client.until(answer.done)
+        return len(answer.result().goals_canceling)
+
+
+@pytest.fixture
+def actions(interfaces, client):
+    """Send a goal to an action: `actions('NavigateToPose', 'navigate_to_pose', **request)`."""
+    interfaces('nav2_msgs')
+    import nav2_msgs.action
+
+    clients = {}
+
+    def send(kind, name, **request):
+        action = getattr(nav2_msgs.action, kind)
+        if name not in clients:
+            clients[name] = ActionClient(client.node, action, name)
+            client.until(clients[name].server_is_ready)
+        return Goal(client, clients[name], action.Goal(**request))
+
+    yield send
+    for each in clients.values():
+        each.destroy()
+
+
+@pytest.fixture
+def drive(spawn, client):
+    """A simulator, and a guidance node that is active: `drive(parameters)`."""
+
+    def start(parameters, files=(CASE3,)):
+        flags = [part for each in files for part in ('--params-file', each)]
+        given = [part for key, value in parameters.items() for part in ('-p', f'{key}:={value}')]
+        spawn([sys.executable, '-m', MODULES['sim_node'], '--ros-args', *flags, *given])
+        command = [sys.executable, '-m', MODULES['guidance_node'], '--ros-args', *flags, *given]
+        guidance = spawn([*command, '-p', 'autostart:=true'])
+        client.until_health(LIMIT, state='active')
+        client.poses = []
+        client.node.create_subscription(Odometry, '/odom', client.poses.append, 100)
+        client.until(lambda: client.poses)
+        return guidance
+
+    return start
+
+
+def place(x, y, frame_id='odom'):
+    pose = PoseStamped()
+    pose.header.frame_id = frame_id
+    pose.pose.position.x, pose.pose.position.y, pose.pose.orientation.w = x, y, 0.0
+    return pose
+
+
+def distance(client, x, y):
+    position = client.poses[-1].pose.pose.position
+    return math.dist((position.x, position.y), (x, y))
+
+
+def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
+    bag = tmp_path / 'bag'
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    guidance = drive({'recorder_timeout': 30.0})
+    client.until(lambda: client.commands and client.commands[-1][0] > 0.5, 60.0)
+
+    def navigate(x, y, frame_id='odom'):
+        pose = place(x, y, frame_id)
+        return actions('NavigateToPose', 'navigate_to_pose', pose=pose)
+
+    goal = navigate(5.0, -8.3)
+    assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
+    assert distance(client, 5.0, -8.3) < 0.05
+    left = [each.distance_remaining for each in goal.feedback]
+    assert left[0] > 1.0
+    assert left[-1] < 0.5
+    assert goal.feedback[0].estimated_time_remaining.sec > goal.feedback[-1].navigation_time.sec - 9
+    assert goal.feedback[0].current_pose.header.frame_id == 'odom'
+
+    # One that is refused leaves the robot where it is, and one in an unknown frame too.
+    status, code, reason = navigate(0.0, 0.0).result()
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 9000)
+    assert 'The goal is 9 m inside or beyond' in reason
+    status, code, reason = navigate(0.0, 0.0, 'map').result()
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 9002)
+    assert "frame 'map', wanted 'odom'" in reason
+
+    # Cancelled half way it stops, and stays.
+    goal = navigate(9.3, 4.0)
+    client.until(lambda: len(goal.feedback) > 8)
+    assert client.commands[-1][0] > 0.5
+    assert goal.cancel() == 1
+    assert goal.result() == (GoalStatus.STATUS_CANCELED, 0, 'The goal was cancelled.')
+    assert client.commands[-1] == (0.0, 0.0)
+    count = len(client.decisions)
+    client.until(lambda: len(client.decisions) > count + 3)
+    assert {each['cancelled'] for each in client.decisions[count:]} == {'true'}
+    assert distance(client, 9.3, 4.0) > 1.0
+
+    # Another client's goal takes the place of the first one's, and the topic's that of both.
+    first = navigate(9.3, 4.0)
+    client.until(lambda: first.feedback)
+    second = navigate(9.0, 4.5)
+    assert first.result()[::2] == (GoalStatus.STATUS_ABORTED, 'Another goal came.')
+    client.until(lambda: second.feedback)
+    # One that is refused leaves it.
+    assert navigate(0.0, 0.0).result()[0] == GoalStatus.STATUS_ABORTED
+    publisher = client.node.create_publisher(PoseStamped, 'goal_pose', 10)
+    client.until(publisher.get_subscription_count)
+    publisher.publish(place(8.5, 5.2))
+    assert second.result()[2] == 'Another goal came on goal_pose.'
+
+    last = navigate(9.0, 4.5)
+    client.until(lambda: last.feedback)
+    assert client.change_state('deactivate')
+    reason = 'The guidance node was deactivated.'
+    assert last.result() == (GoalStatus.STATUS_ABORTED, 9000, reason)
+    assert not navigate(9.0, 4.5).handle.accepted
+    client.until(lambda: 'navigate_to_pose is rejected: the node is inactive' in guidance.stderr)
+    assert 'Traceback' not in guidance.stderr
+    guidance.end()
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(60.0) == 0
+    outcome = replay(bag, Names.under(''))
+    assert outcome.first is None, outcome.first
+    assert outcome.decisions == len(client.decisions)
+
+
+def test_follow_path(drive, actions, client, spawn, tmp_path):
+    bag = tmp_path / 'bag'
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    corridor = {'road.type': 'corridor', 'road.half_width': '[0.6]', 'initial_pose': '[0.,0.,0.]'}
+    road = {'road.source': 'topic', 'goal.position': '[5.,0.]', 'recorder_timeout': 30.0}
+    guidance = drive({**corridor, **road, 'road.points': '[0.0,0.0,5.0,0.0]'}, files=())
+
+    def follow(points, **more):
+        numbers = [number for point in points for number in point]
+        given = {'road.points': numbers, 'road.closed': False, 'frame_id': 'odom', **more}
+        return actions('FollowPath', 'follow_path', path=path_of(given))
+
+    path = [(-0.5, 0.0), (2.0, 0.0), (4.0, 1.0), (5.0, 3.0)]
+    goal = follow(path)
+    assert goal.result() == (GoalStatus.STATUS_SUCCEEDED, 0, '')
+    assert distance(client, 5.0, 3.0) < 0.05
+    assert max(each.speed for each in goal.feedback) > 0.5
+    assert goal.feedback[0].distance_to_goal > goal.feedback[-1].distance_to_goal
+    status, code, reason = follow([(5.0, 3.0), (7.0, 3.0), (6.0, 3.0)]).result()
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 103)
+    assert 'a turn back by 180 deg' in reason
+    assert follow(path, frame_id='map').result()[1] == 102
+    guidance.end()
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(60.0) == 0
+    outcome = replay(bag, Names.under(''))
+    assert outcome.first is None, outcome.first
+    assert outcome.decisions > 20

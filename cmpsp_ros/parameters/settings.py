@@ -31,6 +31,7 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
@@ -66,6 +67,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         _time_problems,
         road_problems,
         obstacle_problems,
+        sight_problems,
         goals,
         _solver_problems,
         _others_problems,
@@ -97,6 +99,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
             tuple(values['others.namespaces']),
             values['others.radius'],
         ),
+        sight=sight_of(values),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
         solver=SolverSettings(**_section(values, 'solver')),

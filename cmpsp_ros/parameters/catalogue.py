@@ -75,6 +75,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.hold', _BOOL, False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', **guidance_only)
+    yield task('goal.wait', _BOOL, False, '',
+        'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
+        **_FIXED, **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
         'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
         '0: 80 % of the top speed, or 1 m/s without a wheel limit.',
@@ -192,6 +195,36 @@ def _parameters() -> Iterator[Parameter]:
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=_POSITIVE, **sim_only)
 
+    sight = Group('Sensors', 'guidance')
+    yield sight('sensors.names', _STRINGS, [], '',
+        'Names of sensors that see obstacles, each with a block of its own; omit it when there are '
+        'none.', **_FIXED)
+    yield sight('sensors.<name>.type', _STRING, 'scan', '',
+        'Messages of this sensor: `scan` for LaserScan, `cloud` for PointCloud2.',
+        choices=('scan', 'cloud'), **_FIXED)
+    yield sight('sensors.<name>.topic', _STRING, 'scan', '',
+        'Topic of this sensor.', **_FIXED)
+    yield sight('sensors.<name>.frame_id', _STRING, 'base_scan', '',
+        'Frame of its messages; others are refused.', **_FIXED)
+    yield sight('sensors.<name>.pose', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Pose of this sensor on the robot (x, y, heading).', length=3, **_FIXED)
+    yield sight('sensors.<name>.reach', _DOUBLE, 8.0, 'm',
+        'Distance from this sensor beyond which nothing that it sees is used.',
+        range=_POSITIVE, **_FIXED)
+    yield sight('sensors.<name>.heights', _DOUBLES, [-1e3, 1e3], 'm',
+        'Least and greatest z of the points of a `cloud` that count, in its frame.',
+        **_POINT, **_FIXED)
+    yield sight('sight.size', _DOUBLE, 10.0, 'm',
+        'Side of the square around the robot in which what is seen is remembered.',
+        range=Range(1.0, 100.0), **_FIXED)
+    yield sight('sight.resolution', _DOUBLE, 0.05, 'm',
+        'Side of a cell of it.', range=Range(0.01, 1.0), **_FIXED)
+    yield sight('sight.memory', _DOUBLE, 10.0, 's',
+        'How long what is out of sight is remembered.', range=_NOT_NEGATIVE, **_FIXED)
+    yield sight('sight.timeout', _DOUBLE, 0.5, 's',
+        'Age at which what a sensor has shown last counts as lost, and the robot is stopped.',
+        range=_POSITIVE, **_FIXED)
+
     others = Group('Other robots', 'guidance')
     yield others('others.namespaces', _STRINGS, [], '',
         'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
@@ -259,6 +292,9 @@ def _parameters() -> Iterator[Parameter]:
         'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
         'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
+    yield safety('safety.stop_within_sight', _BOOL, True, '',
+        'Whether the robot, where it has sensors, is so slow that it can stop before what they '
+        'have not seen yet.')
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

@@ -22,7 +22,7 @@ def test_names_are_unique():
 def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'robot_frame', 'control_period', 'final_time',
-        'waypoints.names', 'waypoints.<name>.time',
+        'goal.wait', 'waypoints.names', 'waypoints.<name>.time',
         'follow.speed', 'follow.horizon', 'robot.max_wheel_acceleration', 'robot.joint_names',
         'road.type', 'road.source',
         'map.cells', 'map.origin', 'map.resolution', 'map.unknown_is_free',
@@ -34,6 +34,10 @@ def test_what_needs_a_restart():
         'moving_obstacles.capacity', 'moving_obstacles.names', 'moving_obstacles.<name>.center',
         'moving_obstacles.<name>.velocity', 'moving_obstacles.<name>.radius',
         'others.namespaces',
+        'sensors.names', 'sensors.<name>.type', 'sensors.<name>.topic',
+        'sensors.<name>.frame_id', 'sensors.<name>.pose', 'sensors.<name>.reach',
+        'sensors.<name>.heights', 'sight.size', 'sight.resolution', 'sight.memory',
+        'sight.timeout',
         'sim.scan.rate', 'sim.scan.frame_id', 'sim.scan.pose', 'sim.scan.angle_min',
         'sim.scan.angle_max', 'sim.scan.count', 'sim.scan.time_increment', 'sim.scan.range_min',
         'sim.scan.range_max', 'sim.scan.stddev', 'sim.scan.dropout', 'sim.scan.missed_return',

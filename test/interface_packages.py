@@ -15,6 +15,16 @@ import numpy as np
 
 ROS = Path(sys.prefix)
 DEFINITIONS = {
+    'bond': {
+        'msg/Status.msg': """
+std_msgs/Header header
+string id
+string instance_id
+bool active
+float32 heartbeat_timeout
+float32 heartbeat_period
+""",
+    },
     'nav2_msgs': {
         'action/NavigateToPose.action': """
 geometry_msgs/PoseStamped pose

@@ -94,7 +94,7 @@ class Decision(NamedTuple):
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
-        cancelled: Whether it stops since the goal was cancelled.
+        cancelled: Whether it stops since the goal was cancelled, or none has come yet.
         late: How long it took, if it came too late to be sent; else 0 [s].
         pose: What it decided on (x, y, heading), where a transform led to the frame of the course
             [m, m, rad].

@@ -227,7 +227,7 @@ class GuidanceLaw:
             stamp: Present time [ns].
             reason: Why, in a sentence.
             finished: Whether it is the final time, which the next odometry is to judge.
-            cancelled: Whether it is that the goal was cancelled.
+            cancelled: Whether it is that the goal was cancelled, or none has come yet.
         """
         state = self._state
         self._drop_plan()

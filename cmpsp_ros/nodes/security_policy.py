@@ -131,6 +131,7 @@ def _guidance() -> Rights:
     for action in (NAVIGATE, FOLLOW):
         found.reply |= {f'{action}/_action/{name}' for name in _OF_ACTIONS}
         found.publish |= {f'{action}/_action/{name}' for name in ('feedback', 'status')}
+    found.publish.add('bond')
     # For use_sim_time, as with the viewer; the recorder hears it anyway.
     found.subscribe |= {CLOCK.name, '/tf', '/tf_static'}
     return found

@@ -75,6 +75,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.hold', _BOOL, False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', **guidance_only)
+    yield task('goal.wait', _BOOL, False, '',
+        'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
+        **_FIXED, **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
         'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
         '0: 80 % of the top speed, or 1 m/s without a wheel limit.',

@@ -56,11 +56,10 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If a number is out of all proportion; else if the road cannot be made or
-            leaves no room, an obstacle cannot be made, a goal is off the road or in an obstacle,
-            times are not in order or leave no time for a control step and its command, a road
-            without end has one, the QP back end is not installed, or what should be the namespace
-            of another robot is none; with all of these.
+        ParameterError: If a number is far out of range; otherwise, all of these problems: an
+            invalid or too narrow road, an invalid obstacle, a goal off the road or in an obstacle,
+            times out of order or too short for a control step and its command, a followed road with
+            an end, a QP back end that is not installed, an invalid namespace of another robot.
     """
     _raise_if_any(list(_size_problems(values)))
     goals = follow_problems if values['follow.speed'] else goal_problems

@@ -36,12 +36,12 @@ def granted():
                 yield profile.get('node'), right, name
 
 
-# What may go unused: transforms and actions, for tf2 and Nav2 are not on the Python package index,
-# and topics of the table, which may hang on parameters that are not set here.
+# What may go unused: transforms, actions and a bond, for tf2 and Nav2 are not on the Python package
+# index, and topics of the table, which may hang on parameters that are not set here.
 TRANSFORMS = {('guidance', 'subscribe', each) for each in ('/tf', '/tf_static')}
 OPTIONAL = (
     TRANSFORMS
-    | {('sim', 'publish', '/tf')}
+    | {('sim', 'publish', '/tf'), ('guidance', 'publish', '/bond')}
     | {each for each in granted() if '/_action/' in each[2]}
     | {
         (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.nodes.guidance.road_input import RoadInput
     from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 
-_CANCELLED = 'The goal was cancelled.'
+_CANCELLED, _NONE_YET = 'The goal was cancelled.', 'No goal has come yet (goal.wait).'
 
 
 class GoalInput:
@@ -37,6 +37,8 @@ class GoalInput:
         transforms: TransformInput,
         road: RoadInput,
         is_active: Callable[[], bool],
+        *,
+        waits: bool,
     ) -> None:
         """Open topic and actions.
 
@@ -46,9 +48,11 @@ class GoalInput:
             transforms: Lead to the frame of the course.
             road: May be changed by the path of an action.
             is_active: Whether the robot is guided.
+            waits: Whether the robot stands until the first goal of a run.
         """
         self._node, self._law, self._transforms, self._road = node, law, transforms, road
-        self._is_active, self.cancelled = is_active, ''
+        self._is_active, self._at_first = is_active, _NONE_YET if waits else ''
+        self.cancelled = self._at_first
         self._subscription = GOAL_POSE.listen_on(node, self._on_message)
         drives = {NAVIGATE: self._navigate, FOLLOW: self._follow}
         self._actions = GoalActions(
@@ -62,7 +66,7 @@ class GoalInput:
 
     def end(self, reason: str) -> None:
         """The run has ended, for a reason in a sentence."""
-        self.cancelled = ''
+        self.cancelled = self._at_first
         self._actions.abort(reason)
 
     def note(self, decision: Decision, pose: Sequence[float]) -> None:

@@ -76,7 +76,14 @@ class GuidanceLoop:
         self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
-        self._goals = GoalInput(node, self._law, self._transforms, self.road, lambda: self.active)
+        self._goals = GoalInput(
+            node,
+            self._law,
+            self._transforms,
+            self.road,
+            lambda: self.active,
+            waits=values['goal.wait'],
+        )
         self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
         self._end_timer = node.create_timer(_WATCH_PERIOD, self._on_end)
         self._end_timer.cancel()

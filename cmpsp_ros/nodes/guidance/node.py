@@ -22,6 +22,7 @@ from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
 from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
 from cmpsp_ros.nodes.timing.garbage import GarbageCollection
@@ -64,6 +65,7 @@ class GuidanceNode(LifecycleNode):
         self._state = UNCONFIGURED
         self._garbage = GarbageCollection()
         self._late = LateCompilations()
+        self._bond = LifecycleBond(self)
         self._given = set(overrides(self))
         try:
             self._values = declare(self, TABLE, 'guidance')
@@ -139,6 +141,7 @@ class GuidanceNode(LifecycleNode):
             self.get_logger().warning(f'{each} The node goes on without.')
         self._arbiter.begin()
         self._late.begin()
+        self._bond.begin()
         self._state, self._loop.active = ACTIVE, True
         self.get_logger().info('active')
         return super().on_activate(state)
@@ -181,6 +184,7 @@ class GuidanceNode(LifecycleNode):
         """Give back what an active node takes of Python, the system and the robot."""
         self._arbiter.end()
         self._late.end()
+        self._bond.end()
         self._garbage.end()
         self._scheduling.restore()
 

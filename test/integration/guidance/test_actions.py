@@ -101,8 +101,10 @@ def distance(client, x, y):
 def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
     bag = tmp_path / 'bag'
     recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
-    guidance = drive({'recorder_timeout': 30.0})
-    client.until(lambda: client.commands and client.commands[-1][0] > 0.5, 60.0)
+    guidance = drive({'recorder_timeout': 30.0, 'goal.wait': 'true'})
+    client.until(lambda: len(client.decisions) > 3, 60.0)
+    assert {each['reason'] for each in client.decisions} == {'No goal has come yet (goal.wait).'}
+    assert set(client.commands) == {(0.0, 0.0)}
 
     def navigate(x, y, frame_id='odom'):
         pose = place(x, y, frame_id)

@@ -22,7 +22,7 @@ def test_names_are_unique():
 def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'robot_frame', 'control_period', 'final_time',
-        'waypoints.names', 'waypoints.<name>.time',
+        'goal.wait', 'waypoints.names', 'waypoints.<name>.time',
         'follow.speed', 'follow.horizon', 'robot.max_wheel_acceleration', 'robot.joint_names',
         'road.type', 'road.source',
         'map.cells', 'map.origin', 'map.resolution', 'map.unknown_is_free',

@@ -1,4 +1,4 @@
-"""What is kept with a bag beside its messages, and which software wrote it."""
+"""Data kept with a bag beside its messages: parameters and software versions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def own_version() -> str:
 
 
 def software_versions() -> dict[str, str]:
-    """Versions of what is installed here, by name; `unknown` where something is not."""
+    """Versions of the software installed here, by name; `unknown` if it is not installed."""
     machine = f'{platform.machine()}, {platform.system()} {platform.release()}'
     return {
         'python': platform.python_version(),
@@ -76,10 +76,10 @@ def parsed(custom: Mapping[str, Any], key: str) -> dict[str, Any]:
 
 
 def expected(value: Any, kind: type, what: str) -> Any:
-    """Return a value that comes from a bag.
+    """Check the type of a value from a bag, and return it.
 
     Raises:
-        TypeError: It is not of the kind it should be.
+        TypeError: It is of another type.
     """
     if not isinstance(value, kind):
         raise TypeError(f'{what} is a {type(value).__name__}, wanted a {kind.__name__}')

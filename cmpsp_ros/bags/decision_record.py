@@ -1,4 +1,4 @@
-"""One recorded decision: the only list of what a message of `~/decision` holds.
+"""One recorded decision: the only list of the entries of a `~/decision` message.
 
 Replay, audit, export, report and the live page all read decisions by this list. The keys are a
 contract with bags, layouts and other programs.
@@ -30,13 +30,13 @@ _MISSING: Final = object()
 
 
 class Entry(Generic[T]):
-    """One entry of a decision's message, read where it is asked for.
+    """One entry of a decision's message, parsed when it is read.
 
     Args:
-        parse: Makes a value of its text.
+        parse: Converts its text to a value.
         unit: Unit, empty where there is none.
-        key: Its key in the message, where that is not its name.
-        default: Value where the message has no such key; every decision has it when absent.
+        key: Its key in the message, if that is not its name.
+        default: Value if the message has no such key; every decision has it when absent.
     """
 
     name: str
@@ -112,13 +112,13 @@ def entries_of(status: Any) -> dict[str, str]:
 class DecisionRecord:
     """One decision, with everything that was published on it.
 
-    What each entry means is in `cmpsp_ros.guidance.decision.Decision`.
+    The entries are explained in `cmpsp_ros.guidance.decision.Decision`.
 
     Attributes:
         source: Bag and topic, for errors.
-        received: When it was received [ns].
-        reason: Its sentence.
-        entries: Everything else in its message, as text by key.
+        received: Time of reception [ns].
+        reason: Its reason, in words.
+        entries: All other entries of its message, as text by key.
         command: Speed and turn rate on the command's topic [m/s, rad/s]; None where not recorded.
         path: The predicted path; None where not recorded.
     """
@@ -145,6 +145,9 @@ class DecisionRecord:
     active_rows = Entry(int)
     failures = Entry(int)
     wheel_slip = Entry(float, default=0.0)
+    wheel_lag = Entry(float, 's', default=0.0)
+    wheel_lag_min = Entry(float, 's', default=0.0)
+    wheel_lag_max = Entry(float, 's', default=0.0)
     finished = Entry(truth)
     missed = Entry(truth, default=False)
     _halted = Entry(truth, key='halted', default=None)
@@ -194,7 +197,7 @@ class DecisionRecord:
 
     @property
     def goal(self) -> Goal | None:
-        """What it drives to, where it says so."""
+        """The goal of the decision, if it has one."""
         if self.goal_name is None:
             return None
         position = self.goal_x, self.goal_y

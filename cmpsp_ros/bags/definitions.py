@@ -1,4 +1,4 @@
-"""Message types of a bag: those of ROS 2 Jazzy, and what the bag itself defines."""
+"""Message types of a bag: those of ROS 2 Jazzy, and those that the bag defines."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def jazzy() -> Typestore:
 
 
 def types_of(connection: Connection) -> Typestore:
-    """Find what reads the messages of a topic.
+    """The deserialiser for the messages of a topic.
 
-    A definition in the bag is parsed only where it differs from the one known here.
+    A definition in the bag is parsed only if it differs from the one known here.
 
     Raises:
-        ReaderError: There is no definition, or none that is read.
-        Exception: Whatever rosbags' parser meets in a definition that is damaged.
+        ReaderError: There is no definition, or an unsupported one.
+        Exception: Any error of rosbags' parser on a damaged definition.
     """
     if _is_known(connection):
         return jazzy()

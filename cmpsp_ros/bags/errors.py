@@ -1,4 +1,4 @@
-"""The errors of this room."""
+"""Errors of this package."""
 
 
 class BagError(Exception):

@@ -1,4 +1,4 @@
-"""Values of parameters as messages hold them."""
+"""Conversion of parameter values to and from messages."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FIELDS = (
 
 
 def plain_values(parameters: Iterable[Any]) -> dict[str, Any]:
-    """Values by name of messages `rcl_interfaces/msg/Parameter`; None where one has none."""
+    """Values by name from messages `rcl_interfaces/msg/Parameter`; None if not set."""
     return {each.name: _plain(each.value) for each in parameters}
 
 

@@ -1,4 +1,4 @@
-"""Reading bags, ours and those of `ros2 bag`, within bounds."""
+"""Reading bags, ours and those of `ros2 bag`, with bounded memory."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _TELLS_PARAMETERS = 'rcl_interfaces/msg/ParameterEvent'
 
 @dataclass(frozen=True)
 class BagTopic:
-    """What a bag says about one of its topics.
+    """A topic of a bag.
 
     Attributes:
         msgtype: Type, as in `nav_msgs/msg/Odometry`.
@@ -53,11 +53,11 @@ class BagTopic:
 
 
 class Bag:
-    """A bag opened for reading; a context manager, closed at the end of its block.
+    """A bag opened for reading; a context manager that closes it.
 
-    Nothing in a bag is trusted: whatever is wrong with it becomes a `BagError`, and memory and
-    time are bounded by the size of its files (see `cmpsp_ros.bags.storage.limits`). Messages are
-    read as they are asked for, never all at once.
+    Bags are untrusted input: every fault in one becomes a `BagError`, and memory and time are
+    bounded by the size of its files (see `cmpsp_ros.bags.storage.limits`). Messages are read on
+    demand, never all at once.
 
     Args:
         path: Folder with a `metadata.yaml`, or a single mcap or sqlite3 file.
@@ -67,14 +67,13 @@ class Bag:
         topics: By full name.
         start: Stamp of the first message [ns], 0 when there is none.
         end: Stamp of the last message [ns], 0 when there is none.
-        parameters: Parameters kept with the bag, `{node: {name: value}}`, as they were before the
-            first change in `/parameter_events`; from `~/parameters` where another program wrote the
-            bag, else empty.
-            A parameter is missing when it was changed before the recorder could learn its value.
-        restarts: By node, when it was started anew with other parameters [ns], and these; in order
-            of time.
+        parameters: Parameters kept with the bag, `{node: {name: value}}`, before the first change
+            in `/parameter_events`; from `~/parameters` if another program wrote the bag, else
+            empty. A parameter is missing if it was changed before the recorder learnt its value.
+        restarts: By node, the times of restarts with other parameters [ns], and these parameters;
+            in order of time.
         version: Version of this package that wrote the bag; empty when another program did.
-        software: Versions of what else was installed where the bag was written, by name.
+        software: Versions of the other software installed where the bag was written, by name.
 
     Raises:
         BagError: No such path, not a bag, cut off, being written, or damaged.
@@ -203,7 +202,7 @@ class Bag:
             self._read_parameters()
 
     def _read_parameters(self) -> None:
-        """Take parameters from where nodes tell them, for who records without asking."""
+        """Read parameters from `~/parameters`, if the recorder did not request them."""
         for topic, about in self.topics.items():
             if about.msgtype != _TELLS_PARAMETERS or not topic.endswith('/parameters'):
                 continue

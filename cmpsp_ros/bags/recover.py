@@ -1,4 +1,4 @@
-"""A whole bag out of what a killed process or a loss of power left behind."""
+"""A valid bag from the files of a killed process or after a loss of power."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SUFFIXES = ('.mcap', '.db3')
 
 @dataclass(frozen=True)
 class Recovery:
-    """What has been recovered.
+    """Result of a recovery.
 
     Attributes:
         path: The new bag.
@@ -39,11 +39,11 @@ class Recovery:
 
 
 def recover(path: Path, output: Path | None = None) -> Recovery:
-    """Write a whole bag of what can still be read of another; the other stays as it is.
+    """Write a valid bag from the readable parts of another, which is not changed.
 
     Args:
         path: Folder of the bag, with or without its metadata, or one storage file.
-        output: Folder of the new bag; beside the other, its name with `_recovered`, when absent.
+        output: Folder of the new bag; when absent, beside the other, its name with `_recovered`.
 
     Raises:
         BagError: Not a bag, being written, nothing in it can be read, or the disk refuses.

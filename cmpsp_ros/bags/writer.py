@@ -1,4 +1,4 @@
-"""Writing bags that stay readable however the writing ends."""
+"""Writing bags that stay readable if the writing is interrupted."""
 
 from __future__ import annotations
 
@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 class BagWriter:
     """A new bag: metadata version 9, ROS 2 Jazzy message definitions.
 
-    As a context manager it closes the bag on every way out of the block, `KeyboardInterrupt`
-    included. Not thread-safe.
+    As a context manager it always closes the bag, also after `KeyboardInterrupt`. Not thread-safe.
 
     Args:
         path: Folder of the bag; must not exist, missing parents are made.

@@ -1,7 +1,8 @@
 """The `cmpsp` command: arguments in, exit code out.
 
-A command is a function of a module of this folder; its signature and docstring are its options and
-its help. What it does is in the rooms below, imported when it is called: `--help` is to be quick.
+A command is a function in a module of this folder; its signature and docstring are its options and
+its help. The modules that do the work are imported when it is called, because `--help` must be
+fast.
 """
 
 from __future__ import annotations

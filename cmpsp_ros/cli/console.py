@@ -1,4 +1,4 @@
-"""What commands say: findings to standard output, what is wrong in red to standard error."""
+"""Output of commands: results to standard output, errors in red to standard error."""
 
 from __future__ import annotations
 

@@ -42,17 +42,17 @@ def demo(
     ] = None,
     assignments: Assignments = None,
     view: Annotated[
-        bool, typer.Option('--view', help='Show the run on a page for a browser, while it lasts.')
+        bool, typer.Option('--view', help='Show the run live on a page for a browser.')
     ] = False,
-    port: Annotated[int, typer.Option(min=1, max=65535, help='Of that page.')] = 8765,
+    port: Annotated[int, typer.Option(min=1, max=65535, help='Port of that page.')] = 8765,
     force: Annotated[
         bool, typer.Option('--force', help='Replace an earlier run in the output folder.')
     ] = False,
 ) -> None:
     """Drive one run with real nodes, record it, and draw it.
 
-    A file with a section for each of several robots drives them all at once. Exit code 0 only if
-    the goal was reached within its tolerance, by every robot, and the path driven is clear.
+    A file with sections for several robots drives them all together. Exit code 0 only if every
+    robot reached its goal within the tolerance, and the driven path is clear.
     """
     from cmpsp_ros.parameters.presets import robots_in  # noqa: PLC0415 (starts faster without)
 
@@ -107,7 +107,7 @@ def _say_remarks(scenario: Scenario) -> None:
 
 
 def _drive(scenario: Scenario, folder: Path, view_port: int | None) -> str:
-    """Run one robot and show what came of it; why that is no success, if it is none."""
+    """Run one robot and show the result; returns why it failed, or an empty text."""
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
@@ -131,7 +131,7 @@ def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None)
 
 @contextmanager
 def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
-    """Show how far a run has come, of so many seconds."""
+    """Show the progress of a run of `total` seconds."""
     from rich.progress import (  # noqa: PLC0415 (`--help` is quicker without)
         BarColumn,
         Progress,

@@ -1,4 +1,4 @@
-"""`cmpsp audit`, `report` and `export`: what is in a bag."""
+"""`cmpsp audit`, `film`, `report` and `export`: the contents of a bag."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cmpsp_ros.parameters.errors import ParameterError
 def audit(
     bag: Annotated[Path, typer.Argument(help='Bag, of our nodes or of any robot.')],
     junit: Annotated[
-        Path | None, typer.Option(metavar='FILE', help='Write JUnit XML, for CI, as well.')
+        Path | None, typer.Option(metavar='FILE', help='Also write JUnit XML, for CI.')
     ] = None,
     odom: Odom = None,
     cmd_vel: CmdVel = None,
@@ -25,9 +25,9 @@ def audit(
 ) -> None:
     """Check a drive: road, limits, goal, timing and fallback levels.
 
-    The odometry and the parameters are all that it is judged by.
+    Only odometry and parameters are used.
 
-    Exit code 0 if nothing is wrong, 1 if something is, 2 if the bag cannot be audited.
+    Exit code 0 without a fault, 1 with one, 2 if the bag cannot be audited.
     """
     from cmpsp_ros.bags import audit as auditing  # noqa: PLC0415 (starts faster without)
 
@@ -48,16 +48,16 @@ def audit(
 def film(
     bag: Annotated[Path, typer.Argument(help='Bag of one run.')],
     output: Annotated[
-        Path, typer.Option(metavar='FILE', help='New picture: .png, or .gif that moves.')
+        Path, typer.Option(metavar='FILE', help='New picture: .png, or an animated .gif.')
     ] = Path('film.gif'),
     at: Annotated[
         list[float] | None,
         typer.Option(metavar='SECONDS', help='Time of a frame; may be repeated.'),
     ] = None,
 ) -> None:
-    """Show a run as a camera behind the robot would have seen it.
+    """Show a run from a camera behind the robot.
 
-    MuJoCo draws it.
+    It is drawn by MuJoCo.
 
     Exit code 2 if the bag cannot be used, or nothing can be drawn.
     """
@@ -71,7 +71,7 @@ def film(
 def report(
     bags: Annotated[list[Path], typer.Argument(metavar='BAG...', help='Bags to show together.')],
     output: Annotated[
-        Path, typer.Option(metavar='FILE.html', help='New page; a PNG is put beside it.')
+        Path, typer.Option(metavar='FILE.html', help='New page; a PNG is written beside it.')
     ] = Path('report.html'),
     odom: Odom = None,
     cmd_vel: CmdVel = None,
@@ -102,9 +102,9 @@ def export(
         Literal['csv', 'parquet'], typer.Option('--format', help='Format of the tables.')
     ] = 'csv',
 ) -> None:
-    """Write what a bag has as tables with units.
+    """Write the contents of a bag as tables with units.
 
-    These are odometry, commands, wheel speeds, decisions and plans.
+    Odometry, commands, wheel speeds, decisions, plans, goals, roads and moving obstacles.
 
     Exit code 2 if the bag cannot be used.
     """

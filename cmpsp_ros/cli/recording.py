@@ -32,7 +32,8 @@ def record(
         float, typer.Option(min=0.0, metavar='MB', help='Size at which a new file is begun.')
     ] = 0.0,
     split_duration: Annotated[
-        float, typer.Option(min=0.0, metavar='SECONDS', help='Time after which one is begun.')
+        float,
+        typer.Option(min=0.0, metavar='SECONDS', help='Duration after which a new file is begun.'),
     ] = 0.0,
     use_sim_time: Annotated[
         bool, typer.Option('--use-sim-time', help='Stamp messages with the simulated time.')
@@ -40,9 +41,9 @@ def record(
 ) -> None:
     """Record a running system until SIGINT or SIGTERM.
 
-    Without other wishes these are the topics of guidance and sim.
-    Parameters of all nodes, QoS profiles and software versions go into the bag as well, and
-    /clock and /parameter_events in any case. Exit code 2 if recording ended by itself.
+    By default it records the topics of guidance and sim. The bag always includes /clock,
+    /parameter_events, the parameters of all nodes, QoS profiles and software versions. Exit code 2
+    if recording ended by itself.
     """
     folder = output or Path('bags') / time.strftime('%Y-%m-%d_%H-%M-%S')
     if problem := _unrecordable(folder, storage, compression, topics, everything=everything):
@@ -52,7 +53,7 @@ def record(
 
     parameters = {
         'output': str(folder),
-        # ROS cannot tell of what an empty list is one.
+        # ROS does not know the type of an empty list.
         **({'topics': topics} if topics else {}),
         'own_topics': not (topics or everything),
         'storage': storage,
@@ -71,9 +72,9 @@ def recover(
         Path | None, typer.Option(help='New folder; <BAG>_recovered when absent.')
     ] = None,
 ) -> None:
-    """Make a whole bag of one whose recorder was killed.
+    """Make a valid bag from one whose recorder was killed.
 
-    The other stays as it is.
+    The damaged bag is not changed.
 
     Exit code 2 if nothing in it can be read.
     """
@@ -90,16 +91,16 @@ def recover(
 def play(
     bag: Annotated[Path, typer.Argument(help='Any bag.')],
     rate: Annotated[
-        float, typer.Option(min=1e-3, max=1e3, help='How fast, 1 being as it was.')
+        float, typer.Option(min=1e-3, max=1e3, help='Factor on the recorded speed.')
     ] = 1.0,
     start_offset: Annotated[
         float, typer.Option(min=0.0, metavar='SECONDS', help='Where to begin in the recording.')
     ] = 0.0,
     duration: Annotated[
         float | None,
-        typer.Option(min=0.0, metavar='SECONDS', help='How much of it; all when absent.'),
+        typer.Option(min=0.0, metavar='SECONDS', help='Length to play; all when absent.'),
     ] = None,
-    loop: Annotated[bool, typer.Option('--loop', help='Begin again at the end.')] = False,
+    loop: Annotated[bool, typer.Option('--loop', help='Repeat it.')] = False,
     paused: Annotated[
         bool, typer.Option('--paused', help='Wait for the space key, or the service ~/resume.')
     ] = False,
@@ -120,7 +121,7 @@ def play(
 ) -> None:
     """Publish recorded topics to live nodes, with /clock.
 
-    The space key pauses. For live nodes with use_sim_time. To try a guidance node on recorded
+    The live nodes need use_sim_time. The space key pauses. To test a guidance node on recorded
     odometry: --topics /odom
     """
     from cmpsp_ros.nodes.playback import player  # noqa: PLC0415 (needs ROS)
@@ -138,7 +139,7 @@ def play(
 def _unrecordable(
     folder: Path, storage: str, compression: str, topics: list[str] | None, *, everything: bool
 ) -> str:
-    """Why an order cannot be recorded; empty when it can."""
+    """Why this cannot be recorded; empty if it can."""
     if folder.exists():
         return f'{folder}: exists already, a new bag needs a path that does not exist'
     if storage != 'mcap' and compression != 'none':

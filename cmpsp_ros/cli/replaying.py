@@ -1,4 +1,4 @@
-"""`cmpsp replay`: what the guidance law of a bag said, or what another would have said."""
+"""`cmpsp replay`: the decisions of a bag again, or those of a changed law."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def replay(
     tolerance: Annotated[
         float | None,
         typer.Option(
-            min=0.0, metavar='REL', help='For bags of another machine: how far floats may differ.'
+            min=0.0, metavar='REL', help='Tolerance of floats, for bags of another machine.'
         ),
     ] = None,
     assignments: Assignments = None,
@@ -36,7 +36,7 @@ def replay(
     """Decide again on recorded odometry, and compare the decisions.
 
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
-    --params-file it shows what a changed guidance law would have said instead.
+    --params-file it shows what a changed guidance law decides instead.
     """
     from cmpsp_ros.bags.replay.recording import Names  # noqa: PLC0415 (starts faster without)
 
@@ -56,7 +56,7 @@ def replay(
 def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
-    """Show what a changed guidance law would have said."""
+    """Show what a changed guidance law decides."""
     from cmpsp_ros.bags.replay.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.bags.replay.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
     from cmpsp_ros.parameters.presets import (  # noqa: PLC0415 (starts faster without)

@@ -1,4 +1,4 @@
-"""`cmpsp bench`, `paper`, `study` and `warmup`: what needs no bag."""
+"""`cmpsp bench`, `paper`, `study` and `warmup`: commands without a bag."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cmpsp_ros.parameters.errors import ParameterError
 def bench(context: typer.Context) -> None:
     """Time control steps, alone and beside other solvers; from a clone of the repository.
 
-    Exit code 1 where there is none.
+    Exit code 1 without a clone.
     """
     root = Path(__file__).parents[2]
     if not (root / 'benchmarks' / '__main__.py').is_file():
@@ -40,11 +40,11 @@ def paper(
         typer.Option(metavar='NAME', help='One figure or table, such as fig5; may be repeated.'),
     ] = None,
     judge: Annotated[
-        bool, typer.Option('--judge', help='Let CasADi and IPOPT find the optima as well.')
+        bool, typer.Option('--judge', help='Also find the optima with IPOPT (CasADi).')
     ] = False,
     starts: Annotated[
         bool,
-        typer.Option('--starts', help='Instead, drive its starts with the law as it is here.'),
+        typer.Option('--starts', help='Instead, drive its starts with the default settings.'),
     ] = False,
 ) -> None:
     """Draw every figure and check every claim of the paper.
@@ -69,10 +69,12 @@ def paper(
 def study(
     name: Annotated[
         str,
-        typer.Argument(metavar='NAME', help='nominal, disturbed, realtime, corridors or floor.'),
+        typer.Argument(
+            metavar='NAME', help='nominal, disturbed, realtime, heavy, corridors or floor.'
+        ),
     ],
-    runs: Annotated[int, typer.Option(min=1, help='How many: those numbered from 0 on.')] = 200,
-    seed: Annotated[int, typer.Option(min=0, help='Of all starts, obstacles and noise.')] = 1,
+    runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,
+    seed: Annotated[int, typer.Option(min=0, help='Seed of all starts, obstacles and noise.')] = 1,
     workers: Annotated[int, typer.Option(min=1, help='Processes that share the runs.')] = 1,
     scheduler: Annotated[
         str,
@@ -80,29 +82,29 @@ def study(
     ] = '',
     output: Annotated[
         Path | None,
-        typer.Option(help='New folder, or one to go on with; without: study_NAME.'),
+        typer.Option(help='New folder, or one to continue; study_NAME when absent.'),
     ] = None,
     judge: Annotated[
-        bool, typer.Option('--judge', help='Ask CasADi and IPOPT about each run that failed.')
+        bool, typer.Option('--judge', help='Solve each failed run with IPOPT (CasADi).')
     ] = False,
     only: Annotated[
         int | None,
-        typer.Option('--run', min=0, metavar='NUMBER', help='Instead, one run again, drawn.'),
+        typer.Option('--run', min=0, metavar='NUMBER', help='Instead, repeat and draw one run.'),
     ] = None,
-    obstacles: Annotated[int, typer.Option(min=0, max=6, help='Most in one run.')] = 4,
+    obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
     assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count what happens.
 
     No ROS is needed. After an interruption the same command continues.
     """
-    from cmpsp_ros.studies import monte_carlo as room  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = room.Study(name, seed, obstacles, tuple(assignments or ()))
+    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()))
     folder = output or Path(f'study_{name}')
-    with exit_on(room.StudyError, ParameterError, code=1):
+    with exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:
-            outcome, changes, picture = room.run_one(chosen, only, folder)
+            outcome, changes, picture = monte_carlo.run_one(chosen, only, folder)
             say('\n'.join(changes))
             verdict = outcome.verdict(chosen.tolerance)
             say(f'{verdict}: miss {outcome.miss:.3g} m, clearance {outcome.clearance:+.3f} m')
@@ -115,12 +117,12 @@ def study(
                     task = bar.add_task(part, total=pieces)
                     return lambda count: bar.advance(task, count)
 
-                order = room.Order(chosen, runs, folder, workers, scheduler, judge)
-                values = room.run(order, progress)
+                order = monte_carlo.Order(chosen, runs, folder, workers, scheduler, judge)
+                values = monte_carlo.run(order, progress)
         except KeyboardInterrupt:
             complain(f'{folder}: interrupted; the same command goes on')
             raise typer.Exit(130) from None
-    for table in room.tables(values):
+    for table in monte_carlo.tables(values):
         console().print(table)
     say(f'{folder}: summary, every run and pictures')
 
@@ -131,9 +133,9 @@ def warmup(
         typer.Argument(metavar='PRESET', help='Presets, or parameter files; none: everything.'),
     ] = None,
 ) -> None:
-    """Compile what nodes and commands run, so that each starts at once.
+    """Compile the kernels of nodes and commands, so they start at once.
 
-    Exit code 1 only if there is no folder to keep it in.
+    Exit code 1 only if there is no folder for the cache.
     """
     from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
@@ -162,7 +164,7 @@ def warmup(
 def _starts(*, judge: bool) -> None:
     """Drive from every guess and heading of the paper's tables, with the defaults."""
     from cmpsp_ros.studies.paper import StudyError  # noqa: PLC0415 (plots, kernels)
-    from cmpsp_ros.studies.paper import starts as room  # noqa: PLC0415 (plots, kernels)
+    from cmpsp_ros.studies.paper import starts as paper_starts  # noqa: PLC0415 (plots, kernels)
 
     with exit_on(StudyError, code=1), progress_bar() as bar:
         task = bar.add_task('starts')
@@ -170,5 +172,5 @@ def _starts(*, judge: bool) -> None:
         def progress(label: str, count: int) -> None:
             bar.update(task, advance=1, total=count, description=label)
 
-        table = room.run(progress, compare=judge)
+        table = paper_starts.run(progress, compare=judge)
     console().print(table)

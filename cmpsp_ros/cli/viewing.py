@@ -8,15 +8,15 @@ import typer
 
 
 def view(
-    namespace: Annotated[str, typer.Option(help='Of the nodes to show, as in /r1.')] = '',
-    port: Annotated[int, typer.Option(min=0, max=65535, help='Of the page; 0: any.')] = 8765,
+    namespace: Annotated[str, typer.Option(help='Namespace of the nodes, as in /r1.')] = '',
+    port: Annotated[int, typer.Option(min=0, max=65535, help='Port of the page; 0: any.')] = 8765,
     host: Annotated[
-        str, typer.Option(help='Address to listen on; on another than this a token is asked for.')
+        str, typer.Option(help='Address to listen on; any other requires a token.')
     ] = '127.0.0.1',
 ) -> None:
     """Show a running system on a page for a browser.
 
-    It is live, offline, and lasts until SIGINT or SIGTERM.
+    The page is live and works offline. Ends with SIGINT or SIGTERM.
 
     Exit code 2 if the page cannot be served.
     """

@@ -1,1 +1,1 @@
-"""One run from start to pictures: the nodes as processes, watched, recorded and summed up."""
+"""One run, from parameters to pictures: the nodes as processes, monitored, recorded, summarised."""

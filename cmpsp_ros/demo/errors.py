@@ -1,5 +1,5 @@
-"""The error of this room."""
+"""The error of this package."""
 
 
 class DemoError(RuntimeError):
-    """A run that could not be made or came to no end; the message says why."""
+    """A run could not be started or did not end; the message says why."""

@@ -1,4 +1,4 @@
-"""Several robots at once: each with its own simulator and guidance, all in one bag."""
+"""Several robots: each with its own simulator and guidance, all in one bag."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from cmpsp_ros.parameters.presets import write_fleet_file
 
 @dataclass(frozen=True)
 class Robot:
-    """What the run of one robot of several came to.
+    """Result of the run of one robot of several.
 
     Attributes:
         namespace: Of the robot.
         summary: Figures of its run.
-        apart: Least distance of its footprint from any other robot's until its final time, between
-            samples too [m].
+        apart: Least distance of its footprint from any other robot's until its final time, also
+            between samples [m].
     """
 
     namespace: str
@@ -36,7 +36,7 @@ class Robot:
 
     @property
     def failure(self) -> str:
-        """Why its run is no success, in words; empty where it is one."""
+        """Why its run failed, in words; empty if it did not."""
         touched = f'it touched another by {-self.apart:.3g} m' if self.apart < 0.0 else ''
         return ' and '.join(filter(None, [self.summary.failure, touched]))
 
@@ -52,8 +52,8 @@ def load_fleet(
     """Load the scenario of each robot in a file, as from `load_scenario`, and check the whole.
 
     Raises:
-        ParameterError: A key or value is wrong, robots stand too near to each other, or simulated
-            time is asked for, which several simulators do not share.
+        ParameterError: A key or value is wrong, robots start too close to each other, or simulated
+            time is requested, which several simulators do not share.
     """
     fleet = tuple(
         load_scenario(preset, assignments, lockstep=lockstep, robot=robot, namespace=each)

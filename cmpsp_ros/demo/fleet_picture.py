@@ -1,4 +1,4 @@
-"""Picture of a run of several robots: their paths, and where they were nearest to each other."""
+"""Picture of a run of several robots: their paths, and their closest approach."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _draw_robot(axes: Axes, driven: Driven, stamp: int, radius: float, color: Ar
 
 
 def _nearest(paths: Sequence[Driven]) -> int | None:
-    """When two of several robots were nearest to each other [ns]; None where they never met."""
+    """Time of the closest approach of any two robots [ns]; None if there is none."""
     begin = max(int(each.stamps[0]) for each in paths)
     end = min(int(each.stamps[-1]) for each in paths)
     stamps = range(begin, end, _GRID)

@@ -1,4 +1,4 @@
-"""The folder that a run is kept in."""
+"""The folder of a run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pictures of a run: the path on its road, and the wheel speeds in time."""
+"""Pictures of a run: the path on its road, and the wheel speeds over time."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ _DRIVEN = 'black'
 
 
 def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
-    """Road, obstacles with the margin kept, the path driven and the plan at a few instants.
+    """Road, obstacles with the margin kept, the driven path and the plan at a few instants.
 
-    Moving obstacles are drawn where the robot came nearest to it.
+    Moving obstacles are drawn at the robot's closest approach.
     """
     first, last = window(run, settings)
     part = run.driven.between(first, last)
@@ -79,7 +79,7 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
 
 
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
-    """The way of what moved, and where it was when the robot came nearest, between two instants."""
+    """The path of a moving obstacle, and its position at the closest approach."""
     timeout = settings.moving_obstacles.timeout
     nearest: dict[str, tuple[float, int]] = {}
     for each in encounters(run.driven.between(first, last), run.tracks, 0.0, timeout):

@@ -1,4 +1,4 @@
-"""The nodes of a run as operating-system processes on a domain of their own."""
+"""The nodes of a run as operating-system processes in their own ROS domain."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _prctl = ctypes.CDLL(None).prctl if sys.platform == 'linux' else None
 
 
 def use_free_domain() -> int:
-    """Choose a ROS domain nobody uses on this machine, and keep all traffic on loopback.
+    """Choose a ROS domain that is unused on this machine, and keep all traffic on loopback.
 
-    Where Fast DDS is not told otherwise, nodes that start at once find each other at once. The
-    choice is put into this process' environment, which its children inherit.
+    Unless Fast DDS is configured otherwise, nodes that start together discover each other at once.
+    The choice is set in this process' environment, which its children inherit.
 
     Raises:
         DemoError: All domains are taken.
@@ -73,7 +73,7 @@ def _first_port(domain: int) -> int:
 
 
 def _last_port(domain: int) -> int:
-    """Port of a domain that none of its participants comes to use."""
+    """A port of a domain that none of its participants uses."""
     return 7400 + 250 * domain + 249
 
 
@@ -82,9 +82,10 @@ class Child:
     """A node running as a process.
 
     Attributes:
-        name: Its program, of `cmpsp_ros.nodes.MODULES`, after the namespace where there is one.
+        name: Its program, of `cmpsp_ros.nodes.MODULES`, with the namespace before it if there is
+            one.
         process: The process.
-        log: File with everything it said.
+        log: File with its output.
     """
 
     name: str
@@ -99,8 +100,8 @@ class Child:
 
         Args:
             name: Its program, of `cmpsp_ros.nodes.MODULES`.
-            ros_arguments: What follows `--ros-args`.
-            folder: Where to put its log, in a folder of the robot's where it has a namespace.
+            ros_arguments: Arguments after `--ros-args`.
+            folder: Folder of its log, with a folder for each namespace.
             namespace: Of the node, as in `/r1`.
         """
         log = folder / namespace.strip('/') / f'{name}.log'
@@ -151,7 +152,7 @@ class Child:
 
 
 def stop_all(children: Iterable[Child]) -> None:
-    """Stop nodes one kind after another: all that were started last come first."""
+    """Stop nodes one kind after another, in the reverse order of their start."""
     started = reversed(list(children))
     for _, alike in groupby(started, key=lambda each: each.name.rpartition('/')[2]):
         kind = list(alike)
@@ -163,7 +164,7 @@ def stop_all(children: Iterable[Child]) -> None:
 
 @contextmanager
 def _interruptions_held() -> Iterator[None]:
-    """Let interruptions wait: one that comes while Python forks is printed and forgotten."""
+    """Defer interruptions: one that comes while Python forks is printed and lost."""
     held: list[int] = []
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = {each: signal.signal(each, lambda number, _: held.append(number)) for each in numbers}

@@ -1,4 +1,4 @@
-"""What is made of the bag of a run: figures and pictures."""
+"""Figures and pictures from the bag of a run."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""One run: start simulator, guidance and recorder, watch them, stop them, sum up.
+"""One run: start simulator, guidance and recorder, monitor and stop them, summarise.
 
-The nodes take a second to start: what watches them is imported after they were started, and what
-sums up while they get ready.
+The nodes take a second to start, so the modules that monitor them are imported after that, and
+those that summarise while the nodes get ready.
 """
 
 from __future__ import annotations
@@ -45,19 +45,19 @@ def run(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> Summary:
-    """Make one run and keep everything of it in a folder.
+    """Make one run and keep all its results in a folder.
 
     Args:
         scenario: What to run.
         folder: Existing folder for bag, pictures, figures and logs.
         progress: Called with the time of the run so far [s].
-        view_port: Port of a page that shows the run, live; without it there is none.
+        view_port: Port of a page that shows the run live; None: no page.
 
     Returns:
         Its figures; they are also in `summary.json`.
 
     Raises:
-        DemoError: A node failed, or the run came to no end.
+        DemoError: A node failed, or the run did not end.
         BagError: The recording does not cover the run.
     """
     write_parameter_file(folder / 'parameters.yaml', scenario.values)
@@ -74,12 +74,12 @@ def driven(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> Iterator[None]:
-    """Make a run of one robot or several at once; its bag is whole before the block begins.
+    """Make a run of one robot or several; its bag is complete when the block begins.
 
     The other nodes end during the block. Arguments as of `started` and `run`.
 
     Raises:
-        DemoError: A node failed, the run came to no end, or not all of it was recorded.
+        DemoError: A node failed, the run did not end, or not all of it was recorded.
     """
 
     def tell(robot: Scenario, seen: Seen) -> None:
@@ -107,10 +107,9 @@ def started(
     """Start and configure the nodes of one robot or several; all are stopped at the end.
 
     Args:
-        robots: What to run, each in its namespace; of several each has one.
+        robots: Their scenarios; several robots have a namespace each.
         folder: Existing folder with the file `parameters.yaml`, for bag and logs.
-        view_port: Port of a page that shows the run, live, of several robots the first; without it
-            there is none.
+        view_port: Port of a page that shows the first robot live; None: no page.
         record: Whether there is a bag.
 
     Raises:
@@ -136,7 +135,7 @@ def started(
 def _nodes(
     robots: Sequence[Scenario], folder: Path, view_port: int | None, *, record: bool
 ) -> Iterator[tuple[str, list[str], str]]:
-    """Modules of the nodes to start, in order, what follows `--ros-args`, and the namespace."""
+    """Modules of the nodes in the order of their start, their ROS arguments, and the namespace."""
     clock = f'use_sim_time:={str(bool(robots[0].values["publish_clock"])).lower()}'
     parameters = str(folder / 'parameters.yaml')
     if view_port is not None:
@@ -197,11 +196,10 @@ def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
 def _wait_for_the_end(
     observer: Observer, children: Sequence[Child], robots: Sequence[Scenario]
 ) -> None:
-    """Wait until every decision that was heard is in the bag, its command, and what led to it.
+    """Wait until every decision received is in the bag, with its command and inputs.
 
-    What a busy machine has lost on the way the middleware sends again only after seconds. The
-    simulator goes on: once something that it publishes from now on is in the bag, so is all that it
-    published before.
+    On a busy machine the middleware resends lost messages only after seconds. The simulator
+    continues: once a message that it publishes from now on is in the bag, all earlier ones are.
     """
     now = time.time_ns()
     decided = {
@@ -216,7 +214,7 @@ def _wait_for_the_end(
 def _wait_for_bag(
     observer: Observer, children: Sequence[Child], wanted: Mapping[str, Written]
 ) -> None:
-    """Wait until the bag has as many messages of each topic, and none older than these."""
+    """Wait until the bag has this number of messages of each topic, and none older."""
     end = time.monotonic() + _DELIVERY_TIMEOUT
     while True:
         for child in children:

@@ -1,4 +1,4 @@
-"""What a demo is asked to run, checked before anything starts."""
+"""The scenario of a demo, checked before anything starts."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ class Scenario:
     Attributes:
         name: Preset, or file without its suffix, and the robot if one was chosen.
         values: Parameters of all nodes.
-        settings: The guidance law's part of them.
-        remarks: What the user should know before the run, in sentences.
-        namespace: Of the robot, as in `/r1`; empty where it is the only one.
+        settings: The guidance settings made of them.
+        remarks: Warnings for the user before the run, in sentences.
+        namespace: Of the robot, as in `/r1`; empty for a single robot.
     """
 
     name: str
@@ -64,13 +64,14 @@ def load_scenario(
     Args:
         preset: Name of a preset, or path of a parameter file.
         assignments: Changes, each as `key=value`.
-        lockstep: Whether to run in lockstep whatever the file says.
-        robot: Name of a robot, or path of its file, to be laid over the preset. A final time that
-            is too short for it is made longer, unless an assignment says it.
-        namespace: Of the robot that is meant where the file has several.
+        lockstep: Whether to run in lockstep, overriding the file.
+        robot: Name of a robot, or path of its file, applied on top of the preset. A final time that
+            is too short for it is increased, unless an assignment sets it.
+        namespace: Of the robot, if the file has several.
 
     Raises:
-        ParameterError: A key or value is wrong; names the key, what was found and what is wanted.
+        ParameterError: A key or value is wrong; names the key, what was found and what was
+            expected.
     """
     changes = dict(parse_assignment(each) for each in assignments)
     given = load_parameter_file(preset, namespace=namespace or None)

@@ -1,4 +1,4 @@
-"""What a run came to, in figures."""
+"""Figures of a run."""
 
 from __future__ import annotations
 
@@ -31,20 +31,19 @@ class Summary:
 
     Attributes:
         preset: Name of the preset or parameter file.
-        reached: Whether every goal was passed within its tolerances at its time; where a road is
-            followed, whether that was done at the speed asked for.
-        miss: Distance from the goal at the final time [m]; None where a road is followed.
-        clearance: Least clearance of the path driven, between samples too, from road edges and
-            obstacles, and while the robot moves from those that move, the robot's own radius taken
-            off [m].
+        reached: Whether every goal was passed within its tolerances at its time; for a followed
+            road, whether the mean speed was reached.
+        miss: Distance from the goal at the final time [m]; None for a followed road.
+        clearance: Least clearance of the driven path, also between samples, from road edges and
+            obstacles, and while the robot moves from moving obstacles, less the robot's radius [m].
         max_wheel_speed: Largest wheel speed driven [rad/s].
-        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None where
-            they were not measured.
+        step_times: Median, 99th percentile and maximum from odometry to command [ms]; None if not
+            measured.
         deadline_misses: Control steps that took longer than the control period.
         levels: Control steps at each fallback level.
         control_steps: Number of control steps.
-        passings: How each goal was passed, in order, where there is more to it than one point.
-        speed: Mean speed along a road that is followed [m/s].
+        passings: How each goal was passed, in order, if there is more than one point to pass.
+        speed: Mean speed along a followed road [m/s].
         reason: Of the first step at the worst fallback level; empty where all were nominal.
     """
 
@@ -63,7 +62,7 @@ class Summary:
 
     @property
     def failure(self) -> str:
-        """Why the run is no success, in words; empty where it is one."""
+        """Why the run failed, in words; empty if it did not."""
         reasons = []
         if not self.reached and self.speed is not None:
             reasons.append(f'the road was followed at {self.speed:.3g} m/s')

@@ -89,6 +89,8 @@ class Decision(NamedTuple):
         active_rows: Constraints active in the last of them.
         failures: Failed control steps in a row, this one included.
         wheel_slip: Wheel-slip ratio that is estimated and compensated.
+        wheel_lag: Lag of the wheels that is compensated, the least possible and the longest [s];
+            None where none is considered.
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
@@ -124,6 +126,7 @@ class Decision(NamedTuple):
     active_rows: int = 0
     failures: int = 0
     wheel_slip: float = 0.0
+    wheel_lag: tuple[float, float, float] | None = None
     finished: bool = False
     missed: bool = False
     halted: bool = False

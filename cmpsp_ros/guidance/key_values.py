@@ -52,6 +52,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'active_rows': decision.active_rows,
         'failures': decision.failures,
         **({'wheel_slip': decision.wheel_slip} if decision.wheel_slip > 0.0 else {}),
+        **_of_lag(decision),
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,
@@ -66,6 +67,11 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
     return {key: exact_repr(value) for key, value in values.items()}
+
+
+def _of_lag(decision: Decision) -> dict[str, object]:
+    keys = 'wheel_lag', 'wheel_lag_min', 'wheel_lag_max'
+    return dict(zip(keys, decision.wheel_lag or (), strict=False))
 
 
 def _of_goal(decision: Decision) -> dict[str, object]:

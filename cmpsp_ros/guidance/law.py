@@ -29,8 +29,7 @@ from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.acceleration import NO_RAMP
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.roads.arc_length import arc_length_to, project_on_path
+from cmpsp_ros.world.roads.arc_length import arc_length_to
 
 Array = NDArray[np.float64]
 
@@ -78,6 +77,8 @@ class GuidanceLaw:
         self._configure(settings)
         state.goals.reconfigure(settings)
         state.use_slip(settings)
+        if settings.max_lag != before.max_lag:
+            state.lag.reconfigure(settings.max_lag)
         state.revision, state.idle_steps = state.revision + 1, 0
         state.closed_road = ClosedRoad()
         if settings.road != before.road:
@@ -107,11 +108,11 @@ class GuidanceLaw:
         state.start = stamp if state.start is None else state.start
         now = state.now = stamp - state.start
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
-        if state.end_period(settings, stamp, pose):
+        if state.end_period(settings, stamp, pose, self._delay):
             self._selector.restart()
-        state.advance_wheels(settings, stamp)
-        start, pending = self._predict(stamp, pose, moving)
-        here = PlanStart(pose, state.robot, moving, state.progress)
+        here, start = state.predict(settings.road, stamp, pose, moving, self._delay)
+        given = state.pending.until(stamp, self._delay)
+        pending = self._audit.check_pending(here, *given) if len(given[1]) else None
         ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
@@ -121,7 +122,7 @@ class GuidanceLaw:
         horizon, too_late = self._final_time.horizon(state)
         halvings = state.lateness.halvings
         context = PlanningContext(
-            settings, start, goals.target, horizon, state.plan, pending, halvings
+            settings, start, goals.target, horizon, state.plan, pending, halvings, state.delay
         )
         if too_late:
             decision = self._final_time.go_on(state, stamp, pose, context)
@@ -130,7 +131,7 @@ class GuidanceLaw:
             if late and not has_new_goal and state.plan is not None:
                 decision = self._follow_late_plan(stamp, pose, context, late)
             else:
-                decision = self._decide(stamp, pose, context)
+                decision = self._decide(stamp, here, context)
         decision = self._late_commands.slowed(state, decision, here, start, ramp)
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
@@ -203,7 +204,7 @@ class GuidanceLaw:
         """
         state = self._state
         self._drop_plan()
-        state.slip.lose()
+        state.lose_period()
         state.due = 0 if state.start is None else state.now + 1
         nowhere = np.full(3, math.nan)
         if not finished and not cancelled:
@@ -231,22 +232,6 @@ class GuidanceLaw:
         why = f'It took {took:.3g} s and was not sent, for it came too late.'
         return decision._replace(reason=f'{why} {decision.reason}', late=took)
 
-    def _predict(
-        self, stamp: int, pose: Array, moving: MovingDiscs
-    ) -> tuple[PlanStart, Verdict | None]:
-        """Where a plan begins, and the verdict on the path there, if there is one."""
-        state, road = self._state, self._settings.road
-        state.progress = project_on_path(road, pose, state.progress)
-        here = PlanStart(pose, state.robot, moving, state.progress, state.previous_control)
-        wheel_speeds, durations = state.pending.until(stamp, self._delay)
-        if not len(durations):
-            return here, None
-        pending = self._audit.check_pending(here, wheel_speeds, durations)
-        ahead = state.robot.roll_out(pose, wheel_speeds, durations)[-1]
-        progress = project_on_path(road, ahead, state.progress)
-        later = moving.after(float(durations.sum()))
-        return here._replace(pose=ahead, moving=later, progress=progress), pending
-
     def _turn(self, context: PlanningContext) -> Plan | None:
         """Begin towards another goal; with a plan where no road says how."""
         self._selector.forget()
@@ -254,11 +239,11 @@ class GuidanceLaw:
         if not self._state.goals.is_return:
             return None
         goal, start, horizon = context.goal, context.start, context.horizon
-        return return_to_goal(self._settings, goal, start, horizon, self._delay)
+        return return_to_goal(self._settings, goal, start, horizon, self._state.delay)
 
-    def _decide(self, stamp: int, pose: Array, context: PlanningContext) -> Decision:
+    def _decide(self, stamp: int, here: PlanStart, context: PlanningContext) -> Decision:
         """Select a plan, or fall back: to the previous plan shifted, or to a stop."""
-        state, start = self._state, context.start
+        state, start, pose = self._state, context.start, here.pose
         if state.plan is None and (reason := self._audit.why_no_start(pose)):
             return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         if state.tracker.new_obstacle_seen:
@@ -298,8 +283,9 @@ class GuidanceLaw:
         # It is improved as it is: what slows it down may be wrong about what it leads into.
         state.plan = plan
         self._drop_plan_after_failures()
-        wheels = state.slow_wheels
-        limited = self._approach.limited(plan, verdict, ahead, start, context.pending, wheels)
+        limited = self._approach.limited(
+            plan, verdict, ahead, start, context.pending, here, state.lag.possible
+        )
         if limited is None:
             why = 'The robot stops: if its wheels lag, no speed is clear.'
             return self._decisions.stop(
@@ -338,16 +324,17 @@ class GuidanceLaw:
 
     def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
         plan, start, horizon = self._state.plan, context.start, context.horizon
-        return self._fallback.shifted(plan, start, horizon, self._delay, context.pending)
+        return self._fallback.shifted(plan, start, horizon, self._state.delay, context.pending)
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state
-        state.advance_wheels(self._settings, decision.stamp)
+        state.lag.advance(decision.stamp, state.pending.latest, state.robot)
         state.pending.add(decision.stamp, decision.wheel_speeds)
         state.commanded_at = decision.stamp
-        if state.used_slip == 0.0 and not tracks:
+        lag = state.lag.figures
+        if state.used_slip == 0.0 and not tracks and lag is None:
             return decision
-        return decision._replace(wheel_slip=state.used_slip, tracks=tracks)
+        return decision._replace(wheel_slip=state.used_slip, wheel_lag=lag, tracks=tracks)
 
     def _drop_plan(self) -> None:
         """Drop the plan, and all that was kept beside it."""

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.map_line import map_lengths, map_line
+from cmpsp_ros.world.inter_sample_margin import outside
+from cmpsp_ros.world.map_line import MapSearch
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.road import Road
@@ -23,9 +24,6 @@ GOAL: Final = 'goal'
 
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
-
-LAG_FRACTIONS: Final = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Of the longest lag, at which a command must be clear: a shorter one may lead elsewhere."""
 
 _FRACTION_OF_TOP_SPEED, _WITHOUT_LIMIT = 0.8, 1.0
 
@@ -216,11 +214,6 @@ class GuidanceSettings:
         return self.robot.max_wheel_acceleration * self.control_period
 
     @property
-    def lags(self) -> tuple[float, ...]:
-        """Time constants of the wheels for which a command must be clear, if they lag [s]."""
-        return tuple(fraction * self.max_lag for fraction in LAG_FRACTIONS)
-
-    @property
     def target(self) -> Target:
         """What a plan for the last goal alone is to meet at its end."""
         return Target(self.goal, self.goal_heading, is_line=self.follow is not None)
@@ -262,24 +255,14 @@ class GuidanceSettings:
         )
 
     @property
-    def has_map_line(self) -> bool:
-        """Whether a search on a map says which way leads to a goal: no road does."""
-        return not self.road.has_center_line and any(not each.corners for each in self.obstacles)
-
-    def map_line(self, start: Array, goal: tuple[float, float], spacing: float) -> Array:
-        """See `cmpsp_ros.world.map_line`; empty where no map says which way leads to a goal."""
-        if not self.has_map_line:
-            return np.empty((0, 2))
-        return map_line(self.obstacles, self.kept, start, goal, spacing)
-
-    def map_lengths(self, points: Array, goal: tuple[float, float]) -> Array:
-        """See `cmpsp_ros.world.map_line`."""
-        return map_lengths(self.obstacles, self.kept, points, goal)
-
-    def search_map(self, goal: tuple[float, float]) -> None:
-        """Search the map for the ways to a goal: it takes too long for a control step."""
-        if self.has_map_line:
-            self.map_lengths(np.array([goal]), goal)
+    def map_search(self) -> MapSearch | None:
+        """The search of a map for the way to a goal, where there is a map and no road says it."""
+        if self.road.has_center_line or all(each.corners for each in self.obstacles):
+            return None
+        wanted = self.kept
+        if self.safety.between_samples and math.isfinite(self.robot.max_wheel_speed):
+            wanted = outside(wanted, self.robot.twist_limits(), self.control_period)
+        return MapSearch(self.obstacles, wanted, self.kept / 2.0)
 
     @property
     def kept(self) -> float:

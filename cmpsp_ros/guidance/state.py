@@ -12,14 +12,19 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
+from cmpsp_ros.guidance.prediction.lag import LagEstimate
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.guidance.settings import LAG_FRACTIONS, GuidanceSettings
-from cmpsp_ros.robots.acceleration import NO_RAMP, with_lag
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.roads.arc_length import project_on_path
+from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
 
@@ -31,6 +36,7 @@ class LawState:
     Attributes:
         goals: Which goal is driven to.
         slip: Estimate of the wheel slip.
+        lag: Estimate of the lag of the wheels.
         robot: Kinematics, with that slip.
         used_slip: The slip that it has.
         run: How many runs there were before.
@@ -38,15 +44,13 @@ class LawState:
         start: Time stamp of the first odometry [ns]; None before it.
         now: Time of the last odometry since then [ns].
         due: When the next control step falls due [ns].
+        delay: From a command to its effect, with the lag that is estimated [ns].
         step: Control steps of this run so far.
         failures: Failed control steps in a row.
         idle_steps: Control steps that brought the goal no nearer, since one could reach it.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
         commanded_at: Time stamp that this command answers [ns].
-        slow_wheels: Wheel speeds by now, for each lag that they may have, shape ``(K, 2)``
-            [rad/s].
-        wheels_at: Time stamp of them [ns].
         ramp: Commands by which it can be stopped, audited; shape ``(K, 2)`` [rad/s].
         plan: The plan that is followed, if any.
         waiting: A plan that is improved while the robot waits.
@@ -60,6 +64,7 @@ class LawState:
 
     goals: GoalManager
     slip: SlipEstimate
+    lag: LagEstimate
     robot: DifferentialDrive
     used_slip: float
     run: int
@@ -67,14 +72,13 @@ class LawState:
     start: int | None = None
     now: int = 0
     due: int = 0
+    delay: int = 0
     step: int = 0
     failures: int = 0
     idle_steps: int = 0
     progress: float = math.nan
     previous_control: Array = field(default_factory=lambda: np.zeros(2))
     commanded_at: int = 0
-    slow_wheels: Array = field(default_factory=lambda: np.zeros((len(LAG_FRACTIONS), 2)))
-    wheels_at: int = 0
     ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
     waiting: Plan | None = None
@@ -91,7 +95,9 @@ class LawState:
         slip = SlipEstimate(settings.max_slip)
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
-        return cls(GoalManager(settings), slip, robot, used, run, revision)
+        return cls(
+            GoalManager(settings), slip, LagEstimate(settings.max_lag), robot, used, run, revision
+        )
 
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
@@ -114,18 +120,38 @@ class LawState:
         """Take back the last command, which was not sent since it took so long [s]."""
         # The ramp of the command before is forgotten.
         self.previous_control, self.ramp = self.pending.take_back(), NO_RAMP
-        self.slip.lose()
+        self.lose_period()
         self.lateness.add(took)
         self.due = self.now + 1
 
-    def advance_wheels(self, settings: GuidanceSettings, stamp: int) -> None:
-        """Let wheels that lag follow the last command until an instant [ns]."""
-        held = (stamp - self.wheels_at) / NANOSECONDS
-        self.wheels_at = stamp
-        if settings.max_lag > 0.0 and held > 0.0:
-            latest, durations = self.pending.latest[None], np.array([held])
-            for wheels, lag in zip(self.slow_wheels, settings.lags, strict=True):
-                with_lag(wheels, latest, durations, lag, 1)
+    def predict(
+        self, road: Road, stamp: int, pose: Array, moving: MovingDiscs, delay: int
+    ) -> tuple[PlanStart, PlanStart]:
+        """Where the robot is, and where a plan begins.
+
+        That is where it will be when a command of now takes effect; and if its wheels lag, where it
+        would come at their present speeds until then.
+
+        Args:
+            road: The road.
+            stamp: Present time [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            moving: Moving obstacles.
+            delay: From a command to its effect, without a lag [ns].
+        """
+        self.progress = project_on_path(road, pose, self.progress)
+        here = PlanStart(pose, self.robot, moving, self.progress, self.previous_control)
+        wheel_speeds, durations = self.pending.until(stamp, delay)
+        lag, wheels = self.lag.best
+        self.delay = delay + lag
+        if lag:
+            wheel_speeds, durations = wheels[None], np.array([lag / NANOSECONDS])
+        if not len(durations):
+            return here, here
+        ahead = self.robot.roll_out(pose, wheel_speeds, durations)[-1]
+        progress = project_on_path(road, ahead, self.progress)
+        later = moving.after(float(durations.sum()))
+        return here, here._replace(pose=ahead, moving=later, progress=progress)
 
     def begin_period(
         self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int
@@ -144,13 +170,31 @@ class LawState:
             speeds = np.array([self.pending.in_force, *ahead, wheel_speeds])
             self.slip.begin(stamp, pose, speeds, durations)
 
-    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array) -> bool:
-        """Update the estimate of slip at the end of a control period; whether the robot changed."""
+    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array, delay: int) -> bool:
+        """Update the estimates at the end of a control period.
+
+        Args:
+            settings: All settings of the guidance law.
+            stamp: When it ends [ns].
+            pose: Where, shape ``(3,)`` [m, m, rad].
+            delay: From a command to its effect [ns]; with one, no lag is told from it.
+
+        Returns:
+            Whether the slip is another one now.
+        """
+        self.lag.advance(stamp, self.pending.latest, self.robot)
+        if not delay:
+            self.lag.see(pose, settings.robot.half_track)
         limit = settings.max_slip
         if limit > 0.0 and self.slip.end(stamp, pose, settings.robot, limit):
             self.use_slip(settings)
             return True
         return False
+
+    def lose_period(self) -> None:
+        """Leave the present control period out of the estimates: nobody knows what happens."""
+        self.slip.lose()
+        self.lag.lose()
 
     def pose_at_end(self, stamp: int, pose: Array, latest: int, delay: int) -> Array:
         """Where the robot was at the final time, which odometry need not meet.

@@ -26,41 +26,43 @@ def _parameters() -> Iterator[Parameter]:
 
     task = Group('Task', 'guidance', 'sim')
     yield task('frame_id', _STRING, 'odom', '',
-        'Frame of road, obstacles, goals and odometry; what comes in another frame is looked up on '
-        '`/tf`.',
+        'Frame of road, obstacles, goals and odometry. Messages in another frame are transformed '
+        'with `/tf`.',
         **_FIXED)
     yield task('robot_frame', _STRING, '', '',
-        "Frame of the robot's centre, midway between its wheels, where odometry is of another one: "
-        'looked up on `/tf`. Empty: the child frame of odometry.', **_FIXED, **guidance_only)
+        "Frame of the robot's centre, midway between its wheels, if odometry is that of another "
+        'point: transformed with `/tf`. Empty: the child frame of odometry.',
+        **_FIXED, **guidance_only)
     yield task('control_period', _DOUBLE, 0.2, 's',
         'Time between two control steps; 0.2 s in the paper.',
         range=Range(0.01, 10.0), **_FIXED)
     yield task('command_delay', _DOUBLE, 0.0, 's',
-        'Time from the stamp of an odometry message to the effect of the command that answers it; '
-        'plans start at the pose predicted for then.', range=_NOT_NEGATIVE, **guidance_only)
+        'Time from the stamp of an odometry message until the command based on it takes effect; '
+        'plans start at the pose predicted for that time.', range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_command_delay', _DOUBLE, 0.0, 's',
-        'Longest time until a command takes effect, as on a computer that is sometimes late. Until '
-        'then the previous command must lead clear of everything, slowed down where it would not. '
-        '0: no longer than `command_delay`, until commands are late.',
+        'Longest time until a command takes effect, as on a computer that is sometimes late. The '
+        'previous command must be clear of everything until then, and is slowed down where it is '
+        'not. 0: `command_delay`, and longer after commands have been late.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
-        'Longest time constant with which the wheels may follow a command. Each command, and a '
-        'stop after it, must be clear without a lag, and by a fifth of `safety.margin` with this '
-        'one, two thirds and one third of it; it is slowed down where it would not. 0: wheels that '
-        'lag are not considered.',
+        "Largest time constant of the wheels' response. It is estimated from odometry, without "
+        '`command_delay`, and compensated. Each command, and a stop after it, must be clear by a '
+        'fifth of `safety.margin` with the largest lag still possible and two smaller ones; '
+        'otherwise it is slowed down. 0: lag is not considered.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
         'estimated.', range=Range(0.0, 0.5), **guidance_only)
     yield task('final_time', _DOUBLE, 10.0, 's',
         'Time at which to pass the goal, counted from the first odometry; 10 s in the paper. With '
-        '`follow.speed` the time at which to stop, 0 for never.', range=_NOT_NEGATIVE, **_FIXED)
+        '`follow.speed`: time at which to stop; 0: never.', range=_NOT_NEGATIVE, **_FIXED)
     yield task('start.tolerance', _DOUBLE, 0.5, 'm',
-        'Distance from the road, or from `start.pose`, at which a run may begin; farther away the '
-        'robot is not moved, and the reason says so.', range=_NOT_NEGATIVE, **guidance_only)
+        'Maximum distance from the road, or from `start.pose`, at which a run begins. Farther '
+        'away the robot is not moved, and the reason says so.',
+        range=_NOT_NEGATIVE, **guidance_only)
     yield task('start.pose', _DOUBLES, [], 'm, m, rad',
-        'Where a run should begin (x, y, heading); only the position is checked. Empty: anywhere '
-        'on the road.', **guidance_only)
+        'Pose at which a run should begin (x, y, heading); only the position is checked. Empty: '
+        'anywhere on the road.', **guidance_only)
     yield task('goal.position', _DOUBLES, [10.0, 0.0], 'm',
         'Point to pass at the final time (x, y); as in the paper.', **_POINT, **guidance_only)
     yield task('goal.tolerance', _DOUBLE, 0.01, 'm',
@@ -68,21 +70,21 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.heading', _DOUBLES, [], 'rad',
         'Heading at the goal: one number, or empty for any.', **guidance_only)
     yield task('goal.heading_tolerance', _DOUBLE, 0.01, 'rad',
-        'Deviation from the requested heading at which it counts as met.',
+        'Deviation from a given heading at which it counts as reached.',
         range=_POSITIVE, **guidance_only)
     yield task('goal.hold', _BOOL, False, '',
-        'Whether the robot is led back to the goal when something moves it away after arrival; '
-        'otherwise it is only stopped.', **guidance_only)
+        'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
+        'stays stopped.', **guidance_only)
     yield task('goal.wait', _BOOL, False, '',
         'Whether the robot stands until a goal is received, instead of driving to `goal.position`.',
         **_FIXED, **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
-        'Mean speed along the road to a goal received on `goal_pose`, which carries no time; 0: '
-        'eight tenths of the top speed, or 1 m/s without a wheel limit.',
+        'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
+        '0: 80 % of the top speed, or 1 m/s without a wheel limit.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('waypoints.names', _STRINGS, [], '',
-        'Names of points to pass before the goal, in the order of their times, each with a block '
-        'of its own; omit it when there are none.', **_FIXED, **guidance_only)
+        'Names of points to pass before the goal, in order of time, each with its own block; omit '
+        'it if there are none.', **_FIXED, **guidance_only)
     yield task('waypoints.<name>.position', _DOUBLES, REQUIRED, 'm',
         'Position of this waypoint (x, y).', **_POINT, **guidance_only)
     yield task('waypoints.<name>.time', _DOUBLE, REQUIRED, 's',
@@ -91,27 +93,27 @@ def _parameters() -> Iterator[Parameter]:
     yield task('waypoints.<name>.heading', _DOUBLES, [], 'rad',
         'Heading at this waypoint: one number, or empty for any.', **guidance_only)
     yield task('follow.speed', _DOUBLE, 0.0, 'm/s',
-        'Mean speed at which to follow a closed road without end, instead of driving to a goal; '
-        'negative against its direction, 0 to drive to the goal.', **_FIXED, **guidance_only)
+        'Mean speed at which to follow a closed road instead of driving to a goal; negative: '
+        'against its direction; 0: drive to the goal.', **_FIXED, **guidance_only)
     yield task('follow.horizon', _DOUBLE, 5.0, 's',
-        'Planning horizon on a road without end.', range=_POSITIVE, **_FIXED, **guidance_only)
+        'Planning horizon while following a road.', range=_POSITIVE, **_FIXED, **guidance_only)
 
     robot = Group('Robot', 'guidance', 'sim')
     yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
-        'Radius of either wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
+        'Radius of each wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
     yield robot('robot.half_track', _DOUBLE, 0.055, 'm',
         "Distance from a wheel to the robot's centre: `L` = 55 mm in the paper.",
         range=_POSITIVE)
     yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
-        'Limit of either wheel, in both directions: 51 rad/s in the paper; 0 means no limit.',
+        'Limit of each wheel, in both directions: 51 rad/s in the paper; 0: no limit.',
         range=_NOT_NEGATIVE)
     yield robot('robot.max_wheel_acceleration', _DOUBLE, 0.0, 'rad/s^2',
-        'Limit of either wheel: from one command to the next it changes by no more in a '
-        '`control_period`, and a stop is a ramp, along which the way must be clear. 0 means no '
-        'limit, and a stop at once; above 0 it needs code of its own.',
+        "Limit of each wheel's acceleration, from one command to the next and in a stop; the "
+        'braking path must be clear, too. 0: no limit, and immediate stops. A value above 0 '
+        'compiles its own kernels.',
         range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
-        "Radius of the robot's footprint; obstacles grow and the road narrows by it.",
+        "Radius of the robot's footprint. Obstacles are enlarged and the road is narrowed by it.",
         range=_NOT_NEGATIVE)
     yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
         'Names of the wheel joints (right, left) in the wheel-speed message.',
@@ -123,9 +125,10 @@ def _parameters() -> Iterator[Parameter]:
         'along a line through points; `none` is open floor.',
         choices=('annulus', 'corridor', 'none'), **_FIXED)
     yield place('road.source', _STRING, 'parameters', '',
-        'Where a `corridor` comes from: these parameters, or the topic `road`. With `topic` the '
-        'guidance node waits for a message; each one sets `road.points` and `road.closed`, whose '
-        'initial values the simulator publishes there.', choices=('parameters', 'topic'), **_FIXED)
+        'Source of a `corridor`: these parameters, or the topic `road`. With `topic` the guidance '
+        'node waits for a message; each message sets `road.points` and `road.closed`. The '
+        'simulator publishes their initial values there.',
+        choices=('parameters', 'topic'), **_FIXED)
     yield place('road.center', _DOUBLES, [0.0, 0.0], 'm',
         'Centre of an `annulus` (x, y).', **_POINT)
     yield place('road.inner_radius', _DOUBLE, 9.0, 'm',
@@ -139,35 +142,36 @@ def _parameters() -> Iterator[Parameter]:
         'Distance from the centre line of a `corridor` to either edge: one value, or one for each '
         'point.', range=_POSITIVE)
     yield place('road.left_width', _DOUBLES, [], 'm',
-        'The same to the left edge only; omit it where both are equal.', range=_POSITIVE)
+        'Distance to the left edge; omit it if `road.half_width` holds.', range=_POSITIVE)
     yield place('road.right_width', _DOUBLES, [], 'm',
-        'The same to the right edge only; omit it where both are equal.', range=_POSITIVE)
+        'Distance to the right edge; omit it if `road.half_width` holds.', range=_POSITIVE)
     yield place('road.closed', _BOOL, False, '',
         'Whether the last point of a `corridor` is joined to its first.')
     yield place('obstacles.names', _STRINGS, [], '',
-        'Names of the obstacles, each with a block of its own; omit it when there are none.')
+        'Names of the obstacles, each with its own block; omit it if there are none.')
     yield place('obstacles.<name>.type', _STRING, 'circle', '',
-        'Shape of this obstacle: a `capsule` is all that is near a line between two points, a '
-        '`polygon` is convex.', choices=('circle', 'capsule', 'polygon'))
+        'Shape of this obstacle: a `capsule` is the region around a line segment, a `polygon` is '
+        'convex.', choices=('circle', 'capsule', 'polygon'))
     yield place('obstacles.<name>.center', _DOUBLES, [], 'm',
         'Centre of this `circle` (x, y).')
     yield place('obstacles.<name>.start', _DOUBLES, [], 'm',
-        'One end of the line of this `capsule` (x, y).')
-    yield place('obstacles.<name>.end', _DOUBLES, [], 'm', 'Its other end (x, y).')
+        'One end of the line segment of this `capsule` (x, y).')
+    yield place('obstacles.<name>.end', _DOUBLES, [], 'm', 'Other end of the line segment (x, y).')
     yield place('obstacles.<name>.vertices', _DOUBLES, [], 'm',
         'Corners of this `polygon`, in order, in either direction: x and y of each.')
     yield place('obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
-        'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
+        'Radius of this `circle` or `capsule`; must be above 0 for these.', range=_NOT_NEGATIVE)
 
     yield place('map.cells', _STRING, 'none', '',
-        'Cells of an occupancy grid, in which what is occupied is one obstacle: rows, columns and '
-        'what they hold, packed. `map.file` reads them from a file of map_server.', **_FIXED)
+        'Cells of an occupancy grid (rows, columns, compressed values); all occupied cells form '
+        'one obstacle. `map.file` reads them from a file of map_server.', **_FIXED)
     yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Pose of the corner of its first cell (x, y, yaw).', length=3, **_FIXED)
-    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side of one of its cells.',
+        'Pose of the outer corner of its first cell (x, y, yaw).', length=3, **_FIXED)
+    yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.',
         range=_POSITIVE, **_FIXED)
     yield place('map.unknown_is_free', _BOOL, False, '',
-        'Whether its unknown cells, and all beyond it, are free; else they are occupied.',
+        'Whether unknown cells, and everything beyond the grid, are free; otherwise they are '
+        'occupied.',
         **_FIXED)
 
     moving = Group('Moving obstacles', 'guidance')
@@ -175,14 +179,14 @@ def _parameters() -> Iterator[Parameter]:
         'Maximum number of moving obstacles considered; they arrive on `moving_obstacles`. 0: the '
         'topic is not subscribed to.', range=Range(0, 64), **_FIXED)
     yield moving('moving_obstacles.timeout', _DOUBLE, 1.0, 's',
-        'Age at which an obstacle that is not seen again is forgotten.', range=_POSITIVE)
+        'Age at which an obstacle that is not seen again is dropped.', range=_POSITIVE)
     yield moving('moving_obstacles.growth', _DOUBLE, 0.05, 'm/s',
-        'Growth of their radii along a plan, with the time since they were last seen.',
+        "Growth rate of an obstacle's predicted radius since it was last seen.",
         range=_NOT_NEGATIVE)
     sim_only = {'nodes': ('sim',), **_FIXED}
     yield moving('moving_obstacles.names', _STRINGS, [], '',
-        'Obstacles that the simulator moves and publishes, each with a block of its own; omit it '
-        'when there are none.', **sim_only)
+        'Obstacles that the simulator moves and publishes, each with its own block; omit it if '
+        'there are none.', **sim_only)
     yield moving('moving_obstacles.<name>.center', _DOUBLES, REQUIRED, 'm',
         'Initial centre of this obstacle (x, y).', **_POINT, **sim_only)
     yield moving('moving_obstacles.<name>.velocity', _DOUBLES, REQUIRED, 'm/s',
@@ -193,11 +197,12 @@ def _parameters() -> Iterator[Parameter]:
 
     others = Group('Other robots', 'guidance')
     yield others('others.namespaces', _STRINGS, [], '',
-        'Namespaces of other robots, as in `[/r1, /r2]`, whose plans on '
+        'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
         "`<namespace>/guidance/predicted_path` are avoided like moving obstacles. The robot's own "
-        'is ignored, so all can share one list; omit it when there are none.', **_FIXED)
+        'namespace is ignored, so all robots can share one list; omit it if there are none.',
+        **_FIXED)
     yield others('others.radius', _DOUBLE, 0.0, 'm',
-        "Radius of each of these robots' footprints.", range=_NOT_NEGATIVE)
+        'Radius of the footprint of each of these robots.', range=_NOT_NEGATIVE)
 
     cost = Group('Cost', 'guidance')
     yield cost('weights.road_center', _DOUBLE, 15.0, '1/m^2',
@@ -210,23 +215,23 @@ def _parameters() -> Iterator[Parameter]:
         'Weight on the squared wheel speeds; not in the paper.', range=_NOT_NEGATIVE)
     yield cost('weights.control_rate', _DOUBLE, 0.0, 's^2/rad^2',
         'Weight on the squared change of wheel speeds between control steps; not in the paper. A '
-        'value above 0 uses kernels of its own.', range=_NOT_NEGATIVE, **_FIXED)
+        'value above 0 compiles its own kernels.', range=_NOT_NEGATIVE, **_FIXED)
 
     solver = Group('Solver', 'guidance')
     yield solver('solver.iterations_per_step', _INTEGER, 2, '',
-        'Iterations at each control step, warm-started from the step before.',
+        'Iterations at each control step, warm-started from the previous step.',
         range=Range(1, 100))
     yield solver('solver.initial_iterations', _INTEGER, 36, '',
         'Iterations at the first control step, before the robot moves: every candidate gets six, '
-        'the selected one gets the rest. In the paper as many as at any other step.',
+        'the selected one gets the rest. The paper uses as many as at any other step.',
         range=Range(1, 100))
     yield solver('solver.candidates', _INTEGER, 4, '',
-        'Maximum number of candidate plans compared at a control step, one for each way past the '
-        'obstacles. A robot at rest without a feasible one tries as many again that turn first. '
-        '1 follows a single plan, as in the paper.',
+        'Maximum number of candidate plans compared at a control step, one for each homotopy '
+        'class. If none is feasible for a robot at rest, as many again that first turn on the '
+        'spot are tried. 1: a single plan, as in the paper.',
         range=Range(1, 8))
     yield solver('solver.qp', _STRING, 'riccati_active_set', '',
-        'Quadratic-programming back end.', **_FIXED)
+        'Back end that solves the quadratic programs.', **_FIXED)
     yield solver('solver.hessian', _STRING, 'gauss_newton', '',
         'Hessian of the cost: `gauss_newton`, `exact`, which may be indefinite, or `projected`, '
         'its positive semidefinite part.',
@@ -236,8 +241,8 @@ def _parameters() -> Iterator[Parameter]:
         range=_POSITIVE)
     yield solver('solver.work_share', _DOUBLE, 0.04, '',
         'Fraction of a control period that a control step may spend on solving, four times as '
-        'much before the robot moves; 0: no limit. The current plan comes first. Work is counted, '
-        'not timed, so a replay does the same.', range=Range(0.0, 1.0))
+        'much before the robot moves; 0: no limit. The current plan is improved first. Work is '
+        'counted, not timed, so a replay decides the same.', range=Range(0.0, 1.0))
     yield solver('solver.heading_trust_region', _DOUBLE, 0.6, 'rad',
         'Maximum change of heading at any stage in one iteration; 0: no limit.',
         range=_NOT_NEGATIVE)
@@ -252,10 +257,10 @@ def _parameters() -> Iterator[Parameter]:
         "Clearance from obstacles and road edges, beyond the robot's own radius.",
         range=_NOT_NEGATIVE)
     yield safety('safety.between_samples', _BOOL, True, '',
-        'Whether the path must be clear between control steps, too.')
+        'Whether the path must also be clear between control steps.')
     yield safety('safety.stopping_time', _DOUBLE, 0.5, 's',
-        'How much longer than modelled the robot may take to come to rest: where no plan passes '
-        'what is in its way, it approaches so slowly that it stops before it even then.',
+        'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
+        'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
@@ -271,16 +276,16 @@ def _parameters() -> Iterator[Parameter]:
         'become active.', **_FIXED, **guidance_only)
 
     yield node('recorder_timeout', _DOUBLE, 0.0, 's',
-        'How long to wait for a recorder before a run begins; 0: not at all.',
+        'Time to wait for a recorder before a run begins; 0: do not wait.',
         range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield node('stop_with_process', _INTEGER, 0, '',
-        'Process id, as of `ros2 launch`: when that process has ended, the robot is stopped and '
-        'the guidance node exits; 0: none.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
+        'Process id, for example of `ros2 launch`. When that process ends, the robot is stopped '
+        'and the guidance node exits; 0: none.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
 
     realtime = Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',
-        "SCHED_FIFO priority of the control thread while the node is active; 0: the system's "
-        'ordinary scheduling.', range=Range(0, 99), **_FIXED)
+        'SCHED_FIFO priority of the control thread while the node is active; 0: ordinary '
+        'scheduling.', range=Range(0, 99), **_FIXED)
     yield realtime('realtime.cpu', _INTEGER, -1, '',
         'Core that the control thread is bound to while the node is active; -1: any.',
         range=Range(low=-1), **_FIXED)

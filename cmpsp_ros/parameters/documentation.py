@@ -1,4 +1,4 @@
-"""The table of parameters: for people, as a file of all defaults, and as JSON schema for editors.
+"""The parameter table as documentation, as a file of all defaults, and as JSON schema for editors.
 
 ``python -m cmpsp_ros.parameters.documentation`` prints the table, the file or the schema, or writes
 the table into a page.

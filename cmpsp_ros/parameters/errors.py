@@ -1,4 +1,4 @@
-"""What is wrong with a set of parameters, said so that the user can mend it."""
+"""Problems of a set of parameters, worded for the user."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong.
+    """One problem.
 
     Attributes:
         where: The parameter's key, or the file and line.
-        found: What stands there.
-        wanted: What should.
+        found: The value found.
+        wanted: The value expected.
     """
 
     where: str
@@ -25,10 +25,10 @@ class Problem:
 
 
 class ParameterError(ValueError):
-    """A set of parameters that cannot be used; its message has one line for each problem.
+    """An invalid set of parameters; its message has one line for each problem.
 
     Attributes:
-        problems: Everything that is wrong with the set, at least one.
+        problems: All problems of the set, at least one.
     """
 
     def __init__(self, *problems: Problem) -> None:

@@ -1,4 +1,4 @@
-"""One parameter: what it may hold, and how a value given for it is read."""
+"""One parameter: its type and range, and how a given value is read."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class ParameterType(Enum):
 
 
 class Required(Enum):
-    """The default of a parameter that has none."""
+    """The default of a required parameter."""
 
     REQUIRED = 'required'
 
@@ -46,8 +46,8 @@ class Range:
     Attributes:
         low: Lower end.
         high: Upper end.
-        low_open: Whether the lower end is left out.
-        high_open: Whether the upper end is left out.
+        low_open: Whether the lower end is excluded.
+        high_open: Whether the upper end is excluded.
     """
 
     low: float = -math.inf
@@ -78,16 +78,16 @@ class Parameter:
     """One row of the table.
 
     Attributes:
-        name: Its key, with ``<name>`` where a name listed by the user stands.
-        type: What it holds.
-        default: Value when none is given, or ``REQUIRED``. Text may be empty where this is.
+        name: Its key, with ``<name>`` in place of a name listed by the user.
+        type: Type of its values.
+        default: Value when none is given, or ``REQUIRED``. Text may be empty if this is.
         unit: SI unit, empty when there is none.
-        description: One sentence for its table.
+        description: One or more sentences for the table.
         group: Heading under which it is documented.
         nodes: Nodes that use it.
-        range: Numbers that it may hold.
-        choices: Texts that it may hold; empty when any will do.
-        length: Length of an array; None when any will do.
+        range: Range of its numbers.
+        choices: Its possible texts; empty for any.
+        length: Length of an array; None for any.
         reconfigurable: Whether it may be changed while a node runs.
     """
 

@@ -1,4 +1,4 @@
-"""Numbers that are allowed and are hardly meant: of another unit, or against each other."""
+"""Values that are valid but probably a mistake: in the wrong unit, or inconsistent."""
 
 from __future__ import annotations
 

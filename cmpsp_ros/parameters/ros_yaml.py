@@ -1,7 +1,7 @@
 """Parameter files, read and written by the rules of ROS's own parser.
 
-PyYAML's rules differ: it takes ``1e-3`` for text, ``1_000`` for a number and ``1:30`` for 90. A
-file must mean the same to a node that ROS hands it to and to everything that reads it here.
+PyYAML's rules differ: it reads ``1e-3`` as text, ``1_000`` as a number and ``1:30`` as 90. A file
+must mean the same here and to a node that ROS passes it to.
 """
 
 from __future__ import annotations

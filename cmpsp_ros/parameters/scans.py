@@ -1,4 +1,4 @@
-"""The simulator's laser scanner as the parameters describe it, and what is wrong with it."""
+"""The simulator's laser scanner from parameters, and its checks."""
 
 from __future__ import annotations
 

@@ -38,15 +38,15 @@ def simulator_parameters() -> Iterator[Parameter]:
         'Whether simulated time is published on `/clock`, for nodes with `use_sim_time`.',
         **_FIXED)
     yield sim('lockstep', _BOOL, False, '',
-        'Whether simulated time waits for the answer to every control step; needs '
+        'Whether simulated time waits for the command of every control step; needs '
         '`publish_clock`, and `use_sim_time` in the other nodes.', **_FIXED)
     yield sim('lockstep_timeout', _DOUBLE, 10.0, 's',
-        'Wall time to wait for an answer in lockstep before an error is reported.',
+        'Wall time to wait for a command in lockstep before an error is reported.',
         range=_POSITIVE)
 
     plant = Group('Disturbances of the simulator', 'sim')
     yield plant('actuation_delay', _DOUBLE, 0.0, 's',
-        'Time from the arrival of a command to its effect.', range=_NOT_NEGATIVE)
+        'Time from the arrival of a command until it takes effect.', range=_NOT_NEGATIVE)
     yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
         'Maximum additional delay of a command, uniformly distributed; commands stay in order.',
         range=_NOT_NEGATIVE)
@@ -69,8 +69,8 @@ def simulator_parameters() -> Iterator[Parameter]:
     yield plant('noise.dropout', _DOUBLE, 0.0, '',
         'Probability that an odometry message is lost.', range=Range(0.0, 1.0, high_open=True))
     yield plant('noise.dropout_windows', _DOUBLES, [], 's',
-        'Times between which all odometry is lost: begin and end of each window, in order, '
-        'counted from the start of the simulator or its last reset; omit it when there are none.',
+        'Intervals in which all odometry is lost: begin and end of each, in order, counted from '
+        'the start of the simulator or its last reset; omit it if there are none.',
         range=_NOT_NEGATIVE, **_FIXED)
     yield plant('noise.seed', _INTEGER, 0, '',
         'Seed of all random numbers in the simulator.', range=_NOT_NEGATIVE, **_FIXED)
@@ -92,8 +92,8 @@ def simulator_parameters() -> Iterator[Parameter]:
 
     scan = Group('Laser scanner of the simulator', 'sim')
     yield scan('sim.scan.rate', _DOUBLE, 0.0, 'Hz',
-        'Laser scans per second of simulated time, on `scan`; 0: no scanner. It sees obstacles, '
-        'moving ones, and those of `sim.obstacles`.', range=Range(0.0, 1000.0), **_FIXED)
+        'Laser scans per second of simulated time, on `scan`; 0: no scanner. It sees static and '
+        'moving obstacles, and those of `sim.obstacles`.', range=Range(0.0, 1000.0), **_FIXED)
     yield scan('sim.scan.frame_id', _STRING, 'base_scan', '',
         'Frame of the scanner.', **_FIXED)
     yield scan('sim.scan.pose', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
@@ -118,22 +118,23 @@ def simulator_parameters() -> Iterator[Parameter]:
         'Probability that a beam measures nothing, which is reported as NaN.',
         range=_PROBABILITY, **_FIXED)
     yield scan('sim.scan.missed_return', _DOUBLE, 0.0, '',
-        'Probability that nothing comes back of a beam, as from black or shiny surfaces, which is '
+        'Probability that a beam is not reflected, as from black or shiny surfaces, which is '
         'reported as inf.', range=_PROBABILITY, **_FIXED)
     yield scan('sim.scan.road_edges', _BOOL, False, '',
         'Whether the edges of the road are walls that the scanner sees.', **_FIXED)
     yield scan('sim.obstacles.names', _STRINGS, [], '',
-        'Names of obstacles that only the simulator knows, each with a block of its own; omit it '
-        'when there are none.')
+        'Names of obstacles that only the simulator knows, each with its own block; omit it if '
+        'there are none.')
     yield scan('sim.obstacles.<name>.type', _STRING, 'circle', '',
         'Shape of this obstacle, as in `obstacles`.', choices=('circle', 'capsule', 'polygon'))
     yield scan('sim.obstacles.<name>.center', _DOUBLES, [], 'm',
         'Centre of this `circle` (x, y).')
     yield scan('sim.obstacles.<name>.start', _DOUBLES, [], 'm',
-        'One end of the line of this `capsule` (x, y).')
-    yield scan('sim.obstacles.<name>.end', _DOUBLES, [], 'm', 'Its other end (x, y).')
+        'One end of the line segment of this `capsule` (x, y).')
+    yield scan('sim.obstacles.<name>.end', _DOUBLES, [], 'm',
+        'Other end of the line segment (x, y).')
     yield scan('sim.obstacles.<name>.vertices', _DOUBLES, [], 'm',
         'Corners of this `polygon`, in order: x and y of each.')
     yield scan('sim.obstacles.<name>.radius', _DOUBLE, 0.0, 'm',
-        'Radius of this `circle` or `capsule`; must be greater than 0 there.', range=_NOT_NEGATIVE)
+        'Radius of this `circle` or `capsule`; must be above 0 for these.', range=_NOT_NEGATIVE)
 # fmt: on

@@ -1,4 +1,4 @@
-"""The table of parameters: reads a whole set at once, and says all that is wrong with it."""
+"""The parameter table: reads a whole set at once, and reports all its problems."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def is_of_ros(key: object) -> bool:
 class ParameterTable:
     """Parameters in the order of the documentation.
 
-    A parameter ``obstacles.<name>.radius`` stands for one parameter for each name listed in
+    A parameter ``obstacles.<name>.radius`` represents one parameter for each name listed in
     ``obstacles.names``, which must be in the table too.
     """
 

@@ -1,5 +1,5 @@
-"""The error of this room."""
+"""The error of this package."""
 
 
 class StudyError(ValueError):
-    """A study that cannot be made as asked; the message says what was found and what is wanted."""
+    """A study cannot be run as requested; the message says what was found and what was expected."""

@@ -1,4 +1,4 @@
-"""The look of all pictures: that of a journal's page, whatever matplotlib was set to."""
+"""The style of all pictures: that of a journal, independent of the user's matplotlib settings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What computes."""
+"""Name of the processor."""
 
 from __future__ import annotations
 

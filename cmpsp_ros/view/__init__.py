@@ -1,1 +1,1 @@
-"""What people are shown: the live page, and colours and drawing for all pictures; no ROS in it."""
+"""The live page, and colours and drawing for all pictures; without ROS."""

@@ -1,4 +1,4 @@
-"""Who may look: on loopback all of this machine, elsewhere who has the token."""
+"""Access to the page: everybody on loopback, elsewhere only with the token."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _COOKIE: Final = 'cmpsp_view_token'
 
 
 class ViewError(ValueError):
-    """The view cannot be served; the message says where, what was found and what is wanted."""
+    """The view cannot be served; the message says where, what was found and what was expected."""
 
 
 class Access:
     """Decides for each request whether it is answered.
 
     Attributes:
-        token: What has to be known; empty on loopback, where nobody from elsewhere can ask.
+        token: The token required; empty on loopback, which other machines cannot reach.
     """
 
     def __init__(self, host: str) -> None:

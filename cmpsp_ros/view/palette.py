@@ -1,4 +1,4 @@
-"""Colours that stay apart for colour-blind readers, and in grey."""
+"""Colours that colour-blind readers can distinguish, also in grey."""
 
 from __future__ import annotations
 

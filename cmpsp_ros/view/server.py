@@ -1,8 +1,8 @@
-"""The page and what it asks for, over HTTP.
+"""The HTTP server of the page and its data.
 
-The server answers on loopback unless configured otherwise, and then asks for a token. It changes
-nothing, and is asked by its own page alone: no other site may read it, not even by a name that
-leads to this machine.
+It listens on loopback unless configured otherwise, and then requires a token. It is read-only and
+answers its own page only: other sites cannot read it, not even by a host name that resolves to this
+machine.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _IDLE_TIMEOUT: Final = 30.0
 
 
 class ViewServer:
-    """Serves the shared state in a thread of its own."""
+    """Serves the shared state in its own thread."""
 
     def __init__(self, state: SharedState, host: str, port: int) -> None:
         """Open the port.

@@ -1,7 +1,6 @@
-"""What is shown at this moment, written by one thread and read by many.
+"""The state shown at present, written by one thread and read by many.
 
-A browser asks again and again for what is new to it. A slow one skips states and is never behind,
-and nothing is queued for it.
+Browsers poll for updates. A slow one skips states, so it never lags, and nothing is queued for it.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ LONGEST: Final = 20_000
 
 @dataclass(frozen=True)
 class ClientState:
-    """What a browser has already.
+    """The state that a browser already has.
 
     Attributes:
-        course: Number of the course that it shows.
+        course: Number of its course.
         run: Number of the run that its series belong to.
-        rows: Rows that it has of each series.
+        rows: Number of rows of each of its series.
     """
 
     course: int = -1
@@ -33,7 +32,7 @@ class ClientState:
 
 
 class SharedState:
-    """The latest of everything, and series of the present run."""
+    """The latest value of everything, and time series of the present run."""
 
     def __init__(self, series: Sequence[str]) -> None:
         """Begin with nothing."""

@@ -23,10 +23,10 @@ from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
 from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
-from cmpsp_ros.mpsp.qp.riccati.active_set import empty_active_set, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.correction import correct
+from cmpsp_ros.mpsp.qp.active_set.correction import correct
+from cmpsp_ros.mpsp.qp.active_set.solver import solve as solve_program
+from cmpsp_ros.mpsp.qp.active_set.state import empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.qp.riccati.program import empty_program
-from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings

@@ -53,7 +53,7 @@ def outside(distance: float, limits: TwistLimits, period: float) -> float:
     """
 
     def squared(R: Array, a: Array) -> Array:
-        return _bulge(R, a, distance + R)
+        return _squared_excess(R, a, distance + R)
 
     straight = (limits.speed * period / 2.0) ** 2
     return float(np.sqrt(distance**2 + max(straight, _largest(squared, limits, period))))
@@ -76,15 +76,15 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
         return 0.0
 
     def squared(R: Array, a: Array) -> Array:
-        # The bulge of an arc grows with its radius up to half the distance, and then shrinks.
+        # The excess of an arc grows with its radius up to half the distance, and then shrinks.
         R = np.minimum(R, distance / 2.0)
-        return _bulge(R, a, distance - R)
+        return _squared_excess(R, a, distance - R)
 
     return float(np.sqrt(max(0.0, distance**2 - max(0.0, _largest(squared, limits, period)))))
 
 
 @lru_cache(maxsize=256)
-def sagitta(bend: float, limits: TwistLimits, period: float) -> float:
+def bent_edge_margin(bend: float, limits: TwistLimits, period: float) -> float:
     """Clearance from a bent edge at the samples that keeps the arcs between them clear.
 
     Along an arc the second derivative of the clearance by time is at most ``v w + v^2 bend``:
@@ -100,15 +100,15 @@ def sagitta(bend: float, limits: TwistLimits, period: float) -> float:
         Clearance to keep at the samples [m].
     """
 
-    def fall(R: Array, a: Array) -> Array:
-        return _fall(R, a, bend)
+    def margin(R: Array, a: Array) -> Array:
+        return _edge_margin(R, a, bend)
 
     straight = bend * (limits.speed * period / 2.0) ** 2 / 2.0
-    return max(straight, _largest(fall, limits, period))
+    return max(straight, _largest(margin, limits, period))
 
 
-def sagitta_known(bends: Array, twists: Array, period: float) -> Array:
-    """Like `sagitta`, for known arcs.
+def bent_edge_margin_known(bends: Array, twists: Array, period: float) -> Array:
+    """Like `bent_edge_margin`, for known arcs.
 
     Args:
         bends: Of several edges, shape ``(M,)`` [1/m].
@@ -118,7 +118,7 @@ def sagitta_known(bends: Array, twists: Array, period: float) -> Array:
     Returns:
         Clearance to keep at both ends of each arc, shape ``(N, M)`` [m].
     """
-    return _fall(*_arcs(twists, period), bends)
+    return _edge_margin(*_arcs(twists, period), bends)
 
 
 def outside_known(distance: Array, twists: Array, period: float) -> Array:
@@ -133,15 +133,15 @@ def outside_known(distance: Array, twists: Array, period: float) -> Array:
         Distances to keep at both ends of each arc, shape ``(N, M)`` [m].
     """
     R, a = _arcs(twists, period)
-    grown: Array = np.sqrt(distance**2 + _bulge(R, a, distance + R))
+    grown: Array = np.sqrt(distance**2 + _squared_excess(R, a, distance + R))
     return grown
 
 
 def inside_known(distance: float, twists: Array, period: float) -> Array:
     """Like `inside`, for known arcs; arguments as in `outside_known`, result ``(N,)`` [m]."""
     R, a = _arcs(twists, period)
-    bulge = np.maximum(0.0, _bulge(R, a, distance - R))[:, 0]
-    shrunk: Array = np.sqrt(np.maximum(0.0, distance**2 - bulge))
+    excess = np.maximum(0.0, _squared_excess(R, a, distance - R))[:, 0]
+    shrunk: Array = np.sqrt(np.maximum(0.0, distance**2 - excess))
     return shrunk
 
 
@@ -209,13 +209,13 @@ def _arcs(twists: Array, period: float) -> tuple[Array, Array]:
     return np.abs(twists[:, :1]) / w, np.minimum(w * period / 2.0, np.pi)
 
 
-def _bulge(R: Array, a: Array, to_center: Array) -> Array:
+def _squared_excess(R: Array, a: Array, to_center: Array) -> Array:
     """Difference of the squared distances, from the arc's radius, half angle and centre."""
-    bulge: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
-    return bulge
+    excess: Array = 4.0 * R * to_center * np.sin(a / 2.0) ** 2
+    return excess
 
 
-def _fall(R: Array, a: Array, bend: float | Array) -> Array:
+def _edge_margin(R: Array, a: Array, bend: float | Array) -> Array:
     """Sagitta of an arc, and of an edge that is bent over its length, from above."""
     fall: Array = R * a**2 / 2.0 + bend * (R * a) ** 2 / 2.0
     return fall

@@ -1,4 +1,4 @@
-"""The audit of a bag: what really happened, by odometry and parameters alone."""
+"""The audit of a bag: what the robot did, from odometry and parameters alone."""
 
 from cmpsp_ros.bags.audit.checks import audit, audit_record
 from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding

@@ -1,4 +1,4 @@
-"""The list of checks, and going through it."""
+"""The list of checks, and running them."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def audit(path: Path, sources: Sources | None = None) -> tuple[Finding, ...]:
 
 
 def audit_record(record: AuditRecord) -> tuple[Finding, ...]:
-    """Audit what has been read already."""
+    """Audit a record that has been read."""
     return tuple(
         Finding(check=each.name, title=each.title, **vars(_judge(each, record))) for each in CHECKS
     )

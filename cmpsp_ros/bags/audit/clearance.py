@@ -1,4 +1,4 @@
-"""Clearance of the path driven, between samples too, from what was there at the time."""
+"""Clearance of the driven path, also between samples, from the obstacles at that time."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ EDGES = 2
 
 @dataclass(frozen=True)
 class Sweep:
-    """Arcs with their clearance, the robot's own radius taken off.
+    """Arcs with their clearance, less the robot's radius.
 
     Attributes:
-        settings: What was in force meanwhile.
+        settings: Settings in force.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
         clearance: From both road edges and each obstacle, shape ``(K, 2 + M)`` [m].
     """

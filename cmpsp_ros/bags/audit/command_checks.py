@@ -1,4 +1,4 @@
-"""Checks of the commands: could they be driven, did they come in time, were they obeyed?"""
+"""Checks of the commands: were they feasible, in time, and obeyed?"""
 
 from __future__ import annotations
 
@@ -81,9 +81,9 @@ def wheel_limits(record: AuditRecord) -> Verdict:
 
 
 def acceleration(record: AuditRecord) -> Verdict:
-    """Whether the wheels can follow from each command to the next, as the first from rest.
+    """Whether the wheels can follow from each command to the next, and to the first from rest.
 
-    A halt need not be followed: it is for what nobody can plan for.
+    A halt is exempt: it answers faults that no plan can foresee.
     """
     settings = record.history.epochs[0].settings
     limit = settings.max_wheel_change
@@ -105,7 +105,7 @@ def acceleration(record: AuditRecord) -> Verdict:
 
 
 def as_decided(record: AuditRecord) -> Verdict:
-    """Whether what was sent is what was decided."""
+    """Whether the commands sent are those decided."""
     if not record.decisions:
         return skipped(f'The bag has no decision in {record.places.decision}.')
     decided = record.history.epochs[0].settings.robot.twist(wheel_speeds(record.decisions))
@@ -130,7 +130,7 @@ def as_decided(record: AuditRecord) -> Verdict:
 
 
 def obeyed(record: AuditRecord) -> Verdict:
-    """Whether the robot drives what is commanded, once it had time to."""
+    """Whether the robot obeys its commands, after the time that it needs to."""
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
         return skipped('The wheels have no limit (robot.max_wheel_speed is 0) to measure by.')
@@ -163,9 +163,9 @@ def obeyed(record: AuditRecord) -> Verdict:
 
 
 def rate(record: AuditRecord) -> Verdict:
-    """Whether a command comes each control period while the robot is on its way.
+    """Whether a command comes in each control period of a run.
 
-    Where odometry drops out there is nothing to answer, and after a stop nothing is missing.
+    During losses of odometry, and after a stop, none is expected.
     """
     limit = LATE * record.history.epochs[0].settings.control_period
     worst, at = 0.0, record.start
@@ -252,7 +252,7 @@ def silence(record: AuditRecord) -> Verdict:
 
 
 def _unplanned(record: AuditRecord) -> NDArray[np.bool_]:
-    """Which commands follow from no other: halts, and the first where the one before is unknown."""
+    """Commands without a known predecessor: halts, and the first after a gap."""
     if not record.decisions:
         unplanned = ~record.commands.moving
         unplanned[0] = True

@@ -1,4 +1,4 @@
-"""Recorded commands, and which odometry each of them answers."""
+"""Recorded commands, and the odometry that each is based on."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Commands:
     """Velocity commands in the order in which they were received.
 
     Attributes:
-        received: When [ns], shape ``(C,)``.
-        stamps: Stamp of the odometry that each answers [ns], ``(C,)``; see `timed`.
+        received: Time of reception [ns], shape ``(C,)``.
+        stamps: Stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`.
         twists: Speed and turn rate, shape ``(C, 2)`` [m/s, rad/s].
         stamped: Whether the messages carried these stamps themselves.
     """
@@ -58,12 +58,12 @@ class Commands:
 
 @dataclass(frozen=True)
 class Pairs:
-    """Which command was sent for which decision.
+    """Pairs of commands and decisions.
 
     Attributes:
-        commands: Index of the first command that has one.
+        commands: Index of the first command that has a decision.
         decisions: Index of its decision.
-        count: How many there are in a row from there on.
+        count: Number of consecutive pairs from there on.
     """
 
     commands: int
@@ -119,7 +119,7 @@ def pair(commands: Commands, decided: Array) -> Pairs:
 
 
 def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
-    """Whether each command is what its decision says, shape ``(count,)``."""
+    """Whether each command equals that of its decision, shape ``(count,)``."""
     sent = commands.twists[pairs.commands :][: pairs.count]
     wanted = decided[pairs.decisions :][: pairs.count]
     agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
@@ -129,10 +129,10 @@ def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
 def timed(
     commands: Commands, odometry: OdometrySeries, pairs: Pairs, decisions: Sequence[DecisionRecord]
 ) -> Commands:
-    """Commands with the stamps of what they answer.
+    """Commands with the stamps of the odometry that they are based on.
 
-    A stamped command says it, a decision says it for its command, and for any other it is the
-    latest odometry that had been received by then.
+    A stamped command contains it, a decision contains it for its command, and for any other it is
+    the latest odometry received by then.
     """
     if commands.stamped:
         return commands

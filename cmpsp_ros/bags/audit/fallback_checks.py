@@ -1,4 +1,4 @@
-"""Checks of the fallback levels and the last stop: whether each was where it should be."""
+"""Checks of the fallback levels and of the last stop."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an audit finds, one check at a time."""
+"""Results of the checks of an audit."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ class CheckOutcome(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a check says.
+    """Result of a check.
 
     Attributes:
         outcome: How it ended.
-        sentence: What was found, or why nothing could be.
+        sentence: What was found, or why the check was impossible.
         worst: The worst value; None where there is none.
-        limit: What it must not pass, in the same unit.
+        limit: Its limit, in the same unit.
         unit: Their unit.
-        at: When the worst was, counted from time 0 of the first run [s].
+        at: Time of the worst value, from time 0 of the first run [s].
     """
 
     outcome: CheckOutcome

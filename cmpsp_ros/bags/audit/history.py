@@ -20,12 +20,12 @@ from cmpsp_ros.parameters.table import Values
 
 @dataclass(frozen=True)
 class Epoch:
-    """A stretch of time without a change of parameters.
+    """A period without a change of parameters.
 
     Attributes:
         since: Its beginning [ns].
         values: Parameters by key.
-        settings: The same as the guidance law knows them.
+        settings: The guidance settings made of them.
     """
 
     since: int
@@ -38,7 +38,7 @@ class History:
     """All parameters over time.
 
     Attributes:
-        given: Keys that were recorded; the others are defaults, by which nothing can be judged.
+        given: Keys that were recorded; the others are defaults, which are not evidence.
         epochs: In order of time, at least one; the first began before the recording.
     """
 
@@ -83,7 +83,7 @@ def _epoch(since: int, parameters: NodeParameters) -> Epoch:
 
 
 def _changes(bag: Bag, node: str) -> Iterator[tuple[int, int, dict[str, Any]]]:
-    """When each change was received, and made [ns], and what it says."""
+    """Time of reception and of each change [ns], and its content."""
     for received, event in bag.messages(EVENTS) if EVENTS in bag.topics else ():
         if changes := changes_in(event, node):
             yield received, int(event.stamp.sec) * NANOSECONDS + event.stamp.nanosec, changes

@@ -25,10 +25,10 @@ class OdometrySeries:
     """Odometry in the order in which it was received.
 
     Attributes:
-        received: When [ns], shape ``(K,)``.
-        stamps: What it says about its own time [ns], shape ``(K,)``.
+        received: Time of reception [ns], shape ``(K,)``.
+        stamps: Time stamps [ns], shape ``(K,)``.
         poses: Shape ``(K, 3)`` [m, m, rad].
-        spreads: Standard deviations of position and heading that it states, ``(K, 2)`` [m, rad].
+        spreads: Stated standard deviations of position and heading, ``(K, 2)`` [m, rad].
     """
 
     received: Stamps
@@ -40,8 +40,8 @@ class OdometrySeries:
         """Parts in which time does not jump back.
 
         Args:
-            backwards: Smallest step back that counts as a jump [s]; what is less late than that
-                only came out of order.
+            backwards: Smallest step back that counts as a jump [s]; smaller ones are only out of
+                order.
         """
         jumps = np.flatnonzero(np.diff(self.stamps) < -backwards * NANOSECONDS) + 1
         legs = []
@@ -84,11 +84,11 @@ def read_odometry(bag: Bag, topic: str, frame_id: str | None) -> OdometrySeries:
 
 
 def path_through(odometry: OdometrySeries) -> Driven:
-    """The path driven, as the arcs that lead from each sample to the next.
+    """The driven path, as the arcs from each sample to the next.
 
-    Nothing but poses is trusted: an arc turns as much as the heading does between two samples and
-    has their distance for its chord. It starts along the measured heading where the wheels did not
-    slip and nothing changed in between.
+    Only the poses are used: an arc turns by the change of heading between two samples, and its
+    chord is their distance. It starts along the measured heading if the wheels did not slip and no
+    command changed in between.
     """
     # Of two at one instant the later counts: the robot was set back there.
     last = np.append(np.diff(odometry.stamps) > 0, True)

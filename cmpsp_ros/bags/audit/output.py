@@ -27,7 +27,7 @@ _NO_XML = re.compile('[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]')
 
 
 def table(findings: Sequence[Finding], title: str) -> Table:
-    """One row a check; what comes from a bag is shown as it is, without markup."""
+    """One row per check; text from a bag is shown without markup."""
     rows = Table('', 'check', 'worst', 'limit', 'at', title=Text(title))
     for each in findings:
         rows.add_row(

@@ -1,4 +1,4 @@
-"""Checks of the path: was it clear, could it be driven, did it end where it should?"""
+"""Checks of the path: was it clear, feasible for the wheels, and did it end at the goal?"""
 
 from __future__ import annotations
 
@@ -53,9 +53,9 @@ def obstacles(record: AuditRecord) -> Verdict:
 
 
 def moving(record: AuditRecord) -> Verdict:
-    """Clearance from moving obstacles at their predicted positions, while the robot moved as well.
+    """Clearance from moving obstacles at their predicted positions, while the robot moved.
 
-    What drives into a robot that stands is no collision of the robot's.
+    A collision with a robot at rest is not its own.
     """
     met = record.encounters
     if not met:
@@ -64,9 +64,9 @@ def moving(record: AuditRecord) -> Verdict:
 
 
 def others(record: AuditRecord) -> Verdict:
-    """Clearance from the other robots, where they were, while the robot moved.
+    """Clearance from the other robots at their positions, while the robot moved.
 
-    What drives into a robot that stands is no collision of the robot's.
+    A collision with a robot at rest is not its own.
     """
     named = record.history.epochs[0].settings.moving_obstacles.others
     if not named:
@@ -107,16 +107,19 @@ def margin(record: AuditRecord) -> Verdict:
 
 
 def commanded(record: AuditRecord) -> Verdict:
-    """What each command leads to, held for a control period from the pose where it takes effect.
+    """The arc of each command, held for a control period from the pose where it takes effect.
 
-    That is the pose that it answers, or with `command_delay` the one measured so much later.
-    A robot that is too close already may only be commanded not to get closer.
+    That is the pose of its odometry, or with `command_delay` or an estimated lag the one measured
+    that much later. A robot that is too close already may only be commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
+    lags = {each.stamp: each.wheel_lag for each in record.decisions}
     for leg in record.legs:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
-        poses = _measured(leg, commands.stamps, [each.command_delay for each in settings_of])
+        behind = [lags.get(stamp, 0.0) for stamp in commands.stamps.tolist()]
+        delays = np.add([each.command_delay for each in settings_of], behind)
+        poses = _measured(leg, commands.stamps, delays)
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
@@ -144,7 +147,7 @@ def commanded(record: AuditRecord) -> Verdict:
 
 
 def jumps(record: AuditRecord) -> Verdict:
-    """Whether odometry only shows what the robot can drive."""
+    """Whether the motion in the odometry is feasible for the robot."""
     robot = record.history.epochs[0].settings.robot
     if not math.isfinite(robot.max_wheel_speed):
         return skipped('The wheels have no limit (robot.max_wheel_speed is 0).')
@@ -232,7 +235,7 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
     return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
 
 
-def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> Array:
+def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Array) -> Array:
     """The latest poses measured when commands take effect, shape ``(M, 3)``.
 
     Args:
@@ -252,7 +255,7 @@ def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Sequence[float]) -> A
 def _spare(
     settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
 ) -> Array:
-    """Clearance of an arc beyond what must be asked of it, ``(2 + M,)`` [m]."""
+    """Clearance of an arc above the clearance required, ``(2 + M,)`` [m]."""
     space = space_of(settings)
     start, held = pose[None], np.array([period])
     floor = np.minimum(space.at(start, near)[0], 0.0)
@@ -265,10 +268,10 @@ def _spare(
 
 
 def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
-    """The goals of a run, in order, as they were when they should have been passed.
+    """The goals of a run that were in force at their times, in order.
 
-    Those of the parameters are dropped when the first goal came on `goal_pose`, and each of those
-    when another came before its time.
+    The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
+    before whose time has not come.
     """
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
     received = [each for each in received if each.goal is not None and each.goals_received]

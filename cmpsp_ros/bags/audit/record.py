@@ -1,4 +1,4 @@
-"""All that is audited of a recording: odometry, commands, parameters and decisions."""
+"""The data of an audit: odometry, commands, parameters and decisions of a recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cmpsp_ros.guidance.messages.tracks import Track
 
 @dataclass(frozen=True)
 class RunSpan:
-    """From one beginning of time to the next.
+    """One run: from a time 0 to the next.
 
     Attributes:
         start: Time 0 [ns].
@@ -64,18 +64,18 @@ class Leg:
 
 @dataclass(frozen=True)
 class AuditRecord:
-    """What an audit has before it.
+    """The data of an audit.
 
     Attributes:
         path: The bag.
-        places: Names of what was read.
+        places: Names of the topics read.
         history: Parameters over time.
-        odometry: All of it.
-        commands: All of them.
-        decisions: All of them; none in the bag of another program.
-        tracks: Moving obstacles, as they were received, by number and time.
-        others: Paths of the other robots that were to be kept clear of, by namespace.
-        pairs: Which command belongs to which decision.
+        odometry: All odometry.
+        commands: All commands.
+        decisions: All decisions; none in the bag of another program.
+        tracks: Moving obstacles as received, by id and time.
+        others: Paths of the other robots to be avoided, by namespace.
+        pairs: Pairs of commands and decisions.
         legs: Parts in which time does not jump back and commands were sent.
     """
 
@@ -107,7 +107,7 @@ class AuditRecord:
 
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:
-        """The same path, with the other robots where they were meanwhile."""
+        """The same path, with the positions of the other robots at that time."""
         settings = self.history.epochs[0].settings
         both = settings.robot_radius + settings.moving_obstacles.others_radius
         timeout = settings.moving_obstacles.timeout

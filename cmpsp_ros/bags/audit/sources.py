@@ -1,4 +1,4 @@
-"""Where in a bag an audit looks: which node's parameters and which topics."""
+"""Where an audit reads from in a bag: parameters of which node, and which topics."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _NODE = 'guidance'
 
 @dataclass(frozen=True)
 class Sources:
-    """What the user says about a bag; None leaves it to the bag.
+    """The user's choice of sources; None: found in the bag.
 
     Attributes:
         odom: Topic of the odometry.
@@ -38,7 +38,7 @@ class Places:
         cmd_vel: Topic of the commands.
         decision: Topic of the decisions; the bag may lack it.
         plan: Topic of the plans; the bag may lack it.
-        moving: Topic of the obstacles that move; the bag may lack it.
+        moving: Topic of the moving obstacles; the bag may lack it.
     """
 
     node: str
@@ -50,11 +50,11 @@ class Places:
 
 
 def find(bag: Bag, sources: Sources) -> Places:
-    """Full names of all that an audit reads.
+    """Full names of everything that an audit reads.
 
     Raises:
-        BagError: The bag has no parameters of a guidance node and no file replaces them, several
-            nodes' and none is chosen, or odometry or commands are missing.
+        BagError: The bag has no parameters of a guidance node and no file replaces them, or those
+            of several nodes and none is chosen; or odometry or commands are missing.
     """
     node = _node(bag, sources)
     namespace = node.rpartition('/')[0]

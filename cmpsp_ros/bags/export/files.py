@@ -1,4 +1,4 @@
-"""Bags for pandas and spreadsheets: CSV or Parquet, one file a table."""
+"""Bags for pandas and spreadsheets: CSV or Parquet, one file per table."""
 
 from __future__ import annotations
 

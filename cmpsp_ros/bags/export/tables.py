@@ -1,4 +1,4 @@
-"""What is in a bag as tables: one a kind of topic, with named columns and units."""
+"""The contents of a bag as tables: one per kind of topic, with named columns and units."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Column:
 
     Attributes:
         name: Its name.
-        kind: What is in it; any of them may be missing in a row.
+        kind: Type of its values; any value may be missing.
         unit: Unit, empty where there is none.
     """
 
@@ -34,7 +34,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table, its rows read as they are asked for.
+    """One table, whose rows are read on demand.
 
     Attributes:
         name: Its name.

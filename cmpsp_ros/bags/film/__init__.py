@@ -1,4 +1,4 @@
-"""A run as a camera behind the robot would have seen it."""
+"""A film of a run, from a camera behind the robot."""
 
 from cmpsp_ros.bags.film.render import film
 

@@ -94,12 +94,12 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
 
 @dataclass(frozen=True)
 class _Moment:
-    """What is different from one frame to the next.
+    """The data that change from frame to frame.
 
     Attributes:
         pose: Of the robot, shape ``(3,)`` [m, m, rad].
-        moving: Moving obstacles, where they are then.
-        goal: Index of the goal that is driven to, -1 for none.
+        moving: Moving obstacles at that time.
+        goal: Index of the current goal, -1 for none.
     """
 
     pose: Array
@@ -138,7 +138,7 @@ def _frames(
 
 
 def _arrange(world: Any, state: Any, moment: _Moment) -> None:
-    """Place the moving obstacles, and let the goal that is driven to stand out."""
+    """Place the moving obstacles, and highlight the current goal."""
     state.mocap_pos[:, 2] = BELOW
     for each in moment.moving:
         name = f'moving {each.id}'

@@ -56,9 +56,9 @@ def scene(
 
     Args:
         settings: Robot, road and obstacles.
-        way: Points of the path driven, shape ``(K, 2)`` [m].
+        way: Points of the driven path, shape ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
-        moving: Numbers of the obstacles that move, each a body `moving 7` to be put somewhere.
+        moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))

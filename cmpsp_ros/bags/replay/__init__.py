@@ -1,1 +1,1 @@
-"""Replay: recorded odometry through the guidance law again, as it was or changed."""
+"""Replay: recorded odometry through the guidance law again, unchanged or changed."""

@@ -1,4 +1,4 @@
-"""A decision of a law beside a recorded one, field by field."""
+"""Comparison of a replayed decision with the recorded one, field by field."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _FRACTION = re.compile(r'-?(\d+\.\d+(e[+-]?\d+)?|\d+e[+-]?\d+|inf|nan)')
 
 @dataclass(frozen=True)
 class Difference:
-    """Something that replay does not find as it was recorded.
+    """A difference between replay and recording.
 
     Attributes:
-        number: Which decision of the bag, from 1.
-        stamp: Time stamp of the odometry that it answers [ns].
-        field: What differs.
-        recorded: What the bag says.
-        replayed: What the law says.
+        number: Number of the decision in the bag, from 1.
+        stamp: Stamp of the odometry that it is based on [ns].
+        field: The field that differs.
+        recorded: Its recorded value.
+        replayed: Its replayed value.
     """
 
     number: int
@@ -61,7 +61,7 @@ class Comparison:
     def differences(
         self, number: int, recorded: DecisionRecord, decision: Decision
     ) -> Iterator[Difference]:
-        """Iterate over the fields that differ; computing times are none."""
+        """Iterate over the fields that differ, computing times excepted."""
         for field, one, other in _pairs(recorded, decision):
             if one != other and not self._close(one, other):
                 yield Difference(

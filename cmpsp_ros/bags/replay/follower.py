@@ -1,4 +1,4 @@
-"""A guidance law that receives what the one in a recording received."""
+"""A guidance law that receives the inputs of a recording."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from cmpsp_ros.parameters.table import Values
 
 
 class Follower:
-    """Feeds inputs to a law, which begins with the first of them."""
+    """Feeds inputs to a law, which is created by the first of them."""
 
     law: GuidanceLaw
 
     def __init__(self, settings_of: Callable[[Values], GuidanceSettings]) -> None:
-        """Wait for the law to be made.
+        """Wait for the input that creates the law.
 
         Args:
-            settings_of: Settings of the law where these parameters were recorded.
+            settings_of: Converts recorded parameters to settings of the law.
         """
         self._settings_of = settings_of
 

@@ -1,10 +1,9 @@
 """The inputs of a recorded guidance law, in the order that its decisions imply.
 
-Odometry is in the bag, and so are goals, moving obstacles and plans of other robots. What they do
-not show - stops by the node's clock, resets, live changes of parameters, how many goals, which
-obstacles and which plans had come by then - every decision says of itself: `halted`,
-`late`, `skipped`, `run`, `revision`, `told`, `moving_obstacles` - and `pose`, where a transform
-led to it.
+Odometry, goals, moving obstacles and plans of other robots are in the bag. Everything else is
+recorded with each decision: stops by the node's clock, resets, live parameter changes, and which
+goals, obstacles and plans had arrived by then (`halted`, `late`, `skipped`, `run`, `revision`,
+`goals_received`, `moving_obstacles`), and `pose` if a transform was applied.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from cmpsp_ros.parameters.table import Values
 
 @dataclass(frozen=True)
 class RunStarted:
-    """A law was made, with these parameters."""
+    """A law was created, with these parameters."""
 
     values: Values
 
@@ -41,12 +40,12 @@ class ParametersChanged:
 
 @dataclass(frozen=True)
 class RunReset:
-    """The run began again."""
+    """The run was restarted."""
 
 
 @dataclass(frozen=True)
 class GoalReceived:
-    """A goal came, with this time stamp [ns]."""
+    """A goal was received, with this stamp [ns]."""
 
     stamp: int
     goal: Goal
@@ -54,7 +53,7 @@ class GoalReceived:
 
 @dataclass(frozen=True)
 class OdometryReceived:
-    """Odometry came; the decision on it, if there was one, and what was known that moves."""
+    """Odometry was received, with its decision, if any, and the moving objects known then."""
 
     odometry: OdometrySample
     decision: DecisionRecord | None
@@ -63,7 +62,7 @@ class OdometryReceived:
 
 @dataclass(frozen=True)
 class Halted:
-    """The node stopped the robot by itself."""
+    """The node stopped the robot without odometry."""
 
     decision: DecisionRecord
 
@@ -87,10 +86,10 @@ Input = (
 
 
 class Inputs:
-    """The inputs of a recorded guidance law; to be iterated over once.
+    """The inputs of a recorded guidance law; can be iterated over once.
 
     Attributes:
-        skipped: Decisions before the first that begins a run: what the law then knew is not in
+        skipped: Decisions before the first run in the bag; the law's state at that time is not in
             the bag.
     """
 
@@ -161,7 +160,7 @@ class Inputs:
         return next((each for each in waiting if each.stamp == stamp), None)
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
-        """Odometry that came before the one wanted, and was not decided on."""
+        """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
             if received_all:

@@ -1,4 +1,4 @@
-"""The parameters of a recorded guidance node as they change through a recording."""
+"""The parameters of a recorded guidance node over time."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ EVENTS = '/parameter_events'
 
 
 class NodeParameters:
-    """The complete set of parameters of one node, from its beginning on.
+    """The complete set of parameters of one node, from its start on.
 
     Attributes:
-        values: As they are after all that was taken.
+        values: Values after all changes applied so far.
         given: Keys that were recorded; the others are defaults.
     """
 
@@ -28,7 +28,7 @@ class NodeParameters:
     given: frozenset[str]
 
     def __init__(self, bag: Bag, node: str) -> None:
-        """Take the parameters that the node first had.
+        """Set the parameters with which the node began.
 
         Raises:
             BagError: There are none, or they cannot be used.
@@ -59,15 +59,15 @@ class NodeParameters:
         return since
 
     def change(self, received: int, changes: Mapping[str, Any], *, used: bool) -> None:
-        """Take a change.
+        """Apply a change.
 
         Args:
             received: When it was received [ns].
             changes: New values by key.
-            used: Whether the values of before have been used.
+            used: Whether the previous values have been used.
 
         Raises:
-            BagError: It cannot be used, or nobody knows what it changed.
+            BagError: It cannot be used, or its previous values are unknown.
         """
         unknown = sorted(changes.keys() - self.given)
         if used and unknown:

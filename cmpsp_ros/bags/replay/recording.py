@@ -1,4 +1,4 @@
-"""What the guidance node received and published, read from its bag in one go."""
+"""What the guidance node received and published, read from its bag in one pass."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Names:
 
     @classmethod
     def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
-        """The names in a namespace, where odometry or commands are not remapped."""
+        """The names in a namespace, without remapping of odometry and commands."""
         prefix = namespace.rstrip('/')
         return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
 
@@ -74,10 +74,10 @@ class Names:
 
 @dataclass(frozen=True)
 class OdometrySample:
-    """Odometry that a decision can be made on.
+    """Odometry on which a decision can be made.
 
     Attributes:
-        received: When the recorder got it [ns].
+        received: Time of reception by the recorder [ns].
         stamp: Its own time stamp [ns].
         pose: Pose, shape ``(3,)`` [m, m, rad].
     """
@@ -91,21 +91,21 @@ class Recording:
     """The messages of one guidance node, each kept only as long as it may be needed.
 
     Attributes:
-        odometry: Read already and not yet used, in order.
-        unusable: Why the first unusable odometry is so; empty when there was none.
-        changes: When a live change of parameters was received [ns], and what it says; not yet
-            used, in order.
-        goals: When a goal was received [ns], with its time stamp [ns]; not yet used, in order.
+        odometry: Read and not yet used, in order.
+        unusable: Why the first invalid odometry is invalid; empty if there was none.
+        changes: Time of reception [ns] and content of live parameter changes not yet used, in
+            order.
+        goals: Time of reception and stamp [ns] of goals not yet used, in order.
     """
 
     def __init__(self, bag: Bag, names: Names, frame_id: str, others: Iterable[str] = ()) -> None:
-        """Check that the bag has what a guidance node hears and says.
+        """Check that the bag has the inputs and outputs of a guidance node.
 
         Args:
             bag: An open bag.
             names: Names of node and topics.
             frame_id: Frame in which odometry is usable.
-            others: Namespaces of the robots whose plans it hears.
+            others: Namespaces of the robots whose plans it receives.
 
         Raises:
             BagError: A topic is missing.
@@ -209,7 +209,7 @@ class Recording:
             self.changes.append((received, changed))
 
     def _note(self, tracks: Iterable[Seen]) -> None:
-        """Keep what was received; what cannot be used the node refused too."""
+        """Keep a received message; the node refused invalid ones, too."""
         for each in tracks:
             self._tracks[each.key] = max(each, self._tracks.get(each.key, each))
         while len(self._tracks) > _MOST_TRACKS:

@@ -1,4 +1,4 @@
-"""Replay: recorded odometry through the guidance law, each decision beside the recorded one."""
+"""Replay: recorded odometry through the guidance law, compared with the recorded decisions."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 
 @dataclass
 class ReplayOutcome:
-    """What a replay came to.
+    """Result of a replay.
 
     Attributes:
-        software: What was installed where the bag was recorded, by name.
+        software: Software installed where the bag was recorded, by name.
         decisions: Decisions compared.
         stops: Of them, stops that odometry does not show; their reason is taken as recorded.
         commands: Of them, those whose command was recorded and compared too.
         plans: Of them, those whose plan was recorded and compared too.
-        skipped: Decisions before the first that begins a run; they cannot be replayed.
+        skipped: Decisions before the first run in the bag; they cannot be replayed.
         differing: Decisions that differ.
-        differences: Fields that differ, in all.
+        differences: Total number of fields that differ.
         first: The first of them; None when there is none.
     """
 
@@ -82,7 +82,7 @@ class ReplayOutcome:
         return '\n'.join(lines)
 
     def add(self, recorded: DecisionRecord | None, differences: list[Difference]) -> None:
-        """Count a decision, recorded or not, and what differs in it."""
+        """Count a decision and its differences."""
         if recorded is not None:
             self.decisions += 1
             self.stops += recorded.halted
@@ -133,7 +133,7 @@ def replay(path: Path, names: Names, tolerance: float | None = None) -> ReplayOu
 
 
 def _refuse_another_law(path: Path, names: Names, given: Collection[str]) -> None:
-    """The law of before these parameters gave way elsewhere, and no settings make it so again."""
+    """Refuse recordings of a law without these parameters: it decided differently."""
     missing = [key for key in _OF_THIS_LAW if key not in given]
     if missing:
         raise BagError(
@@ -148,7 +148,7 @@ def _compare(
     comparison: Comparison,
     before: int,
 ) -> Iterator[tuple[DecisionRecord | None, list[Difference]]]:
-    """Feed an input; the decision on it, recorded or not, with what differs."""
+    """Feed an input; returns the decision on it, if any, and its differences."""
     number = before + 1
     match event:
         case OdometryReceived(odometry, None):
@@ -181,7 +181,7 @@ def _prepare(event: Input, follower: Follower, path: Path) -> None:
 
 
 def _decision(event: Input, follower: Follower) -> Decision | str:
-    """The decision on an input, or why there is none."""
+    """The decision on an input, or the reason that there is none."""
     try:
         return follower.follow(event) or 'nothing, for none is due'
     except BagError:

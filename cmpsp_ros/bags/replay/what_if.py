@@ -1,6 +1,6 @@
 """What if: a changed guidance law on recorded odometry, beside the one that drove.
 
-Open loop: the robot followed the recorded commands, not those of the changed law.
+It is open-loop: the robot followed the recorded commands, not those of the changed law.
 """
 
 from __future__ import annotations
@@ -38,19 +38,19 @@ PREFIX = '/what_if'
 
 @dataclass(frozen=True)
 class Change:
-    """What is to be other than it was.
+    """The change to the recorded law.
 
     Attributes:
-        base: A set of parameters in place of the recorded one; None to keep that, with its live
+        base: A parameter set instead of the recorded one; None: the recorded one with its live
             changes.
-        assignments: Values by key, in place of those of the set.
+        assignments: Values by key that replace those of the set.
     """
 
     base: Mapping[str, Any] | None
     assignments: Mapping[str, Any]
 
     def of(self, recorded: Values) -> Values:
-        """The complete set where this was recorded.
+        """The complete changed set, for a recorded one.
 
         Raises:
             ParameterError: It cannot be used.
@@ -61,13 +61,13 @@ class Change:
 
 @dataclass
 class WhatIf:
-    """Two laws on one odometry.
+    """Two laws on the same odometry.
 
     Attributes:
         settings: Of the changed law, at the beginning.
-        odometry: All that was received.
+        odometry: All odometry received.
         recorded: Decisions of the recorded law.
-        decisions: Decisions of the changed law, each with the time when its odometry was received
+        decisions: Decisions of the changed law, each with the time of reception of its odometry
             [ns].
         left_out: Topics that could not be copied.
     """
@@ -96,12 +96,12 @@ class WhatIf:
 
 
 def what_if(path: Path, names: Names, change: Change, output: Path) -> WhatIf:
-    """Run the changed law, and write a new bag: all that was recorded, and what it says.
+    """Run the changed law, and write a new bag with the recording and its decisions.
 
     Args:
         path: The recorded bag.
         names: Names of the recorded node and its topics.
-        change: What is to be other than it was.
+        change: The change to the recorded law.
         output: Folder of the new bag; must not exist.
 
     Raises:

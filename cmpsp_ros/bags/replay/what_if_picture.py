@@ -1,4 +1,4 @@
-"""Picture of a what-if: both laws' commands in time, and their plans on the road."""
+"""Picture of a what-if: commands over time and plans on the road, of both laws."""
 
 from __future__ import annotations
 

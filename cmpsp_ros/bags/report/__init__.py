@@ -1,4 +1,4 @@
-"""The report on one or several bags: a page that opens from disk, and a picture."""
+"""The report on one or several bags: an HTML page and a picture."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ def layout() -> Figure:
 
 
 def axis(more: Figure) -> Figure:
-    """An axis in the report's style, with what is particular about it."""
+    """An axis in the report's style, with these settings."""
     style = {
         'gridcolor': GRID,
         'zerolinecolor': GRID,

@@ -1,7 +1,7 @@
-"""The page: one HTML file that needs nothing else, on a disk without network.
+"""The page: one HTML file that needs no other files and no network.
 
-Nothing in it runs but the two scripts whose hashes its Content-Security-Policy names. What comes
-from a bag is text in the page and data in its JSON.
+Only the two scripts whose hashes are in its Content-Security-Policy can run. Data from a bag are
+text in the page and data in its JSON.
 """
 
 from __future__ import annotations

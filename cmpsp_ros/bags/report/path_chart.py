@@ -1,4 +1,4 @@
-"""The chart of the road with obstacles, paths driven, and the plan at the slider's time."""
+"""The chart of the road with obstacles, driven paths, and the plan at the slider's time."""
 
 from __future__ import annotations
 
@@ -58,9 +58,9 @@ def path(views: Sequence[View]) -> Figure:
 
 
 def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, plans, robots, moving obstacles and goal driven to, each for all bags; then the rest.
+    """Paths, plans, robots, moving obstacles and current goal, each for all bags; then the rest.
 
-    The script counts on this order, and fills what is empty here.
+    The script relies on this order, and fills the traces that are empty here.
     """
     several = len(views) > 1
     named = [(f'{escaped(view.label)}: ' if several else '', view) for view in views]

@@ -121,5 +121,5 @@ def _draw_steps(axes: Axes, views: Sequence[View]) -> None:
 
 
 def _plain(text: str) -> str:
-    """Text from a bag as it is: a dollar sign begins no formula."""
+    """Text from a bag, with dollar signs escaped: they would begin a formula."""
     return text.replace('$', r'\$')

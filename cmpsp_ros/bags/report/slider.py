@@ -1,4 +1,4 @@
-"""What the slider moves in the chart of the path: plans, robots, goals and moving obstacles."""
+"""The parts of the path chart that the slider moves: plans, robots, goals and moving obstacles."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def tracks_of_each(view: View) -> list[list[Track]]:
 
 
 def goals_over_time(view: View) -> list[tuple[float, Goal]]:
-    """From when on [s] each goal was driven to, in order of time; none where a road is followed."""
+    """Time from which each goal is the current one [s], in order; none for a followed road."""
     found = goals_driven_to(view.record.decisions, view.settings)
     return [(view.record.seconds(stamp), goal) for stamp, goal in found]
 

@@ -1,4 +1,4 @@
-"""The tables of a report, as HTML; whatever comes from a bag is escaped."""
+"""The tables of a report, as HTML; all data from a bag are escaped."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def parameters(views: Sequence[View]) -> str:
 
 
 def sections(views: Sequence[View], table: str) -> str:
-    """One table a bag, under its name where there are several."""
+    """One table per bag, under its name if there are several."""
     build = {'findings': findings, 'levels': levels}[table]
     if len(views) == 1:
         return build(views[0])
@@ -136,7 +136,7 @@ def _table(
     *,
     stacked: bool = False,
 ) -> str:
-    """A table; one that is stacked has a paragraph for each row where the page is narrow."""
+    """A table; a stacked one becomes a paragraph per row on a narrow page."""
     cells = ''.join(f'<th scope="col">{each}</th>' for each in head)
     lines = [f'<tr>{cells}</tr>']
     for number, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""What a report shows of one bag, as arrays over the time since its first run began."""
+"""The data of one bag in a report, as arrays over the time since its first run began."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MOST_PLANS = 600
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan, when it was made [s], and its positions ``(N + 1, 2)`` [m]."""
+    """A plan: its time [s], and its positions ``(N + 1, 2)`` [m]."""
 
     seconds: float
     points: Array
@@ -41,13 +41,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Band:
-    """Control steps in a row of the same kind.
+    """Consecutive control steps at the same fallback level.
 
     Attributes:
         level: Fallback level, or `arrived`.
-        begin: From when on [s].
-        end: Until when [s].
-        steps: How many.
+        begin: First time [s].
+        end: Last time [s].
+        steps: Number of steps.
         reason: Reason of the first of them.
     """
 
@@ -64,9 +64,9 @@ class View:
 
     Attributes:
         label: Its name in the report.
-        record: What was audited.
-        findings: What the audit found.
-        plans: Some of the plans, in order of time; none where nobody recorded them.
+        record: The audited data.
+        findings: Results of the audit.
+        plans: Some of the plans, in order of time; none if they were not recorded.
         version: Version of this package that recorded it, or empty.
     """
 
@@ -136,7 +136,7 @@ class View:
     def clearance(self) -> tuple[Array, Array, Array]:
         """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``.
 
-        Obstacles are those that stand still and those that move.
+        Both static and moving obstacles count.
         """
         sweeps = self.record.sweeps
         times = np.concatenate([self._seconds(each.stamps) for each in sweeps])
@@ -202,7 +202,7 @@ def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:
 
 
 def labels(paths: Sequence[Path]) -> list[str]:
-    """Short names by which bags are told apart; a link has the name of what it leads to."""
+    """Short names that distinguish the bags; a link has the name of its target."""
     short = [
         each.parent.name if each.name == 'bag' and each.parent.name else each.name
         for each in (path.resolve() for path in paths)

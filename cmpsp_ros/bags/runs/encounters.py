@@ -1,4 +1,4 @@
-"""How near a robot came to obstacles that moved, and to other robots."""
+"""Distances between a robot and moving obstacles or other robots."""
 
 from __future__ import annotations
 
@@ -23,14 +23,13 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True)
 class Encounter:
-    """Part of a path, driven while an obstacle moved as predicted, or another robot as it did.
+    """Part of a path, with its distance from one moving obstacle or other robot.
 
     Attributes:
-        name: What messages call it.
+        name: Its name in messages.
         stamps: Beginning of each arc [ns], shape ``(K,)``.
-        clearance: From it, the robot's own radius taken off, shape ``(K,)`` [m].
-        stands: Whether the robot stood meanwhile, shape ``(K,)``: what then drives into it is no
-            collision of the robot's.
+        clearance: Distance from it, less the robot's radius, shape ``(K,)`` [m].
+        stands: Whether the robot was at rest, shape ``(K,)``: a collision is then not its own.
     """
 
     name: str
@@ -42,13 +41,13 @@ class Encounter:
 def encounters(
     path: Driven, tracks: Sequence[Track], robot_radius: float, timeout: float
 ) -> Iterator[Encounter]:
-    """Every part of a path with what moved meanwhile, at constant velocity since it was seen.
+    """Every part of a path with the moving obstacles of that time, at constant velocity.
 
     Args:
-        path: The path driven.
+        path: The driven path.
         tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
         robot_radius: Of the robot's footprint [m].
-        timeout: Age at which an obstacle that is not seen again is forgotten [s].
+        timeout: Age at which an obstacle that is not seen again is dropped [s].
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -92,13 +91,13 @@ def _is_recorded(bag: Bag, namespace: str) -> bool:
 def robot_encounters(
     path: Driven, others: Mapping[str, Driven], radius: float, timeout: float
 ) -> Iterator[Encounter]:
-    """Every part of a path with each other robot where it was meanwhile.
+    """Every part of a path with the positions of each other robot at that time.
 
     Args:
-        path: The path driven.
+        path: The driven path.
         others: As from `read_others`.
-        radius: Of the footprints of both robots together [m].
-        timeout: Time for which another robot is taken to go on as it was seen last [s].
+        radius: Sum of the radii of both robots' footprints [m].
+        timeout: Time for which the last motion of another robot is extrapolated [s].
     """
     for namespace, other in others.items():
         for each in encounters(path, _tracks(other), radius, timeout):

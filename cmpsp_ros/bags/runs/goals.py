@@ -1,4 +1,4 @@
-"""Goals: which was driven to when, how exactly each was passed, how fast a road was followed."""
+"""Goals: the current one over time, the error at each, and the speed along a followed road."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Passing:
-    """Where the robot was when it should have been at a goal.
+    """The robot's position at the time of a goal.
 
     Attributes:
         goal: The goal.
-        stamp: When that was [ns].
+        stamp: Its time [ns].
         miss: Distance from it [m].
-        heading_miss: Difference of the heading from the one asked for [rad]; None for none.
-        ratio: The greater of both, each as a part of its tolerance.
+        heading_miss: Heading error [rad]; None if the goal has no heading.
+        ratio: The larger of both errors, each divided by its tolerance.
     """
 
     goal: Goal
@@ -76,14 +76,14 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
 
 
 def goals_driven_to(decisions: Sequence[DecisionRecord], settings: GuidanceSettings) -> list[tuple[int, Goal]]:
-    """Each goal with the time stamp [ns] from which on it was driven to, in order.
+    """Each goal with the time stamp [ns] from which it was the current one, in order.
 
     Args:
-        decisions: Of a recording. One that names no goal drives to the only one there is.
-        settings: What was in force at first.
+        decisions: Of a recording. One that names no goal has the only one there is.
+        settings: Settings in force at first.
 
     Returns:
-        Nothing where a road is followed, or nothing was decided.
+        Nothing if a road is followed, or nothing was decided.
     """
     if settings.follow is not None:
         return []

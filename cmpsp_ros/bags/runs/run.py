@@ -1,4 +1,4 @@
-"""A recorded run as arrays: what was decided, commanded and driven."""
+"""A recorded run as arrays: decisions, commands and the driven path."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Planned:
     """A plan as published on `~/predicted_path`.
 
     Attributes:
-        stamp: When it was made [ns].
+        stamp: Its time [ns].
         points: Predicted positions ``(N + 1, 2)`` [m].
     """
 
@@ -37,7 +37,7 @@ class Planned:
 
 @dataclass(frozen=True)
 class Driven:
-    """The path driven, as arcs of constant wheel speeds.
+    """The driven path, as arcs of constant wheel speeds.
 
     Attributes:
         stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
@@ -79,12 +79,12 @@ class Run:
 
     Attributes:
         decisions: In order.
-        plans: In order; empty where nobody listened to them.
-        driven: The path driven, as by `read_driven`.
-        tracks: Moving obstacles, as they were received, by number and time.
+        plans: In order; empty if they were not recorded.
+        driven: The driven path, from `read_driven`.
+        tracks: Moving obstacles as received, by id and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape
-            ``(W, 2)`` [rad/s].
+        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape ``(W,
+            2)`` [rad/s].
     """
 
     decisions: tuple[DecisionRecord, ...]

@@ -12,16 +12,16 @@ from cmpsp_ros.guidance.messages.tracks import Track, TrackError, tracks_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:
-    """All of a topic, by number and time; none where the bag lacks the topic.
+    """All messages of a topic, by id and time; none if the bag lacks the topic.
 
     Args:
         bag: An open bag.
         topic: Full name.
-        frame_id: Frame in which they are wanted, messages in others being left out as the node
-            refuses them; None takes any.
+        frame_id: Frame of the messages wanted; others are left out, as the node refuses them. None:
+            any frame.
 
     Raises:
-        BagError: A message is none of its type.
+        BagError: A message is not of its type.
     """
     found: dict[tuple[int, int], Track] = {}
     for _, message in bag.messages(topic) if topic in bag.topics else ():

@@ -1,1 +1,1 @@
-"""The files of a bag: writing them, checking them before they are read, and salvage."""
+"""The files of a bag: writing them, checking them before they are read, and recovery."""

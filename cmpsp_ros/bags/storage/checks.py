@@ -1,7 +1,7 @@
-"""Bags of anybody's making, looked at before rosbags reads them.
+"""Checks of untrusted bags, before rosbags reads them.
 
-rosbags believes what a file says of its sizes: it unpacks, parses and allocates whatever is asked
-for. Everything that it will ask for is bounded here first, so that its reader can be used as it is.
+rosbags trusts the sizes in a file: it decompresses, parses and allocates accordingly. Every such
+size is bounded here first, so its reader can be used unchanged.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The folder of a bag: its files beside the messages, and who is writing it."""
+"""The folder of a bag: its files beside the messages, and the writer's lock."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNFINISHED = 'unfinished.json'
 
 
 class FolderLock:
-    """The writer's lock, let go by `release` or by the end of the process, however it ends."""
+    """The writer's lock, released by `release` or by the end of the process."""
 
     def __init__(self, folder: Path) -> None:
         self._file = os.open(folder, os.O_RDONLY)
@@ -53,7 +53,7 @@ def is_locked(folder: Path) -> bool:
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file so that it is there as a whole or not at all, whatever happens.
+    """Write a file atomically: it is complete or not there.
 
     Raises:
         OSError: The disk refuses.

@@ -13,12 +13,12 @@ NO_MESSAGE_YET = 2**63 - 1
 
 @dataclass(frozen=True)
 class Form:
-    """How a bag is written.
+    """Format of a bag.
 
     Attributes:
         storage: Format of its files.
         compressed: Whether chunks are compressed by zstd; mcap only.
-        split_size: Size from which on a new file is begun [bytes]; 0 for a single file.
+        split_size: Size at which a new file is begun [bytes]; 0 for a single file.
         split_duration: Duration after which a new file is begun [ns]; 0 for a single file.
     """
 

@@ -1,4 +1,4 @@
-"""What a bag may ask for: every size is bounded before anything is allocated for it."""
+"""Limits for bags: every size is bounded before anything is allocated for it."""
 
 from __future__ import annotations
 
@@ -76,10 +76,10 @@ def check_file(path: Path, limit: int | None = None) -> None:
 
 
 def check_yaml(text: str) -> None:
-    """Make sure that text, parsed as YAML, grows no larger than it is.
+    """Make sure that parsing text as YAML does not multiply its size.
 
     Raises:
-        ReaderError: Not YAML, nested too deeply, or with aliases, which multiply what they name.
+        ReaderError: Not YAML, nested too deeply, or with aliases, which multiply their anchors.
     """
     depth = 0
     try:
@@ -131,7 +131,7 @@ def inflate(data: bytes, compression: str, limit: int, *, partly: bool = False) 
 
 
 def inflated_allowed(size: int) -> int:
-    """What all chunks of a file of a size [bytes] may come to when uncompressed [bytes]."""
+    """Largest total size of the uncompressed chunks of a file of a size [bytes]."""
     return _FREE_RATIO + _MAX_RATIO * size
 
 

@@ -1,7 +1,7 @@
-"""Mcap files of anybody's making: the sizes and places in them, checked before rosbags reads them.
+"""Checks of untrusted mcap files: sizes and offsets, before rosbags reads them.
 
-The index says what rosbags will read, unpack and hold at a time; so the index is checked, and
-each chunk against it.
+The index determines what rosbags reads, decompresses and holds at a time. So the index is checked,
+and each chunk against it.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _indexed(fields: Fields) -> tuple[int, ChunkHead]:
 
 
 def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) -> None:
-    """Make sure that each chunk is as the index says, and what they come to in all."""
+    """Make sure that each chunk matches the index, and bound their total size."""
     inflated, allowed = sum(each.size for each in chunks.values()), inflated_allowed(size)
     if inflated > allowed:
         raise ReaderError(f'chunks of {inflated} bytes uncompressed, at most {allowed} are read')
@@ -144,7 +144,7 @@ def _check_chunks(file: BinaryIO, chunks: Mapping[int, ChunkHead], size: int) ->
 
 
 def _check_overlap(heads: Iterable[ChunkHead]) -> None:
-    """Chunks that overlap in time are held together, to bring their messages into order."""
+    """Bound the size of chunks that overlap in time: they are held together to be sorted."""
     held, ends = 0, list[tuple[int, int]]()
     for head in sorted(heads):
         while ends and ends[0][0] < head.start:

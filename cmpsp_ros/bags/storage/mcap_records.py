@@ -1,7 +1,7 @@
-"""The records of an mcap file, read within bounds.
+"""The records of an mcap file, read with bounded memory.
 
-rosbags reads files with an index only, and trusts it; this reads what was cut off, and checks what
-an index says. Format: mcap.dev/spec. A record is an opcode, its length and that many bytes.
+rosbags reads only files with an index, and trusts it; this module reads files that were cut off,
+and checks an index. Format: mcap.dev/spec. A record is an opcode, its length and that many bytes.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ _MOST_HEAD = 64
 
 
 class McapRecord(NamedTuple):
-    """Where a record is.
+    """A record in a file.
 
     Attributes:
-        opcode: What it is.
+        opcode: Its kind.
         body: Offset of its content.
         size: Length of its content [bytes].
     """
@@ -57,15 +57,15 @@ class McapMessage(NamedTuple):
 
 
 class ChunkHead(NamedTuple):
-    """What a chunk says before its content.
+    """The header of a chunk.
 
     Attributes:
         start: First stamp [ns].
         end: Last stamp [ns].
-        size: Its records' length, uncompressed [bytes].
+        size: Length of its records, uncompressed [bytes].
         checksum: CRC-32 of its records; 0 for none.
         compression: `zstd`, `lz4`, or empty for none.
-        compressed: Its records' length in the file [bytes].
+        compressed: Length of its records in the file [bytes].
     """
 
     start: int

@@ -1,7 +1,7 @@
-"""Mcap storage that takes back what the disk refused, with checksums.
+"""Mcap storage with checksums that survives a full disk.
 
 rosbags' writer does the format. It loses the chunk that a full disk refuses, writes its index after
-half a chunk, and leaves all checksums empty; what is here hooks into its writing of a chunk.
+half a chunk, and leaves all checksums empty; this module overrides its writing of a chunk.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _INDEX_START, _INDEX_CRC = 1 + 8, 1 + 8 + 8 + 8
 
 
 class _Whole(NamedTuple):
-    """A chunk that is in the file: where it begins, and what is in it."""
+    """A complete chunk in the file: its offset and its index."""
 
     offset: int
     counts: Mapping[int, int]
@@ -37,10 +37,10 @@ class _Whole(NamedTuple):
 
 
 class McapStorage(McapWriter):
-    """A file that ends in a whole chunk whenever no call is under way.
+    """A file that ends in a complete chunk between calls.
 
-    When the disk refuses a chunk, or the index at the end, the file is cut back to its last whole
-    chunk and the refused messages stay in memory: the same call can be made again.
+    When the disk refuses a chunk, or the index at the end, the file is cut back to its last
+    complete chunk and the refused messages stay in memory: the same call can be repeated.
 
     Args:
         path: The new file.
@@ -117,10 +117,11 @@ class McapStorage(McapWriter):
             raise
 
     def make_room(self, metadata_size: int) -> None:
-        """Forget the pending chunk, and chunks from the end until index and metadata fit.
+        """Drop the pending chunk, and chunks from the end until index and metadata fit.
 
         Args:
-            metadata_size: Room the metadata takes, in this file and once more beside it [bytes].
+            metadata_size: Size of the metadata, which is in this file and once more beside it
+                [bytes].
         """
         self.chunk.msgs.clear()
         self.chunk.bio.seek(0)

@@ -1,6 +1,7 @@
 """The `metadata.yaml` of a bag, version 9, as rosbag2 of ROS 2 Jazzy writes it.
 
-rosbags writes one for bags of a single file; ours have several, and close on a full disk, too.
+rosbags writes one for bags of a single file; our bags may have several, and must close on a full
+disk.
 """
 
 from __future__ import annotations
@@ -113,7 +114,7 @@ def as_yaml(value: Any) -> str:
 
 
 class _Plain(yaml.SafeDumper):
-    """Repeats what occurs twice: not every reader of bags follows references."""
+    """Writes repeated values out, because not every reader of bags supports aliases."""
 
     def ignore_aliases(self, _data: object) -> bool:
         return True

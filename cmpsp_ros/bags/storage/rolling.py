@@ -1,4 +1,4 @@
-"""The storage files of a bag being written: one, or one after the other.
+"""The storage files of a bag being written: one, or several in sequence.
 
 rosbags writes a single file.
 """
@@ -35,14 +35,14 @@ _TOPIC_METADATA_SIZE = 1536
 
 
 class RollingFiles:
-    """Storage files, each with all topics, and the metadata about them all.
+    """Storage files, each with all topics, and the metadata of all.
 
-    Every method raises `OSError` when the disk refuses; what has been written stays good.
+    Every method raises `OSError` when the disk refuses; what has been written stays valid.
 
     Args:
         folder: Folder of the bag.
         form: Format, compression, and when to begin a new file.
-        custom: What is kept with the bag, by key; as it is when a file is closed.
+        custom: Data kept with the bag, by key, written when a file is closed.
     """
 
     def __init__(self, folder: Path, form: Form, custom: Mapping[str, str]) -> None:
@@ -83,10 +83,10 @@ class RollingFiles:
         write_whole(self._folder / METADATA, as_yaml({'rosbag2_bagfile_information': about}))
 
     def make_room(self) -> int:
-        """Give up what the disk refused, and what else must go for index and metadata to fit.
+        """Drop what the disk refused, and as much more as index and metadata need.
 
         Returns:
-            Number of messages given up.
+            Number of messages dropped.
         """
         if self._storage is None:
             return 0
@@ -96,7 +96,7 @@ class RollingFiles:
         return before - self.message_count
 
     def abort(self) -> None:
-        """Leave the last file as it is."""
+        """Leave the last file unchanged."""
         if self._storage is not None:
             with suppress(OSError):
                 self._storage.abort()

@@ -1,6 +1,6 @@
-"""What is left of storage files that were cut off, never closed, or damaged.
+"""Recovery of messages from storage files that were cut off, never closed, or damaged.
 
-rosbags reads whole files only.
+rosbags reads complete files only.
 """
 
 from __future__ import annotations
@@ -69,11 +69,11 @@ Found = tuple[FoundTopic, int, bytes] | FoundTopic
 
 
 def salvage(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
-    """Iterate over the topics and messages in a storage file, as far as there are any.
+    """Iterate over the topics and messages in a storage file, as far as it is readable.
 
     Args:
-        path: An mcap or sqlite3 file; stays as it is.
-        folder: Where there is room for a copy of it.
+        path: An mcap or sqlite3 file; it is not changed.
+        folder: Folder with space for a copy of it.
         remark: Called with what was left out, and why.
 
     Yields:
@@ -128,7 +128,7 @@ def _from_record(file: BinaryIO, record: McapRecord, end: int, found: _Channels)
 
 
 class _Channels:
-    """The topics met so far in an mcap file, by number."""
+    """The topics found so far in an mcap file, by number."""
 
     def __init__(self, remark: Remark, name: str) -> None:
         self.remark, self.name = remark, name
@@ -147,7 +147,7 @@ class _Channels:
             raise ReaderError(f'more than {allowed} bytes uncompressed')
 
     def take(self, opcode: int, body: bytes) -> Iterator[Found]:
-        """Take a record in; yields what is in it."""
+        """Process a record; yields its contents."""
         try:
             if opcode == SCHEMA:
                 self._schema(Fields(body))
@@ -195,7 +195,7 @@ def _from_sqlite(path: Path, folder: Path, remark: Remark) -> Iterator[Found]:
 
 
 def _drop_part_of_a_page(path: Path) -> None:
-    """SQLite takes for zeros what is missing of a page that was cut."""
+    """Cut an incomplete page off: SQLite reads its missing bytes as zeros."""
     with path.open('rb') as file:
         # Number of bytes in a page; 1 stands for the largest.
         size = int.from_bytes(file.read(18)[16:], 'big')

@@ -1,6 +1,6 @@
-"""Sqlite3 files of anybody's making: nothing but tables of bounded size, before rosbags reads them.
+"""Checks of untrusted sqlite3 files: only tables of bounded size, before rosbags reads them.
 
-A database can hold programs - views, triggers, computed columns - and those would be run.
+A database can contain programs (views, triggers, computed columns), which would be run.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def check_sqlite(path: Path) -> None:
     """Make sure that a file can be read in bounded memory and time.
 
     Raises:
-        ReaderError: Not a database, not closed, damaged, or with what no bag has in it.
+        ReaderError: Not a database, not closed, damaged, or with objects that no bag has.
     """
     log = path.with_name(f'{path.name}-wal')
     if log.exists() and log.stat().st_size:
@@ -65,11 +65,11 @@ def guard(database: sqlite3.Connection, path: Path) -> None:
 
 
 def check_tables(database: sqlite3.Connection, path: Path) -> None:
-    """Make sure that reading a database's tables runs nothing that came with it.
+    """Make sure that reading a database's tables runs no code in it.
 
     Raises:
         ReaderError: There is a view, trigger, virtual table or computed column, or too much.
-        sqlite3.Error: Not a database, damaged, or in circles.
+        sqlite3.Error: Not a database, damaged, or with circular references.
     """
     guard(database, path)
     for kind, name, text in database.execute('SELECT type, name, sql FROM sqlite_master LIMIT 100'):

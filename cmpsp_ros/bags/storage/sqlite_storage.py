@@ -24,7 +24,7 @@ _ROW_SIZE = 32
 
 
 class SqliteStorage(Sqlite3Writer):
-    """A database that is written ahead, as rosbag2 does, and made whole when it is closed.
+    """A database with a write-ahead log, as in rosbag2, merged when it is closed.
 
     Raises:
         OSError: It cannot be created.
@@ -78,7 +78,7 @@ class SqliteStorage(Sqlite3Writer):
         self._keep()
 
     def make_room(self, metadata_size: int) -> None:  # noqa: ARG002 (what SQLite frees is enough)
-        """Give up what has not been flushed."""
+        """Drop everything not flushed."""
         with _refusals():
             self.conn.rollback()
         self._refused = False
@@ -101,7 +101,7 @@ class SqliteStorage(Sqlite3Writer):
             self.conn.close()
 
     def abort(self) -> None:
-        """Close the file as it is."""
+        """Close the file without writing."""
         with _refusals():
             super().abort()
 

@@ -48,15 +48,15 @@ class FinalTime:
         last = self.last(state)
         if goals.is_last and (now >= last or self._is_settled(state, last - now)):
             return Horizon.between([now, last if now < last else state.due]), True
-        return remaining(now, self._period, last) if self._delay else horizon, False
+        return remaining(now, self._period, last) if state.delay else horizon, False
 
     def last(self, state: LawState) -> int:
         """When the last command must be given that takes effect before the goal [ns]."""
-        return state.goals.final - self._delay
+        return state.goals.final - state.delay
 
     def _is_settled(self, state: LawState, left: int) -> bool:
         """Whether the last plan left no more commands for the time that is left [ns]."""
-        return self._delay > 0 and state.plan is not None and left < self._period // 2
+        return state.delay > 0 and state.plan is not None and left < self._period // 2
 
     def go_on(self, state: LawState, stamp: int, pose: Array, context: PlanningContext) -> Decision:
         """Let the last plan go on, past its end too, where a new command comes too late.
@@ -71,7 +71,7 @@ class FinalTime:
             context: The control step.
         """
         start, plan = context.start, state.plan
-        shifted = self._fallback.shifted(plan, start, context.horizon, self._delay, context.pending)
+        shifted = self._fallback.shifted(plan, start, context.horizon, state.delay, context.pending)
         beyond = state.due - state.now if state.now >= self.last(state) else 0
         if (
             plan is None
@@ -96,7 +96,7 @@ class FinalTime:
             start: Where the plan begins.
             plan: The plan that is followed, if any.
         """
-        if self._delay == 0 or plan is None or len(plan.horizon.durations) > 1:
+        if state.delay == 0 or plan is None or len(plan.horizon.durations) > 1:
             return
         outlasting, last = state.due - state.now, self.last(state)
         if state.now < last and not self._fallback.may_outlast(start, plan.controls, outlasting):

@@ -27,7 +27,7 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.qp.riccati.fill import derivatives_in
+from cmpsp_ros.mpsp.qp.active_set.fill import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.free_space import FreeSpace

@@ -71,7 +71,7 @@ class Track:
         return self.stamp < stamp
 
 
-class Known(Protocol):
+class TimedRecord(Protocol):
     """What is known of something that moves; of two at one time the greater counts."""
 
     @property
@@ -89,7 +89,7 @@ class Known(Protocol):
         """Whether it counts less than another at the same time."""
 
 
-Item = TypeVar('Item', bound=Known)
+Item = TypeVar('Item', bound=TimedRecord)
 
 
 def tracks_of(message: Any, frame_id: str) -> list[Track]:
@@ -176,7 +176,7 @@ class Tracks(Generic[Item]):
         self._known = {number: known for number, known in kept.items() if known}
 
 
-def track_keys(tracks: Iterable[Known]) -> str:
+def track_keys(tracks: Iterable[TimedRecord]) -> str:
     """Which tracks, as text."""
     return ' '.join(f'{each.id}@{each.stamp}' for each in tracks)
 

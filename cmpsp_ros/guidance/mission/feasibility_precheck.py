@@ -1,6 +1,6 @@
-"""What no plan can do, checked before a run: a goal too far, a road that is closed.
+"""What no plan can do, checked before a run: a goal too far, a road that is closed, or too fast.
 
-Both checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
+All checks are conservative, a warning is never wrong: the shortest path is one without obstacles,
 and of a gap only its width counts. On open floor gaps are not checked, nor beside moving obstacles.
 """
 
@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cmpsp_ros.guidance.goals import Follow
 from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.road import Point
@@ -28,6 +29,8 @@ def shortest_time(settings: GuidanceSettings, start: Point) -> float:
 
 def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str]:
     """Sentences about what cannot be done, from a start (x, y) [m]; none where all may be well."""
+    if settings.follow is not None:
+        return list(_too_fast(settings, settings.follow))
     said: list[str] = []
     begin = 0.0
     for goal in settings.goals:
@@ -57,9 +60,44 @@ def _too_far(settings: GuidanceSettings, start: Point) -> Iterator[str]:
         )
 
 
+def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
+    """Round a road without end: whether wheels allow the speed, and their acceleration the start.
+
+    No path is shorter than the centre line by more than half the width times all that it turns, and
+    the outer wheel has to drive the robot's own turn as well.
+    """
+    road, robot = settings.road, settings.robot
+    line = road.center_line()
+    steps = np.diff(line, axis=0, append=line[:1])
+    steps = steps[np.hypot(*steps.T) > 0.0]
+    headings = np.arctan2(steps[:, 1], steps[:, 0])
+    turns = np.angle(np.exp(1j * np.diff(headings, append=headings[:1])))
+    aside = road.width / 2.0 - settings.kept
+    shortest = max(road.lap - aside * float(np.abs(turns).sum()), 0.0)
+    wanted = abs(follow.speed)
+    largest = robot.max_speed * road.lap / (shortest + robot.half_track * abs(float(turns.sum())))
+    if wanted > largest:
+        yield (
+            f'follow.speed is out of reach: round this road the wheels allow {largest:.3g} m/s at'
+            f' most, and {wanted:.3g} m/s are wanted.'
+        )
+    gain = robot.wheel_radius * robot.max_wheel_acceleration
+    if gain == math.inf:
+        return
+    time = min(follow.horizon, robot.max_speed / gain)
+    reach = gain * time * time / 2.0 + gain * time * (follow.horizon - time)
+    needed = wanted * follow.horizon * shortest / road.lap
+    if reach < needed:
+        yield (
+            f'follow.horizon is too short to set out: from rest the robot drives {reach:.3g} m in'
+            f' {follow.horizon:.3g} s, and {needed:.3g} m are wanted.'
+        )
+
+
 def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
     wanted = 2.0 * settings.kept
-    if settings.has_map_line and not len(settings.map_line(np.array(start), settings.goal, 1.0)):
+    search = settings.map_search
+    if search is not None and not len(search.line(np.array(start), settings.goal, 1.0)):
         yield (
             f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
             f' robot, which is {wanted:.3f} m wide with safety.margin.'

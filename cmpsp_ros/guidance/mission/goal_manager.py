@@ -87,7 +87,8 @@ class GoalManager:
             raise GoalError(
                 f'The goal is {ahead:.3f} s ahead of the last odometry; is use_sim_time right?'
             )
-        self._settings.search_map(goal.position)
+        if self._settings.map_search is not None:
+            self._settings.map_search.prepare(goal.position)
         self._waiting = stamp, goal
 
     def update(self, stamp: int, now: int, pose: Array, progress: float = math.nan) -> bool:
@@ -132,8 +133,8 @@ class GoalManager:
         settings, (x, y) = self._settings, goal.position
         road = settings.road
         length = arc_length_to(road, pose, goal.position, goal.heading, progress)
-        line = settings.map_line(pose[:2], goal.position, _NEAR)
-        if len(line) > 1:
+        search = settings.map_search
+        if search is not None and len(line := search.line(pose[:2], goal.position, _NEAR)) > 1:
             steps = np.diff(line, axis=0)
             length = float(np.hypot(*steps.T).sum())
             begin, end = np.arctan2(steps[[0, -1], 1], steps[[0, -1], 0]).tolist()

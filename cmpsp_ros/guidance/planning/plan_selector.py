@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
+from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -58,14 +58,16 @@ class PlanSelector:
         self._guesses = Guesses(formulation, self._limit)
         self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
         self._pool = AlternativePool(formulation, max(1, self._limit - 1))
-        self._delay = to_nanoseconds(settings.command_delay)
         self._names = [obstacle.name for obstacle in settings.obstacles]
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
         self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
-        for goal in settings.goals:
-            settings.search_map(goal.position)
+        if settings.map_search is not None:
+            for goal in settings.goals:
+                settings.map_search.prepare(goal.position)
         self.phases: dict[str, float] = {}
+        # Of all obstacles, in the road frame of the control step.
+        self._places = np.empty(0), np.empty(0)
         self._work_left = 1
         self.forget()
 
@@ -166,10 +168,10 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        followed, may_change = (
-            self._scored(self._pool.followed, warm, context),
-            self._may_change(warm),
-        )
+        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
+        self._places = context.road_frame.coordinates(centers)
+        followed = self._scored(self._pool.followed, warm, context)
+        may_change = self._may_change(warm)
         # A fresh plan must fit in beside those that are known.
         capacity = self._limit - 2 if review else self._limit - 1
         improved, waiting = [], []
@@ -250,8 +252,7 @@ class PlanSelector:
         bad_steps: int = 0,
     ) -> Alternative:
         began = self._timer()
-        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
-        sides = class_of(context.road_frame, centers, candidate.plan.poses)
+        sides = class_of(context.road_frame, self._places, candidate.plan.poses)
         score = self._ranking.score(candidate, context.start.previous_control)
         self.phases['audit'] += (self._timer() - began) * _MILLISECONDS
         return Alternative(planner, candidate, score, sides, bad_steps)
@@ -297,8 +298,8 @@ class PlanSelector:
         )
         self.phases['solve'] += (solved - began) * _MILLISECONDS
         self.phases['audit'] += (self._timer() - solved) * _MILLISECONDS
-        if self._delay:
-            result = result._replace(plan=result.plan._replace(delay=self._delay))
+        if context.delay:
+            result = result._replace(plan=result.plan._replace(delay=context.delay))
         return Candidate.of(result, verdict, context.goal)
 
 

@@ -60,6 +60,7 @@ class PlanningContext:
         plan: The one followed until now, if any.
         pending: Verdict on the path to where they begin, if there is one.
         halvings: How often the work of the step is halved.
+        delay: From a command to its effect [ns].
     """
 
     settings: GuidanceSettings
@@ -69,6 +70,7 @@ class PlanningContext:
     plan: Plan | None = None
     pending: Verdict | None = None
     halvings: int = 0
+    delay: int = 0
 
     @classmethod
     def at_pose(

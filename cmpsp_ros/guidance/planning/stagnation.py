@@ -61,8 +61,9 @@ def _gains_enough(road: Road, context: PlanningContext, plan: Plan) -> bool:
     poses = np.ascontiguousarray(plan.poses[: soon + 1])
     along = np.abs(remaining_arc_length(road, poses, goal.position, goal.heading, start.progress))
     lengths = [along, np.hypot(*(poses[:, :2] - goal.position).T)]
-    if context.settings.has_map_line:
-        around = context.settings.map_lengths(poses[:, :2], goal.position)
+    search = context.settings.map_search
+    if search is not None:
+        around = search.lengths(poses[:, :2], goal.position)
         lengths = [around] if np.isfinite(around[0]) else lengths
     gain = max(float(each[0] - each.min()) for each in lengths)
     return gain >= min(_WORTH_WHILE, _FRACTION * reach)

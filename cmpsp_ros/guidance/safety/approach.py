@@ -7,7 +7,7 @@ robot that is heavier than its model is beyond that arc before it stands.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -22,6 +22,7 @@ from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
+Lags = Sequence[tuple[float, Array]]
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 
@@ -123,7 +124,8 @@ class Approach:
         ahead: Contact | None,
         start: PlanStart,
         pending: Verdict | None,
-        wheels: Array,
+        here: PlanStart,
+        lags: Lags,
     ) -> tuple[Plan, Verdict, str] | None:
         """A plan no faster than is safe before what it leads into, and if the wheels lag.
 
@@ -133,7 +135,8 @@ class Approach:
             ahead: What it leads into.
             start: Where it begins.
             pending: As of `calmed`.
-            wheels: As of `calmed`.
+            here: As of `calmed`.
+            lags: As of `calmed`.
 
         Returns:
             It, its verdict and a remark for the reason; None where no speed is safe.
@@ -146,7 +149,7 @@ class Approach:
             if checked.passed:
                 plan, verdict = slowed, checked
                 remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
-        calm = self.calmed(plan, verdict, start, pending, wheels)
+        calm = self.calmed(plan, verdict, start, pending, here, lags)
         if calm is None:
             return None
         if calm[0] is not plan:
@@ -178,7 +181,8 @@ class Approach:
         verdict: Verdict,
         start: PlanStart,
         pending: Verdict | None,
-        wheels: Array,
+        here: PlanStart,
+        lags: Lags,
     ) -> tuple[Plan, Verdict] | None:
         """A plan so slow that its first command and a stop are clear if the wheels lag, too.
 
@@ -187,12 +191,13 @@ class Approach:
             verdict: Of it.
             start: Where it begins.
             pending: Verdict on the path to its beginning, if there is one.
-            wheels: Speeds of the wheels by now, for each lag, shape ``(K, 2)`` [rad/s].
+            here: Where the robot is.
+            lags: That the wheels may have [s], with their speeds by now [rad/s].
 
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        if self._settings.max_lag == 0.0:
+        if not lags:
             return plan, verdict
         for fraction in _SPEEDS:
             slower, checked = plan, verdict
@@ -201,8 +206,8 @@ class Approach:
                 durations = plan.horizon.durations
                 checked = self._audit.check(start, slower.controls, durations, pending)
             if checked.passed and all(
-                self._lag_audit.is_clear_with_lag(start, slower, checked.ramp, each, lag)
-                for each, lag in zip(wheels, self._settings.lags, strict=True)
+                self._lag_audit.is_clear_with_lag(here, slower, checked.ramp, each, lag)
+                for lag, each in lags
             ):
                 return slower, checked
         return None

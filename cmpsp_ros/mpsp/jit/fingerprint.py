@@ -2,7 +2,7 @@
 
 Comments, docstrings, line numbers and names of files leave it as it is. Constants and functions of
 other modules count where the kernel, or a function that it calls, refers to them.
-`overload_method` and `overload_attribute` are not followed: they have no name in the bytecode.
+What numba's `overload` registers is not followed: it has no name in the bytecode.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ from weakref import WeakKeyDictionary
 import llvmlite
 import numba
 import numpy as np
-
-from cmpsp_ros.mpsp.jit import internals
 
 VERSIONS: Final = (
     f'numba {numba.__version__}, llvmlite {llvmlite.__version__}, numpy {np.__version__},'
@@ -45,7 +43,6 @@ class _Node(NamedTuple):
 
 
 _nodes: WeakKeyDictionary[FunctionType, _Node] = WeakKeyDictionary()
-_overloads: tuple[int, dict[int, list[tuple[Any, str]]]] = 0, {}
 
 
 def fingerprint(kernel: Any) -> str:
@@ -86,7 +83,7 @@ def _node(function: FunctionType) -> _Node:
 
 
 def _values(function: FunctionType) -> Iterator[tuple[str, Any]]:
-    """What a function's names stand for, and what implements it for compiled code."""
+    """What a function's names stand for."""
     for i, default in enumerate(function.__defaults__ or ()):
         yield f'default {i}', default
     yield from (function.__kwdefaults__ or {}).items()
@@ -95,30 +92,17 @@ def _values(function: FunctionType) -> Iterator[tuple[str, Any]]:
             value = cell.cell_contents
         except ValueError:  # not defined yet
             continue
-        yield from _with_implementations(name, value)
+        yield name, value
     names = list(dict.fromkeys(_names(function.__code__)))
     spaces, modules = [function.__globals__], set()
     for space in spaces:  # grows by the modules that are found
         for name in names:
             if name in space:
                 value = space[name]
-                yield from _with_implementations(name, value)
+                yield name, value
                 if isinstance(value, ModuleType) and not _is_known(value.__name__):
                     spaces += [vars(value)] * (value not in modules)
                     modules.add(value)
-    yield from _with_implementations('', function, itself=False)
-
-
-def _with_implementations(
-    name: str, value: Any, *, itself: bool = True
-) -> Iterator[tuple[str, Any]]:
-    global _overloads  # noqa: PLW0603 (what numba has in its registry, looked up again if it grows)
-    if (count := internals.overload_count()) != _overloads[0]:
-        _overloads = count, internals.overloads(_is_known)
-    if itself:
-        yield name, value
-    for function, options in _overloads[1].get(id(value), ()):
-        yield f'{name} by {options}', function
 
 
 def _names(code: CodeType) -> Iterator[str]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 import pickle
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 
@@ -18,7 +18,6 @@ from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import NumbaPickler
-from numba.core.typing.templates import builtin_registry
 
 
 def set_cache(dispatcher: Any, cache: object) -> None:
@@ -46,30 +45,6 @@ def target_description(target_context: Any) -> tuple[Any, ...]:
     """Processor, its features and the options of the optimiser."""
     options = config.OPT, config.LOOP_VECTORIZE, config.SLP_VECTORIZE, config.BOUNDSCHECK
     return (*target_context.codegen().magic_tuple(), *options)
-
-
-def overloads(is_known: Callable[[str], bool]) -> dict[int, list[tuple[Any, str]]]:
-    """Functions that implement something for compiled code, and their options.
-
-    Args:
-        is_known: Whether the functions of a module are of no interest.
-
-    Returns:
-        By the `id` of the function that is called.
-    """
-    found: dict[int, list[tuple[Any, str]]] = {}
-    for called, kind in builtin_registry.globals:
-        for template in getattr(kind, 'templates', ()):
-            function = getattr(template, '_overload_func', None)
-            if function is not None and not is_known(function.__module__ or ''):
-                options = str(getattr(template, '_jit_options', ''))
-                found.setdefault(id(called), []).append((function, options))
-    return found
-
-
-def overload_count() -> int:
-    """How many functions have been registered for compiled code so far."""
-    return len(builtin_registry.globals)
 
 
 def dump(result: Any) -> bytes | None:

@@ -22,8 +22,8 @@ from cmpsp_ros.mpsp.problem import (
     Linearisation,
     OptimalControlProblem,
 )
-from cmpsp_ros.mpsp.qp.riccati.active_set import Indices
-from cmpsp_ros.mpsp.qp.riccati.fill import derivatives_in, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.fill import derivatives_in, put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.state import Indices
 from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.sqp.driver import Functions

@@ -9,8 +9,8 @@ from importlib.util import find_spec
 
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend, hildreth
-from cmpsp_ros.mpsp.qp.riccati.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Backend, Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.dense.closed_form import (
     CURVATURE_MARGIN,
     has_closed_form,
     is_positive_definite_along,
 )
-from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 CURVATURE_LEFT = 1e-3

@@ -10,18 +10,18 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Dimensions
-from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.fill import (
+from cmpsp_ros.mpsp.qp.active_set.fill import (
     Space,
     borrowed_space,
     compiled_size,
     fill,
     solution_in,
 )
+from cmpsp_ros.mpsp.qp.active_set.solver import solve as solve_program
+from cmpsp_ros.mpsp.qp.active_set.state import Indices, empty_warm_start
+from cmpsp_ros.mpsp.qp.dense import clarabel_backend
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, locate
-from cmpsp_ros.mpsp.qp.riccati.solver import solve as solve_program
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 

@@ -117,8 +117,3 @@ class Subproblem:
         lin = self.linearisation
         change = np.einsum('kli,ki->kl', lin.g_X, dX) + np.einsum('kla,ka->kl', lin.g_U, dU)
         return np.where(lin.g == -np.inf, -np.inf, lin.g + change)
-
-    def slope(self, dU: Array, dX: Array) -> float:
-        """Directional derivative of the cost (48). Arguments as of `terminal`."""
-        lin = self.linearisation
-        return float(np.vdot(lin.L_X, dX) + np.vdot(lin.L_U, dU))

@@ -5,10 +5,10 @@ from __future__ import annotations
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
+from cmpsp_ros.mpsp.qp.active_set.correction import activate, correct
+from cmpsp_ros.mpsp.qp.active_set.fill import Space, put_solution, subproblem_in
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form, solve_closed_form
-from cmpsp_ros.mpsp.qp.riccati.correction import activate, correct
-from cmpsp_ros.mpsp.qp.riccati.fill import Space, put_solution, subproblem_in
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

@@ -12,7 +12,7 @@ from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Size, Step,
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati.fill import put_derivatives
+from cmpsp_ros.mpsp.qp.active_set.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions

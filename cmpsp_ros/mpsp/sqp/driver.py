@@ -11,10 +11,10 @@ import numpy as np
 from cmpsp_ros.mpsp.jit.addresses import address_of
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
-from cmpsp_ros.mpsp.qp.riccati.active_set import Indices, empty_active_set, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.correction import correct
-from cmpsp_ros.mpsp.qp.riccati.fill import Space, compiled_size
-from cmpsp_ros.mpsp.qp.riccati.solver import solve
+from cmpsp_ros.mpsp.qp.active_set.correction import correct
+from cmpsp_ros.mpsp.qp.active_set.fill import Space, compiled_size
+from cmpsp_ros.mpsp.qp.active_set.solver import solve
+from cmpsp_ros.mpsp.qp.active_set.state import Indices, empty_active_set, empty_warm_start
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 from cmpsp_ros.mpsp.sqp.iteration import advance
 from cmpsp_ros.mpsp.sqp.run import run

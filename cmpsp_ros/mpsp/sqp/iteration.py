@@ -8,11 +8,10 @@ compiled ones, and every QP back end.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import Program
 from cmpsp_ros.mpsp.sqp.elastic import relax
@@ -71,7 +70,7 @@ def advance(ws: Workspace) -> int:
         return _next_iteration(ws)
     if run.phase == LINEARISED:
         _bound_step(ws)
-        run.level = run.qp_iterations = 0
+        run.level = 0
         run.is_hard = int(relax(ws.program, 0))
         run.phase = QP_ANSWERED
         return SOLVE_QP
@@ -99,7 +98,7 @@ def advance(ws: Workspace) -> int:
 def _begin(ws: Workspace) -> None:
     """Bring the guess within its bounds."""
     run, p = ws.run[0], ws.program
-    run.iterations = run.outcome = run.qp_iterations = run.active_rows = run.level = 0
+    run.iterations = run.outcome = run.active_rows = run.level = 0
     run.length = run.full_change = 0.0
     p.head[0].work = 0
     ws.slack[:] = 0.0
@@ -138,7 +137,7 @@ def _take_step(ws: Workspace) -> int:
     if run.outcome != SOLVED:
         return _finish(ws, 0.0)
     if run.control_tolerance > 0.0:
-        run.full_change = _sum_of_step_norms(p) / (_sum_of_norms(p, ws.now.U) or 1.0)
+        run.full_change = _relative_change(p, ws.now.U)
     update_penalties(p)
     run.predicted = predicted_reduction(p, ws.slack)
     if run.line_search == 1:
@@ -237,24 +236,14 @@ def _active_rows(p: Program) -> int:
 
 
 @inner
-def _sum_of_step_norms(p: Program) -> float:
-    """``sum |dU_k|``, the measure of ``eps_U`` in Sec. 4."""
-    total = 0.0
+def _relative_change(p: Program, U: Array) -> float:
+    """``sum |dU_k| / sum |U_k|``, the measure of ``eps_U`` in Sec. 4."""
+    change, whole = 0.0, 0.0
     for k in range(p.head[0].horizon + 1):
-        squared, stage = 0.0, p.stages[k]
-        for a in range(stage.dU.shape[0]):
-            squared += stage.dU[a] ** 2
-        total += math.sqrt(squared)
-    return total
-
-
-@inner
-def _sum_of_norms(p: Program, U: Array) -> Any:
-    """``sum |U_k|``."""
-    total = 0.0
-    for k in range(p.head[0].horizon + 1):
-        squared = 0.0
+        moved, squared, stage = 0.0, 0.0, p.stages[k]
         for a in range(U.shape[1]):
+            moved += stage.dU[a] ** 2
             squared += U[k, a] ** 2
-        total += math.sqrt(squared)
-    return total
+        change += math.sqrt(moved)
+        whole += math.sqrt(squared)
+    return change / (whole or 1.0)

@@ -22,7 +22,7 @@ _INTEGERS = (
     # State.
     'phase', 'stage', 'halvings', 'is_corrected', 'best_is_corrected', 'level', 'is_hard',
     # What came of it.
-    'iterations', 'outcome', 'qp_iterations', 'active_rows',
+    'iterations', 'outcome', 'active_rows',
 )  # fmt: skip
 _NUMBERS = (
     # Options.

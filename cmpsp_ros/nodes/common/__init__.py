@@ -1,1 +1,1 @@
-"""What the nodes share: their life, topics, parameters and health."""
+"""Shared by the nodes: lifecycle, topics, parameters and health."""

@@ -1,4 +1,4 @@
-"""What a node says of its own state on /diagnostics."""
+"""A node's own state on /diagnostics."""
 
 from __future__ import annotations
 
@@ -36,9 +36,8 @@ class Report:
     Attributes:
         level: Level of `diagnostic_msgs/DiagnosticStatus`.
         message: The state in a sentence.
-        marks: What makes this state another one than before: a change is published at once.
-        values: Figures, worked out only for what is published; floats are written so that they
-            read back exactly.
+        marks: Values whose change is published at once.
+        values: Figures, computed only when they are published; floats read back exactly.
     """
 
     level: bytes

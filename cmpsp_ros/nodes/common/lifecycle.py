@@ -1,4 +1,4 @@
-"""Lifecycle nodes that survive a wrong request."""
+"""Lifecycle nodes that tolerate invalid requests."""
 
 from __future__ import annotations
 

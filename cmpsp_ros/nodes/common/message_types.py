@@ -1,4 +1,4 @@
-"""Message classes by the names that bags give their types."""
+"""Message classes by their type names in bags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Quality of service: what publishers offer, as subscriptions and bags want it."""
+"""Quality of service: from what publishers offer to subscriptions and bags."""
 
 from __future__ import annotations
 

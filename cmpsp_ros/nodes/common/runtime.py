@@ -1,8 +1,7 @@
-"""How every process of this package lives and dies.
+"""Start and end of every process of this package.
 
-A node comes to its end by a signal, by a shut-down context or by an exception. In each case its
-`stop` method runs while the ROS context is still valid, so that a last zero twist really leaves
-and a bag is really closed.
+A node ends by a signal, by a shut-down context or by an exception. In each case its `stop` method
+runs while the ROS context is still valid, so the last zero twist is sent and a bag is closed.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ _WATCH_PERIOD = 0.1
 
 
 class StartupError(ValueError):
-    """A node cannot start with what it was given; the message says what and why."""
+    """A node cannot start as configured; the message says why."""
 
 
 def run(
@@ -180,7 +179,7 @@ def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -
 
 
 class ProcessWatch:
-    """Asks this process to end, in good order, once another one has ended (Linux only)."""
+    """Ends this process in good order once another process has ended (Linux only)."""
 
     def __init__(self, node: Node, process: int) -> None:
         """Begin to watch.

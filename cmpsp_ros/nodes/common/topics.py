@@ -38,13 +38,13 @@ class Topic:
     Attributes:
         node: Name of the node.
         direction: Seen from the node.
-        name: As the node asks for it, before namespaces and remapping.
+        name: As the node uses it, before namespaces and remapping.
         type: Message or service class.
         notes: For the user.
-        depth: Messages its queue holds; 0 for a service.
-        best_effort: Whether a subscription hears best-effort publishers as well.
+        depth: Depth of its queue; 0 for a service.
+        best_effort: Whether a subscription accepts best-effort publishers as well.
         latched: Whether late subscribers get the last message (transient local).
-        repeats: Whether it only shows once more what other topics say; it is not recorded then.
+        repeats: Whether it only repeats the content of other topics; it is then not recorded.
     """
 
     node: str
@@ -84,18 +84,18 @@ class Topic:
 OF_A_RUN = 1000
 """Depth for topics that are recorded.
 
-In lockstep a run takes a second or two: who records it on a busy machine lags far behind.
+In lockstep a run takes a second or two, and a recorder on a busy machine lags far behind.
 """
 
-_STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; stamped as the odometry it answers'
+_STAMPED = 'instead of Twist with `enable_stamped_cmd_vel`; with the stamp of its odometry'
 
 GUIDANCE_ODOM = Topic(
     'guidance',
     'in',
     'odom',
     Odometry,
-    'pose in the frame `frame_id`, or in one from which `/tf` leads there; best effort, so that it'
-    ' hears every publisher',
+    'pose in the frame `frame_id`, or in one that `/tf` connects to it; best effort, to accept'
+    ' every publisher',
     depth=50,
     best_effort=True,
 )
@@ -104,8 +104,8 @@ GUIDANCE_MOVING = Topic(
     'in',
     'moving_obstacles',
     PointCloud2,
-    'with `moving_obstacles.capacity`: a point each, fields `x`, `y` [m], `vx`, `vy` [m/s],'
-    ' `radius` [m] (floats) and `id` (integer); frame as of `odom`; best effort',
+    'with `moving_obstacles.capacity`: one point per obstacle, fields `x`, `y` [m], `vx`, `vy`'
+    ' [m/s], `radius` [m] (floats) and `id` (integer); frame as for `odom`; best effort',
     depth=50,
     best_effort=True,
 )
@@ -114,8 +114,8 @@ OTHER_PLANS = Topic(
     'in',
     '<namespace>/guidance/predicted_path',
     Path,
-    'of each of `others.namespaces`: where another robot will be, each pose at its time; one pose'
-    ' where it stands',
+    'for each of `others.namespaces`: the plan of another robot, each pose with its time; one pose'
+    ' for a robot at rest',
     repeats=True,
 )
 GOAL_POSE = Topic(
@@ -123,15 +123,15 @@ GOAL_POSE = Topic(
     'in',
     'goal_pose',
     PoseStamped,
-    'another goal, with its heading, instead of all others, as RViz sends it; frame as of `odom`',
+    'a goal with heading that replaces all others, as RViz sends it; frame as for `odom`',
 )
 GUIDANCE_ROAD = Topic(
     'guidance',
     'in',
     'road',
     Path,
-    'with `road.source: topic`: the centre line of a `corridor`, in place of the last; frame as of'
-    ' `odom`; closed where it ends as it begins; latched',
+    'with `road.source: topic`: the centre line of a `corridor`, which replaces the current road;'
+    ' frame as for `odom`; closed if it ends where it begins; latched',
     depth=1,
     latched=True,
 )
@@ -140,7 +140,7 @@ COMMAND = Topic(
     'out',
     'cmd_vel',
     Twist,
-    '`linear.x` [m/s], `angular.z` [rad/s]; one a control step, zero twist last of all',
+    '`linear.x` [m/s], `angular.z` [rad/s]; one per control step; the last is a zero twist',
     depth=1,
 )
 STAMPED_COMMAND = Topic('guidance', 'out', 'cmd_vel', TwistStamped, _STAMPED, depth=1)
@@ -157,8 +157,8 @@ DECISION = Topic(
     'out',
     '~/decision',
     DiagnosticArray,
-    'each control step, stamped as the odometry that it answers: fallback level, reason, terminal'
-    ' error, clearances, slack, iterations, active rows, times; floats read back exactly; latched',
+    'each control step, with the stamp of its odometry: fallback level, reason, terminal error,'
+    ' clearances, slack, iterations, active rows, times; floats read back exactly; latched',
     latched=True,
 )
 PLAN = Topic(
@@ -166,7 +166,7 @@ PLAN = Topic(
     'out',
     '~/predicted_path',
     Path,
-    'the plan, or one pose where the robot stands; while somebody listens',
+    'the plan, or one pose for a robot at rest; only with a subscriber',
     depth=OF_A_RUN,
 )
 MARKERS = Topic(
@@ -174,7 +174,7 @@ MARKERS = Topic(
     'out',
     '~/markers',
     MarkerArray,
-    'road, obstacles, what is kept clear, goals, paler once they are passed; latched',
+    'road, obstacles with their margins, and goals, paler once they are passed; latched',
     depth=1,
     latched=True,
 )
@@ -183,8 +183,8 @@ PLAN_MARKERS = Topic(
     'out',
     '~/plan_markers',
     MarkerArray,
-    'the plan in the colours of its fallback level and clearance, its reason, moving obstacles and'
-    ' what is kept from them; while somebody listens',
+    'the plan coloured by fallback level and clearance, its reason, and moving obstacles with their'
+    ' margins; only with a subscriber',
     repeats=True,
 )
 HEALTH = Topic(
@@ -200,8 +200,8 @@ OWN_ODOM = Topic(
     'out',
     '~/odom',
     Odometry,
-    'odometry as it is decided on: of `robot_frame`, in the frame `frame_id`; where a transform led'
-    ' there and somebody listens',
+    'odometry as used for decisions: of `robot_frame`, in the frame `frame_id`; only if it was'
+    ' transformed, and with a subscriber',
     depth=OF_A_RUN,
 )
 OWN_GOAL_POSE = Topic(
@@ -209,14 +209,14 @@ OWN_GOAL_POSE = Topic(
     'out',
     '~/goal_pose',
     PoseStamped,
-    'every goal that is heard, in the frame `frame_id`',
+    'every goal received, in the frame `frame_id`',
 )
 OWN_MOVING = Topic(
     'guidance',
     'out',
     '~/moving_obstacles',
     PointCloud2,
-    'those that came in another frame, in the frame `frame_id`',
+    'those received in another frame, in the frame `frame_id`',
     depth=OF_A_RUN,
 )
 GUIDED_BY = Topic(
@@ -224,22 +224,22 @@ GUIDED_BY = Topic(
     'out',
     'cmd_vel/_guided_by',
     KeyValue,
-    'twice a second while active: who guides and since when; hidden',
+    'twice a second while active: the name of the node, and since when; hidden',
 )
 GUIDED_BY_OTHERS = Topic(
     'guidance',
     'in',
     'cmd_vel/_guided_by',
     KeyValue,
-    'a node that hears another one guide the same robot does not become active',
+    'announcements of other nodes for the same robot; this node then does not become active',
 )
 PARAMETERS = Topic(
     'guidance',
     'out',
     '~/parameters',
     ParameterEvent,
-    'all parameters, at configuring and after every change, which it names; latched, so that any'
-    ' bag has what a replay needs',
+    'all parameters, when configured and after every change, with the names of the changed ones;'
+    ' latched, so any bag contains what a replay needs',
     depth=1,
     latched=True,
 )
@@ -254,7 +254,7 @@ SIM_ODOM = Topic(
     'out',
     'odom',
     Odometry,
-    'at `odom_rate` on an exact time grid, with all errors of `noise`',
+    'at `odom_rate` on an exact time grid, with the errors of `noise`',
     depth=OF_A_RUN,
 )
 SIM_MOVING = Topic(
@@ -262,8 +262,8 @@ SIM_MOVING = Topic(
     'out',
     'moving_obstacles',
     PointCloud2,
-    'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the place'
-    ' among the names, from 0',
+    'with `moving_obstacles.names`, just before every odometry, without errors; `id` is the index'
+    ' of the name, from 0',
     depth=OF_A_RUN,
 )
 SIM_SCAN = Topic(
@@ -271,8 +271,8 @@ SIM_SCAN = Topic(
     'out',
     'scan',
     LaserScan,
-    'with `sim.scan.rate`: what a laser scanner sees, stamped as its first beam, just before the'
-    ' odometry that comes next',
+    'with `sim.scan.rate`: a laser scan with the stamp of its first beam, just before the next'
+    ' odometry',
     depth=OF_A_RUN,
 )
 SIM_ROAD = Topic(
@@ -280,7 +280,7 @@ SIM_ROAD = Topic(
     'out',
     'road',
     Path,
-    'with `road.source: topic`: `road.points`, where there are some; latched',
+    'with `road.source: topic`: `road.points`, if given; latched',
     depth=1,
     latched=True,
 )
@@ -289,29 +289,34 @@ TRUTH = Topic(
     'out',
     '~/truth',
     Odometry,
-    'the ground truth: no errors, none lost, and one more whenever the wheels change speed',
+    'the true pose, without losses, and one more whenever the wheel speeds change',
     depth=OF_A_RUN,
 )
 SIM_WHEELS = Topic(
-    'sim', 'out', '~/wheel_speeds', JointState, 'driven, with every `~/truth`', depth=OF_A_RUN
+    'sim',
+    'out',
+    '~/wheel_speeds',
+    JointState,
+    'actual wheel speeds, with every `~/truth`',
+    depth=OF_A_RUN,
 )
 CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`', depth=OF_A_RUN)
 SIM_RESET = Topic(
-    'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time goes on', depth=0
+    'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time continues', depth=0
 )
 
 RECORDER_HEALTH = replace(
     HEALTH,
     node='recorder',
-    notes='as above: messages, topics, those left out, nodes whose parameters are known; of each'
-    ' topic how many messages, and when the newest was published [ns]',
+    notes='as above: messages, topics, topics left out, nodes whose parameters are known; for each'
+    ' topic the number of messages and the time of publication of the newest [ns]',
 )
 RECORDER_FLUSH = Topic(
     'recorder',
     'srv',
     '~/flush',
     Trigger,
-    'what has come is written, and said on `/diagnostics`',
+    'writes all received messages, and reports them on `/diagnostics`',
     depth=0,
 )
 

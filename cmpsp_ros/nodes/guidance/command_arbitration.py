@@ -29,7 +29,7 @@ TRUST = 4 * PERIOD
 """Time for which a claim is believed: a process that was killed makes no more [s]."""
 
 
-class Rivals:
+class CommandArbiter:
     """Who else guides this robot, or at least publishes commands to it."""
 
     def __init__(self, node: Node, give_way: Callable[[str], None]) -> None:

@@ -18,7 +18,7 @@ from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.goal_input import GoalInput
 from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
-from cmpsp_ros.nodes.guidance.odometry_watchdog import Silence
+from cmpsp_ros.nodes.guidance.odometry_watchdog import OdometryWatchdog
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
 from cmpsp_ros.nodes.guidance.road_input import RoadInput
 from cmpsp_ros.nodes.guidance.transform_input import TransformInput
@@ -107,7 +107,7 @@ class GuidanceLoop:
     def _begin(self) -> None:
         self.decision: Decision | None = None
         self.times = StepTimes()
-        self.silence = Silence()
+        self.watchdog = OdometryWatchdog()
         self._clock_watch = ClockWatch()
         self._time_jump = TimeJump()
         self._halted_at: int | None = None
@@ -154,7 +154,7 @@ class GuidanceLoop:
     @property
     def odometry_age(self) -> float | None:
         """How long ago odometry was heard of [s]; None if it never was."""
-        return self.silence.age(self._now())
+        return self.watchdog.age(self._now())
 
     def warnings(self) -> list[str]:
         """What is wrong around the decisions, in sentences."""
@@ -187,7 +187,7 @@ class GuidanceLoop:
             self._halt_for(str(error))
             return
         self._outputs.name_robot(self._transforms.robot_frame(message.child_frame_id))
-        self.silence.end(now)
+        self.watchdog.end(now)
         self._pose = pose.tolist()
         self._notice_time(stamp)
         if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
@@ -283,9 +283,9 @@ class GuidanceLoop:
         if self._garbage.overdue:
             self._use_slack()
         timeout = self._settings.odom_timeout
-        if self.silence.is_longer_than(timeout, self._now()):
+        if self.watchdog.is_longer_than(timeout, self._now()):
             drain_queue(self._odometry)
-        if self.silence.goes_on(timeout, self._now()):
+        if self.watchdog.goes_on(timeout, self._now()):
             self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
 
     def _halt_for(self, reason: str) -> None:

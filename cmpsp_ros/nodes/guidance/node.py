@@ -20,7 +20,7 @@ from cmpsp_ros.nodes.common.lifecycle import (
 from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
 from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
-from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, Rivals
+from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
 from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
@@ -88,7 +88,7 @@ class GuidanceNode(LifecycleNode):
 
     def _activate_when_known(self) -> None:
         """Become active by itself: where others command this robot, once they have been heard."""
-        if not self._rivals.others:
+        if not self._arbiter.others:
             self.trigger_activate()
             return
 
@@ -114,7 +114,7 @@ class GuidanceNode(LifecycleNode):
         self._refusal = ''
         start = settings.start_pose
         self._foretold = [] if start is None else infeasibility_warnings(settings, start[:2])
-        self._rivals = Rivals(self, self._give_way)
+        self._arbiter = CommandArbiter(self, self._give_way)
         self._scheduling = Scheduling(self._values)
         self._parameters_out = PARAMETERS.publish_on(self)
         self._parameters_out.publish(event_of(self))
@@ -131,7 +131,7 @@ class GuidanceNode(LifecycleNode):
         """Begin: the next odometry is time 0. Not where another node guides this robot."""
         if missing := self._missing():
             return self._refuse('\n'.join(missing), 'activate')
-        if rival := self._rivals.guiding:
+        if rival := self._arbiter.guiding:
             return self._refuse(_GUIDED.format(rival), 'activate')
         self._refusal = ''
         self._loop.reset()
@@ -139,7 +139,7 @@ class GuidanceNode(LifecycleNode):
         self._garbage.begin()
         for each in self._scheduling.apply():
             self.get_logger().warning(f'{each} The node goes on without.')
-        self._rivals.begin()
+        self._arbiter.begin()
         self._late.begin()
         self._bond.begin()
         self._state, self._loop.active = ACTIVE, True
@@ -156,7 +156,7 @@ class GuidanceNode(LifecycleNode):
         """Close the topics."""
         self._loop.close()
         self.destroy_publisher(self._parameters_out)
-        self._rivals.close()
+        self._arbiter.close()
         self._garbage.end()
         self._state = UNCONFIGURED
         return super().on_cleanup(state)
@@ -182,7 +182,7 @@ class GuidanceNode(LifecycleNode):
 
     def _give_back(self) -> None:
         """Give back what an active node takes of Python, the system and the robot."""
-        self._rivals.end()
+        self._arbiter.end()
         self._late.end()
         self._bond.end()
         self._garbage.end()
@@ -247,7 +247,7 @@ class GuidanceNode(LifecycleNode):
             return report_on(self._state, self._refusal, None)
         if self._state == INACTIVE:
             return report_on(self._state, self._refusal, self._loop, self._remarks())
-        warnings = [*self._rivals.warnings(), *plausibility_warnings(self._values or {})]
+        warnings = [*self._arbiter.warnings(), *plausibility_warnings(self._values or {})]
         errors = self._late.errors()
         return report_on(self._state, self._refusal, self._loop, warnings, errors)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 _NANOSECONDS = 1e9
 
 
-class Silence:
+class OdometryWatchdog:
     """How long ago odometry was heard of that could be used.
 
     Before the first there is no silence.

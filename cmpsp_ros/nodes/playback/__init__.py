@@ -1,1 +1,1 @@
-"""The player: a bag to live nodes."""
+"""The player: publishes a bag to live nodes."""

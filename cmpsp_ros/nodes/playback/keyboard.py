@@ -1,4 +1,4 @@
-"""Keys pressed in the terminal that a node runs in, where there is one."""
+"""Key presses in the terminal of a node, if it has one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 
 class Keyboard:
-    """Hears single keys; without a terminal, or in the background, it hears none."""
+    """Reads single keys; none without a terminal or in the background."""
 
     def __init__(self) -> None:
         """Have the terminal hand over each key at once."""

@@ -1,4 +1,4 @@
-"""The time of a recording while it is played: at a rate, and standing still while paused."""
+"""The time of a recording during playback: scaled by a rate, and pausable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The player: topics of a bag to live nodes, with the time of the recording."""
+"""The player: publishes topics of a bag to live nodes, with the time of the recording."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class Playback:
     """How a bag is played.
 
     Attributes:
-        rate: Seconds of the recording in a second.
+        rate: Seconds of the recording per second.
         start_offset: Where to begin, from the first message [s].
-        duration: How much to play of the recording [s]; None for all.
-        loop: Whether to begin again at the end.
+        duration: Length to play of the recording [s]; None for all.
+        loop: Whether to repeat it.
         paused: Whether to wait for `~/resume` or the space key.
-        topics: What to play, by recorded name; all when empty.
+        topics: Topics to play, by recorded name; all when empty.
     """
 
     rate: float = 1.0
@@ -65,7 +65,7 @@ class Playback:
 class Player(Node):
     """Publishes serialised messages as they were recorded, with `/clock`.
 
-    The clock is the recorded one where there is one; else it shows when messages were received.
+    The clock is the recorded one if there is one; else the time of reception.
     """
 
     def __init__(self, bag: Bag, topics: Sequence[str], playback: Playback) -> None:

@@ -1,8 +1,8 @@
-"""The values that a node's parameters had before the first known change.
+"""The values of a node's parameters before the first known change.
 
-A node is asked for them, and publishes changes as events. Answers and events take different paths:
-an answer may be younger than a change and yet come before its event. Taken for the initial value,
-it would put the change before everything that happened until then.
+The recorder requests them, and the node publishes changes as events. Responses and events arrive
+separately: a response may include a change and still arrive before its event. Used as the initial
+value, it would date the change too early.
 """
 
 from __future__ import annotations
@@ -16,16 +16,14 @@ if TYPE_CHECKING:
 class InitialParameters:
     """What is known of the parameters of one node, from its start to its end.
 
-    The order of calls is that of hearing: `asked`, `answered`, and in between and for a while after
-    it `declared` and `changed`; then `settle`, once no event older than the answer can still be on
-    its way.
+    Calls follow the order of arrival: `asked`, `answered`, and in between and for a while after it
+    `declared` and `changed`; then `settle`, once no event older than the answer can still arrive.
 
     Attributes:
-        known: Values before the first change, by key. A key is missing here when a change of it was
-            heard before an answer that is certainly older: nobody can say what it was.
-        latest: Values after all changes that were heard, by key.
-        settled: Whether there has been an answer, with all events that may be older.
-
+        known: Values before the first change, by key. A key is missing if a change of it arrived
+            before a response that is certainly older: its initial value is then unknown.
+        latest: Values after all changes received, by key.
+        settled: Whether a response has arrived, and all events that may be older.
     """
 
     def __init__(self) -> None:

@@ -34,12 +34,12 @@ class Options:
 
     Attributes:
         output: Folder of the new bag.
-        form: How it is written.
-        discovery_period: Time between two looks at the graph [s].
-        listed: Topics asked for by name.
+        form: Its format.
+        discovery_period: Time between two checks of the graph [s].
+        listed: Topics given by name.
         chosen: Topics to record; all when empty.
-        own: Whether those of one robot are chosen: the plans of all robots are then, too, for it
-            may keep clear of them.
+        own: Whether those of one robot are chosen, and with them the plans of all robots, which a
+            replay needs.
         excluded: Topics not to record.
     """
 

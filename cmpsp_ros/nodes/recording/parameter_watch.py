@@ -1,4 +1,4 @@
-"""The parameters of all nodes of the graph, with the values they had at first sight."""
+"""The parameters of all nodes of the graph, with their values when first seen."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SETTLING_TIME = 0.5
 
 
 class Report(Protocol):
-    """Told a node's values, all that are known so far, each time one comes to be known."""
+    """Called with a node's known values each time that more become known."""
 
     def __call__(self, node: str, values: Mapping[str, Any], since: int, /) -> None:
         """Take them.
@@ -45,7 +45,7 @@ class Report(Protocol):
 
 @dataclass
 class _Inquiry:
-    """A node being asked: first for its parameters' names, then for their values."""
+    """Requests to a node: first for its parameters' names, then for their values."""
 
     lister: Client
     getter: Client
@@ -60,9 +60,9 @@ class _Life:
     """A node from one start to the next.
 
     Attributes:
-        values: What is known of its parameters.
-        since: When it was started anew [ns]; 0 when it was not.
-        before: What a reader of the bag would take its values for, if nothing more were said.
+        values: Known values of its parameters.
+        since: Time of its restart [ns]; 0 if there was none.
+        before: Values that a reader of the bag assumes without further records.
     """
 
     values: InitialParameters = field(default_factory=InitialParameters)
@@ -71,16 +71,15 @@ class _Life:
 
 
 class ParameterWatch:
-    """Asks every node that appears for its parameters, without ever waiting.
+    """Requests the parameters of every node that appears, without blocking.
 
-    Later changes are for those who listen to `/parameter_events`, as the owner has to do
-    from before the first `poll` on: see `hear` and `caught_up`.
+    Later changes arrive on `/parameter_events`, to which the owner subscribes before the first
+    `poll`: see `hear` and `caught_up`.
 
     Args:
-        node: The node that asks; its own parameters are reported too.
-        report: Told the values of each node. A node that was started anew is reported only when its
-            values are others than it had before.
-
+        node: The node that sends the requests; its own parameters are reported too.
+        report: Called with the values of each node. A restarted node is reported only if its values
+            differ from those before.
     """
 
     def __init__(self, node: Node, report: Report) -> None:

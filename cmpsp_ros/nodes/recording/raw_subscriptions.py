@@ -1,4 +1,4 @@
-"""What has come on many topics, in the order in which it came."""
+"""Messages of many topics, in the order of their arrival."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _CROSSING = 2_000_000
 
 
 class Received(NamedTuple):
-    """A message as it came.
+    """A received message.
 
     Attributes:
-        received: When the middleware got it, by the clock of the system [ns].
-        published: When it was published, by the clock of the publisher's system [ns]; when it was
-            received where the middleware does not know.
+        received: Time of reception by the middleware, by the system clock [ns].
+        published: Time of publication, by the clock of the publisher's system [ns]; the time of
+            reception if the middleware does not know it.
         topic: Name of its topic.
         raw: The message, serialised.
     """
@@ -36,8 +36,8 @@ class Received(NamedTuple):
 class _Unattended(CallbackGroup):
     """Keeps subscriptions out of the executor.
 
-    It would wake for every message, at many times the price of taking it; that price decides how
-    much of a core a recorder takes away from the nodes it watches.
+    It would wake up for every message, which costs many times more than taking the message. That
+    cost determines how much processor time a recorder takes from the nodes that it records.
     """
 
     def can_execute(self, _entity: Any) -> bool:
@@ -53,12 +53,11 @@ class _Unattended(CallbackGroup):
 class RawSubscriptions:
     """The queues of subscriptions that no executor serves.
 
-    They are gone through one after the other. A message that comes meanwhile may so be found
-    while an earlier one, on a topic that was looked at before, is not; it is kept for the next
-    round, when both are there.
+    They are polled in turn. A message that arrives meanwhile may be found while an earlier one, on
+    a topic polled before, is not; it is kept until the next round, when both are there.
 
     Attributes:
-        group: That in which the subscriptions are to be made.
+        group: Callback group for the subscriptions.
     """
 
     def __init__(self) -> None:

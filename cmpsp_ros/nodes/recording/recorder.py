@@ -62,10 +62,9 @@ class _Recorded:
 class Recorder(Node):
     """Records until it is stopped.
 
-    Serialised messages go from the middleware's queues to the bag as they are. A message's time
-    is that of its reception; in simulated time that of its publication. A publisher that comes
-    later, and whose quality of service does not fit the subscription made for the first ones, is
-    not heard: a warning says so.
+    Serialised messages are copied from the middleware's queues to the bag. A message's time is that
+    of its reception; in simulated time that of its publication. A later publisher whose quality of
+    service does not fit the existing subscription is not recorded: a warning says so.
 
     Args:
         namespace: Namespace; that of the command line when absent.
@@ -73,7 +72,6 @@ class Recorder(Node):
 
     Raises:
         StartupError: A parameter is wrong, or `output` exists or cannot be created.
-
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""When messages were published, in simulated time."""
+"""Times of publication of messages, in simulated time."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ _KEPT = 100_000
 class SimulatedTime:
     """Times of `/clock` and of their publication, and messages that wait for later ones.
 
-    In lockstep much simulated time passes in the time that a message takes to a busy recorder: what
-    counts is when it left. A message that left after all that is known of `/clock` has to wait:
-    a later `/clock` may be on its way.
+    In lockstep much simulated time passes before a busy recorder receives a message, so the time of
+    publication counts. A message published after the latest known `/clock` has to wait, because a
+    later `/clock` may still arrive.
     """
 
     def __init__(self) -> None:

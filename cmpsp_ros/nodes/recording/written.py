@@ -1,4 +1,4 @@
-"""What is in the bag of each topic, as the recorder says it in its diagnostics."""
+"""The contents of the bag by topic, for the recorder's diagnostics."""
 
 from __future__ import annotations
 
@@ -14,12 +14,11 @@ _COUNT, _NEWEST = ' messages', ' newest'
 
 @dataclass
 class Written:
-    """What is in the bag of a topic.
+    """The contents of a topic in the bag.
 
     Attributes:
         count: Number of messages.
-        published: When the newest of them was published, by the clock of the publisher's system
-            [ns].
+        published: Time of publication of the newest, by the clock of the publisher's system [ns].
     """
 
     count: int = 0

@@ -1,1 +1,1 @@
-"""What keeps control steps on time: compilers, garbage, scheduling, messages that wait."""
+"""Keeping control steps on time: compilation, garbage collection, scheduling, queues."""

@@ -1,4 +1,4 @@
-"""What the user of a node learns of compilations: before it is active they take time, then none."""
+"""Reports of compilations: with progress before a node is active, as an error after that."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:
 
 
 class LateCompilations:
-    """Notices kernels that are compiled while a node is active: each delays a control step."""
+    """Detects kernels that are compiled while a node is active: each delays a control step."""
 
     def __init__(self) -> None:
         """Notice nothing yet."""

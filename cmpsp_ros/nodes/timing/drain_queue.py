@@ -1,4 +1,4 @@
-"""Hearing what has come, before its turn."""
+"""Taking messages out of a queue before the executor does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Python's garbage collector, kept out of control steps."""
+"""Python's garbage collector, run between control steps only."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ _OVERDUE = 1.0
 
 
 class GarbageCollection:
-    """Collects on request, when there is time, instead of when Python does.
+    """Collects garbage on request instead of automatically.
 
-    What exists when it begins is not looked at again: of the whole heap of a node remain the few
-    objects that a control step has left.
+    Objects that exist at its start are not examined again, so only the few objects of a control
+    step remain.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""The scheduling of the thread that decides: a real-time priority and a core of its own."""
+"""Scheduling of the control thread: a real-time priority and its own core."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def check_cpu(values: Values) -> None:
 
 
 class Scheduling:
-    """Scheduling of the calling thread, as the parameters want it or as it was."""
+    """Scheduling of the calling thread, as set by the parameters or as before."""
 
     def __init__(self, values: Values) -> None:
         """Take the wishes from a set of parameters."""

@@ -1,1 +1,1 @@
-"""What a course is, from its parameters: road, obstacles, goals, and what is wrong with them."""
+"""Courses from parameters: road, map, obstacles and goals, and their checks."""

@@ -1,6 +1,6 @@
-"""Whether a course was given at all, and where a robot may stand on it.
+"""Whether a course was given, and where a robot may be on it.
 
-The defaults are a course, and nobody's robot shall drive that by mistake.
+The default values are a course, too; no robot must drive that one by mistake.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Courses that are partly in files of their own."""
+"""Courses that are partly in separate files."""
 
 from __future__ import annotations
 

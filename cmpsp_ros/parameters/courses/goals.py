@@ -1,4 +1,4 @@
-"""Goals as the parameters describe them, and what is wrong with them."""
+"""Goals from parameters, and their checks."""
 
 from __future__ import annotations
 

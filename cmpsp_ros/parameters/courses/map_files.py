@@ -1,8 +1,8 @@
-"""Maps in files of their own, as map_server and slam_toolbox write them: YAML beside PGM or PNG.
+"""Map files of map_server and slam_toolbox: YAML with PGM or PNG.
 
-``map.file`` is no parameter of the table: it stands for the parameters of the map that the file
-describes, and is replaced by them before anything is declared or recorded. A bag so holds the map
-itself, and nothing in a bag makes anybody open a file.
+``map.file`` is not a parameter of the table: it is replaced by the parameters of the map in the
+file before anything is declared or recorded. So a bag contains the map itself, and reading a bag
+never opens another file.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The map as the parameters describe it, and what is wrong with it."""
+"""The map from parameters, and its checks."""
 
 from __future__ import annotations
 

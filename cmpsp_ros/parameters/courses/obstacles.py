@@ -1,4 +1,4 @@
-"""The obstacles as the parameters describe them, and what is wrong with them."""
+"""Obstacles from parameters, and their checks."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Roads in files of their own: CSV, or GeoJSON in metres.
+"""Road files: CSV, or GeoJSON in metres.
 
-``road.file`` is no parameter of the table: it stands for the parameters of a corridor that the file
-describes, and is replaced by them before anything is declared or recorded. A bag so holds the road
-itself, and nothing in a bag makes anybody open a file.
+``road.file`` is not a parameter of the table: it is replaced by the parameters of the corridor in
+the file before anything is declared or recorded. So a bag contains the road itself, and reading a
+bag never opens another file.
 """
 
 from __future__ import annotations

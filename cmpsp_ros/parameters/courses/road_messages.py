@@ -1,7 +1,7 @@
 """Roads in messages: the centre line of a corridor as `nav_msgs/Path`.
 
-Like a road in a file, one in a message stands for the parameters that it describes. Who listens
-changes these, so a bag holds the road itself, and from which decision on it counts.
+As with a road file, the message is converted to parameters. The guidance node changes these, so a
+bag contains the road itself, and from which decision on it was in force.
 """
 
 from __future__ import annotations

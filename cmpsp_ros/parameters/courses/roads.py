@@ -1,4 +1,4 @@
-"""The road as the parameters describe it, and what is wrong with it or with a place on it."""
+"""The road from parameters, and checks of the road and of points on it."""
 
 from __future__ import annotations
 
@@ -164,13 +164,13 @@ def _no_problems(*_: Any) -> Iterator[Problem]:
 
 
 class _Kind(NamedTuple):
-    """How the parameters say a road, and what is wrong with it.
+    """How a type of road is made from parameters and checked.
 
     Attributes:
         make: The road of a set of values.
-        keys: Parameters without which nothing can be said about it.
+        keys: Parameters that the checks need.
         problems: Of a road and the clearance needed on either side of its centre line [m].
-        off_road: Of a road, the robot's radius [m], a parameter and the point it says [m].
+        off_road: Of a road, the robot's radius [m], a parameter and its point [m].
     """
 
     make: Callable[[Values], Road]

@@ -1,4 +1,4 @@
-"""Monte Carlo campaigns: many random courses, driven by the guidance law and the plant alone."""
+"""Monte Carlo studies: many random courses, driven by the guidance law and the plant alone."""
 
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.run import Order, run, run_one

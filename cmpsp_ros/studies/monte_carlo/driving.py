@@ -1,4 +1,4 @@
-"""One run: the guidance law and the plant, over the whole time, judged by the true path."""
+"""One run: the guidance law and the plant until the final time, judged by the true path."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _EDGES = 2
 
 @dataclass
 class Driven:
-    """A run as it was driven.
+    """A completed run.
 
     Attributes:
-        task: What it depended on.
+        task: Its settings and scenario.
         motions: Changes of the motion and odometry instants, the last at rest.
         decisions: Of the law, up to the final time.
-        exception: Type and text of what the law raised; empty if it raised nothing.
+        exception: Type and text of an exception of the law; empty if there was none.
     """
 
     task: Task
@@ -56,11 +56,11 @@ class Driven:
 
 
 class Computer:
-    """Takes its time for a control step that solves: evenly distributed, up to the longest.
+    """A computer that needs time for each step: uniformly distributed, up to the longest.
 
     Attributes:
-        busy_until: When its last step is done [ns].
-        decision: What that comes to, until the robot has it.
+        busy_until: End of its current step [ns].
+        decision: Result of that step, until the robot receives it.
     """
 
     def __init__(self, task: Task) -> None:

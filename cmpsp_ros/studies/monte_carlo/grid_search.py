@@ -1,4 +1,4 @@
-"""The shortest path on a grid that is clear of everything: a start for solvers on any road."""
+"""The shortest clear path on a grid: an initial guess for solvers on any road."""
 
 from __future__ import annotations
 

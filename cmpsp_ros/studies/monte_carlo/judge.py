@@ -1,9 +1,9 @@
-"""Whether a run that failed could have been driven at all, by somebody else's solver.
+"""Whether a failed run was feasible, by an independent solver.
 
-IPOPT, through CasADi, is given the whole horizon at once, for a robot without noise or delay whose
-wheels are slower by the way that delay, lag and slip cost it. It is believed only as far as its
-wheel speeds lead: their exact arcs are judged like any other path. That it finds nothing from any
-start proves nothing.
+IPOPT, through CasADi, solves the whole horizon at once, for a robot without noise or delay whose
+wheels are slowed down by the effects of delay, lag and slip. Only the exact arcs of its wheel
+speeds count: they are judged like any other path. If it finds nothing from any start, that proves
+nothing.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a run came to, in figures that repeat bit for bit."""
+"""Figures of a run, which repeat bit for bit."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 
 class Verdict(StrEnum):
-    """What a run is counted as; the first of these that applies."""
+    """The class of a run; the first that applies."""
 
     EXCEPTION = 'exception'
     NOT_FINITE = 'command not finite'
@@ -34,8 +34,8 @@ class Outcome:
     Attributes:
         number: Of the run in its study.
         miss: Distance from the goal at the final time [m].
-        road_clearance: Least clearance of the true path from the road's edges, between samples
-            too and until the robot rests, its own radius taken off [m].
+        road_clearance: Least clearance of the true path from the road's edges, also between samples
+            and until the robot is at rest, less its radius [m].
         obstacle_clearance: The same from obstacles; None without any.
         began_outside: Whether the start itself was not clear.
         max_wheel_speed: Largest wheel speed commanded [rad/s].
@@ -44,13 +44,13 @@ class Outcome:
         nominal: Control steps at this fallback level.
         elastic: See `nominal`.
         previous_plan: See `nominal`.
-        stop: See `nominal`, the stops after the final time left out.
-        trouble: Reason of the first step at the worst fallback level; empty where that is nominal.
-        trouble_time: When that was [s]; None without trouble.
-        exception: Type and text of what the law raised; empty if it raised nothing.
-        shortest_way: From start to goal, obstacles left aside [m].
-        farthest: What this robot drives until the final time with its wheels at their limit [m].
-        obstacles: On the road.
+        stop: See `nominal`, without stops after the final time.
+        trouble: Reason of the first step at the worst fallback level; empty if that is nominal.
+        trouble_time: Its time [s]; None without trouble.
+        exception: Type and text of an exception of the law; empty if there was none.
+        shortest_way: Length of the shortest path from start to goal, ignoring obstacles [m].
+        farthest: Distance that the robot can drive until the final time at its wheel limit [m].
+        obstacles: Number on the road.
         x: At control instants and the final time [m].
         y: See `x`.
     """

@@ -1,4 +1,4 @@
-"""A study to look at: all its paths, how its figures spread, and single runs."""
+"""Pictures of a study: all its paths, the distributions of its figures, and single runs."""
 
 from __future__ import annotations
 

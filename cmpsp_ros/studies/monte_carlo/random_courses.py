@@ -1,4 +1,4 @@
-"""Random corridors and floors with walls, crates and posts on them, each with a way through."""
+"""Random corridors and floors with walls, crates and posts, each with a path through."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _ATTEMPTS: Final = 1000
 
 
 class _Course(NamedTuple):
-    """A road, where it is driven from and to, what lies on it, and about how long it is [m]."""
+    """A road, its start and goal, its obstacles, and its approximate length [m]."""
 
     road: Road
     pose: tuple[float, float, float]

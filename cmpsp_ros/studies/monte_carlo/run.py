@@ -13,8 +13,8 @@ from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
-from cmpsp_ros.studies.monte_carlo.ledger import open_ledger
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
+from cmpsp_ros.studies.monte_carlo.results_log import open_results_log
 from cmpsp_ros.studies.monte_carlo.study import Study
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
 from cmpsp_ros.studies.monte_carlo.workers import make, make_on
@@ -25,15 +25,15 @@ PICTURES: Final = 12
 
 @dataclass(frozen=True)
 class Order:
-    """What is asked for.
+    """A request for a study.
 
     Attributes:
         study: What the runs depend on.
-        runs: How many: those numbered from 0 on.
+        runs: Number of runs, numbered from 0 on.
         folder: Where everything is written to.
         workers: Processes that share the runs.
-        scheduler: Address of the Dask scheduler that shares them out instead, if any.
-        judge: Whether IPOPT is asked about runs that failed.
+        scheduler: Address of a Dask scheduler that distributes them instead, if any.
+        judge: Whether IPOPT is run on failed runs.
     """
 
     study: Study
@@ -61,7 +61,7 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
         ParameterError: A parameter is wrong.
     """
     study, folder = order.study, order.folder
-    there = open_ledger(folder, study)
+    there = open_results_log(folder, study)
     missing = [number for number in range(order.runs) if number not in there]
     advance = progress('runs', order.runs)
     advance(order.runs - len(missing))
@@ -122,7 +122,7 @@ def _draw(order: Order, outcomes: list[Outcome], failed: list[int], progress: Pr
     study, folder = order.study, order.folder
     advance = progress('pictures', 1 + len(failed))
     title = f'{study.name}: {len(outcomes)} runs of seed {study.seed}'
-    settings = None if study.kind.has_own_roads else study.told()[0]
+    settings = None if study.kind.has_own_roads else study.setup()[0]
     pictures.draw_study(folder, title, settings, outcomes, study.tolerance)
     advance(1)
     beside = folder / 'failures'

@@ -1,4 +1,4 @@
-"""Where a run begins and what lies in its way, drawn from the study's seed and its own number."""
+"""Start and obstacles of a run, drawn from the study's seed and the run's number."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True)
 class Scenario:
-    """A run to be made.
+    """The random part of a run.
 
     Attributes:
         number: Of the run in its study.
-        pose: Where the robot stands at first (x, y, heading) [m, m, rad].
-        obstacles: What lies on the road.
-        seed: Of all that is random in the plant.
+        pose: Initial pose (x, y, heading) [m, m, rad].
+        obstacles: On the road.
+        seed: Of all random numbers of the plant.
         changes: Settings of the guidance law that differ from those of the study.
     """
 

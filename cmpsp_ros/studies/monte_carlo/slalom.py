@@ -1,4 +1,4 @@
-"""A line that passes each obstacle where there is most room: a start for solvers, not a path."""
+"""A line that passes each obstacle on the wider side: an initial guess for solvers, not a path."""
 
 from __future__ import annotations
 

@@ -36,11 +36,11 @@ _WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
 
 @dataclass(frozen=True)
 class Kind:
-    """What makes one study differ from another.
+    """The properties of one kind of study.
 
     Attributes:
         changes: Parameters that differ from those of the preset.
-        tolerance: Miss up to which a run has arrived [m].
+        tolerance: Largest miss that counts as arrived [m].
         draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
         lateness: Longest time that a control step takes, in control periods.
         lag: Least and greatest time constant of the wheels, drawn for each run [s]; None for that
@@ -100,13 +100,13 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Study:
-    """A campaign: every run of it follows from this value and the run's number.
+    """A study: every run of it depends only on this value and the run's number.
 
     Attributes:
         name: Of its kind.
         seed: Of all its scenarios.
-        most_obstacles: On the road in one run.
-        assignments: Parameters changed beside, each as `key=value`.
+        most_obstacles: Maximum number on the road in one run.
+        assignments: Further parameters, each as `key=value`.
     """
 
     name: str
@@ -151,13 +151,13 @@ class Study:
             raise StudyError('obstacles.names: found obstacles, wanted none: they are drawn')
         return dict(values)
 
-    def told(self) -> tuple[GuidanceSettings, PlantSettings]:
+    def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
-        return _told(self)
+        return _setup(self)
 
     def run(self, number: int) -> Task:
         """What the run of that number is."""
-        settings, plant = self.told()
+        settings, plant = self.setup()
         drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
         if self.kind.lag is not None:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
@@ -181,7 +181,7 @@ class Study:
 
 @dataclass(frozen=True)
 class Task:
-    """All that one run depends on.
+    """Everything that one run depends on.
 
     Attributes:
         scenario: Start and obstacles.
@@ -197,7 +197,7 @@ class Task:
 
 
 @cache
-def _told(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
+def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
     """What all runs of a study have in common; to read it takes as long as a run."""
     values = study.values()
     return guidance_settings(values), plant_settings(values)

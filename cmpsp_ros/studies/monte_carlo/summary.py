@@ -1,4 +1,4 @@
-"""A study in figures: counts with their intervals as tables and as JSON, and all its runs."""
+"""The figures of a study: counts with confidence intervals, as tables and JSON, and all runs."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest':
 
 @dataclass(frozen=True)
 class Share:
-    """How many of how many.
+    """A count and its total.
 
     Attributes:
         name: What was counted.
-        count: How often.
-        total: Out of how many.
+        count: Number of runs counted.
+        total: Number of runs that could be.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Runs shared out to processes, here or on a Dask cluster; what has finished is kept."""
+"""Distribution of runs to processes, here or on a Dask cluster; finished runs are kept."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from types import ModuleType
 from typing import Any, Final
 
 from cmpsp_ros.studies.errors import StudyError
-from cmpsp_ros.studies.monte_carlo import ledger
+from cmpsp_ros.studies.monte_carlo import results_log
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
@@ -33,12 +33,12 @@ _ONE_AT_A_TIME: Final = threading.Lock()
 def make(
     study: Study, numbers: Sequence[int], folder: Path, workers: int, progress: Progress
 ) -> Iterator[Outcome]:
-    """Make runs, each of which is in the folder's ledger before it is yielded.
+    """Make runs, each of which is in the folder's results log before it is yielded.
 
     Args:
         study: What they depend on.
         numbers: Which ones.
-        folder: Of the ledger.
+        folder: Of the results log.
         workers: Processes that share the work; 1 is this one.
         progress: See `Progress`.
 
@@ -75,7 +75,7 @@ def make_on(
             ``tcp://10.0.0.1:8786``.
         study: What they depend on.
         numbers: Which ones.
-        folder: Of the ledger.
+        folder: Of the results log.
         progress: See `Progress`.
 
     Raises:
@@ -89,7 +89,7 @@ def make_on(
         raise StudyError(text) from error
     client = _connected(distributed, scheduler)
     gone = (distributed.client.FutureCancelledError, distributed.KilledWorker, OSError)
-    code, futures = ledger.digest(), []
+    code, futures = results_log.digest(), []
     try:
         futures = [
             client.submit(_make_remotely, study, list(each), code, pure=False)
@@ -105,7 +105,7 @@ def make_on(
                 raise StudyError(f'{scheduler}: a worker lacks something: {error}') from error
             for each in outcomes:
                 try:
-                    ledger.append(folder, each)
+                    results_log.append(folder, each)
                 except OSError as error:
                     raise StudyError(f'{folder}: {error.strerror or error}') from error
                 yield each
@@ -141,13 +141,13 @@ def _make_chunk(study: Study, numbers: Sequence[int], folder: Path) -> list[Outc
 
 def _make_one(study: Study, number: int, folder: Path) -> Outcome:
     made = outcome(drive(study.run(number)))
-    ledger.append(folder, made)
+    results_log.append(folder, made)
     return made
 
 
 def _make_remotely(study: Study, numbers: Sequence[int], code: str) -> list[Outcome]:
     """Runs made by a worker that has the code ``code``."""
-    found = ledger.digest()
+    found = results_log.digest()
     if found != code:
         raise StudyError(f'a worker has other code: found {found}, wanted {code}')
     with _ONE_AT_A_TIME:

@@ -1,4 +1,4 @@
-"""The paper's experiments, made again: its figures, its tables, and what holds of its claims."""
+"""The paper's experiments reproduced: its figures, its tables, and which of its claims hold."""
 
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.paper.run import ARTEFACTS, run

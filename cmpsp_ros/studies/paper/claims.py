@@ -1,4 +1,4 @@
-"""What the paper says beside what is found, and the parts of the report that hold it."""
+"""The paper's claims compared with results, and the parts of the report that hold them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cmpsp_ros.studies.paper.drives import Laboratory
 
 
 class Verdict(Enum):
-    """Whether a claim stands."""
+    """Whether a claim holds."""
 
     HOLDS = 'holds'
     FAILS = 'does not hold'
@@ -33,9 +33,9 @@ class Claim:
     Attributes:
         where: Section, figure or equation of the paper.
         says: Its words or number.
-        found: What is found here.
+        found: The result found here.
         verdict: Whether the two agree.
-        reason: Why that verdict.
+        reason: The reason for the verdict.
     """
 
     where: str
@@ -56,12 +56,12 @@ class Table:
 
 @dataclass(frozen=True)
 class Artefact:
-    """A figure or table of the paper, made again.
+    """A figure or table of the paper, reproduced.
 
     Attributes:
         title: What it shows, in a sentence.
-        numbers: Everything drawn or tabled, for `results.json`.
-        claims: What the paper says about it.
+        numbers: Everything in it, for `results.json`.
+        claims: The paper's claims about it.
         figure: The picture; None for a table.
         tables: Tables for the report.
     """

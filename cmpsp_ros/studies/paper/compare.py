@@ -1,4 +1,4 @@
-"""Measures of several runs at once, and the tables and numbers made of them."""
+"""Measures of several runs, compared in tables and numbers."""
 
 from __future__ import annotations
 

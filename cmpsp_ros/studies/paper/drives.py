@@ -1,4 +1,4 @@
-"""Runs in closed loop, and what is measured on the path driven, not on what the law says of it."""
+"""Closed-loop runs, and measures of the driven path, independent of what the law reports."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Path:
-    """A path driven under zero-order hold, and the wheel speeds that did it.
+    """A path driven under zero-order hold, and its wheel speeds.
 
     Attributes:
-        settings: Of the law, or of what drove instead.
+        settings: Of the law, or of the controller used instead.
         poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
         wheel_speeds: Right and left, shape ``(N, 2)`` [rad/s].
     """
@@ -101,8 +101,8 @@ class Drive:
 
     Attributes:
         experiment: Which run of the paper.
-        between_samples: Whether the path between samples was kept clear too.
-        path: What was driven.
+        between_samples: Whether the path between samples was constrained, too.
+        path: The driven path.
         levels: Fallback level of each control step.
         step_times: Computing time of each control step [ms].
     """
@@ -177,7 +177,7 @@ def guessed_path(experiment: Experiment) -> Path:
 
 
 class Laboratory:
-    """Runs every experiment once, however many figures ask for it."""
+    """Runs every experiment once, for any number of figures."""
 
     def __init__(self, progress: Callable[[str], None], *, judge: bool = False) -> None:
         """Start with nothing run.

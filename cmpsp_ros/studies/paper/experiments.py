@@ -1,4 +1,4 @@
-"""The paper's runs: which preset, which first guess, from which heading, in which colour."""
+"""The paper's runs: preset, initial guess, heading and colour of each."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ _MANY: Final = (('three', 'blue'), ('four', 'magenta'), ('five', 'cyan'))
 
 @dataclass(frozen=True)
 class Experiment:
-    """One run of the paper, still without the choice between samples only and the whole path.
+    """One run of the paper, with constraints at samples only or on the whole path.
 
     Attributes:
         key: Short name, unique among all runs.
         label: Name in legends and tables.
-        color: Colour in pictures; the paper's where it names one.
+        color: Colour in pictures; the paper's if it names one.
         settings: Of the guidance law.
-        pose: Where the run starts (x, y, heading) [m, m, rad].
+        pose: Initial pose (x, y, heading) [m, m, rad].
     """
 
     key: str

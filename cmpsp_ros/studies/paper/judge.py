@@ -1,7 +1,7 @@
-"""An independent judge: the same problem as a nonlinear program, solved by IPOPT through CasADi.
+"""Independent reference: the same problem as a nonlinear program, solved by IPOPT through CasADi.
 
-Nothing of the method, the model or the guidance law is used here, so that neither can be wrong in
-the same way. CasADi is needed only when this module is asked.
+It shares no code with the method, the model or the guidance law, so a fault there cannot recur
+here. CasADi is imported only when it is used.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Judgement:
-    """What IPOPT came to.
+    """Result of IPOPT.
 
     Attributes:
-        feasible: Whether it ended at a point that meets every constraint.
-        status: Its own word for how it ended.
+        feasible: Whether it ended at a point that satisfies every constraint.
+        status: IPOPT's status.
         cost: First term of (95) there.
         wheel_speeds: Shape ``(N, 2)`` [rad/s].
     """

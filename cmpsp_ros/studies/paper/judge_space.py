@@ -1,8 +1,8 @@
-"""Roads and obstacles for the judge, as constraints of a nonlinear program.
+"""Roads and obstacles for the reference solver, as constraints of a nonlinear program.
 
-None of the robot's own distances is used: a point of a corridor is a place on a spline through the
-drawn centre line and an offset between the drawn edges, and a convex shape is kept clear of by a
-line between it and the robot whose direction is a variable.
+The robot's own distance functions are not used. A point of a corridor is a point on a spline
+through the centre line plus an offset between the edges; a convex shape is separated from the robot
+by a line whose direction is a variable.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The paper's pictures: paths on their road, and what happens over time; files repeat exactly."""
+"""The paper's pictures: paths on their road, and time series; files repeat exactly."""
 
 from __future__ import annotations
 

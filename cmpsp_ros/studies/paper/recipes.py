@@ -1,7 +1,7 @@
-"""Other ways to drive the same runs, to see what the law's additions to the paper are worth.
+"""Other controllers for the same runs, to measure the benefit of the law's additions to the paper.
 
-They share the method and the model with the guidance law, and nothing of the law itself: no fresh
-plan beside a flawed one, no audit, no fallback levels.
+They use the method and the model of the guidance law, but nothing of the law itself: no new plan
+beside a defective one, no audit, no fallback levels.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 
 
 class Recipe(Enum):
-    """How the two iterations of a control step are done.
+    """How the two iterations of a control step are computed.
 
     Attributes:
         AS_WRITTEN: Squared constraints (92) (93), hard, and the full step (43).

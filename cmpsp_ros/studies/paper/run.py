@@ -1,4 +1,4 @@
-"""The whole study: what was asked for is made, and written to a folder of its own."""
+"""The whole study: makes the requested artefacts and writes them to a folder."""
 
 from __future__ import annotations
 

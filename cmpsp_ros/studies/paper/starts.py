@@ -1,4 +1,4 @@
-"""The paper's starts, driven by the guidance law as it is by default instead of as in the paper."""
+"""The paper's starts, driven by the guidance law with its own defaults."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _COLUMNS = 'start', 'limit [rad/s]', 'miss [m]', 'clearance [m]', 'cost', "IPOPT
 
 @dataclass(frozen=True)
 class Started:
-    """What came of one start.
+    """Result of one start.
 
     Attributes:
         label: Which guess or heading.
         limit: Of the wheels [rad/s].
-        path: What was driven.
-        optimum: Cost of IPOPT's path on the same homotopy class; NaN where it was not asked, or
-            found none.
+        path: The driven path.
+        optimum: Cost of IPOPT's path in the same homotopy class; NaN if IPOPT was not run or found
+            none.
     """
 
     label: str

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.inter_sample_margin import (
     at_ends,
+    bent_edge_margin,
+    bent_edge_margin_known,
     inside,
     inside_known,
     outside,
     outside_known,
-    sagitta,
-    sagitta_known,
 )
 
 Array = NDArray[np.float64]
@@ -106,7 +106,9 @@ class RoadSpace(NamedTuple):
             edges = [inside(outer, limits, period), outside(inner, limits, period)]
             return self._replace(kept=np.array([edges]))
         if self.kind == CORRIDOR:
-            grown = [sagitta(bend, limits, period) for bend in self.shape['bend'][0].tolist()]
+            grown = [
+                bent_edge_margin(bend, limits, period) for bend in self.shape['bend'][0].tolist()
+            ]
             return self._replace(kept=self.kept + np.array([grown]))
         return self
 
@@ -118,7 +120,9 @@ class RoadSpace(NamedTuple):
             edges = at_ends(np.minimum, outer), at_ends(np.maximum, inner)
             return self._replace(kept=np.column_stack(edges))
         if self.kind == CORRIDOR:
-            grown = at_ends(np.maximum, sagitta_known(self.shape['bend'][0], twists, period))
+            grown = at_ends(
+                np.maximum, bent_edge_margin_known(self.shape['bend'][0], twists, period)
+            )
             return self._replace(kept=self.kept + grown)
         return self
 

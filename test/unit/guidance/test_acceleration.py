@@ -213,3 +213,20 @@ def test_slower_commands_for_late_ones_have_a_ramp_that_is_clear():
         assert not np.any(commands[-1])
         pose = path[20]
     assert slower > 0
+
+
+@pytest.mark.parametrize('later', [15.0, 60.0])
+def test_an_acceleration_that_changes_under_way_holds_from_the_next_command_on(later):
+    given = limited(CASES['case 3'])
+    law, changed = GuidanceLaw(given), limited(CASES['case 3'], later)
+
+    def change(_run, stamp):
+        if stamp == 20 * PERIOD:
+            law.reconfigure(changed)
+
+    run = drive(law, given, [k * PERIOD for k in range(STEPS + 20)], before=change)
+    changes = np.abs(np.diff(run.controls, axis=0)).max(axis=1)
+    assert changes[:19].max() <= given.max_wheel_change + CHANGE_ROUNDING
+    assert changes[19:].max() <= changed.max_wheel_change + CHANGE_ROUNDING
+    assert clearance(run.path, given) >= -1e-9
+    assert not np.any(run.decisions[-1].twist)

@@ -33,7 +33,7 @@ class Merit:
         lin, dX = subproblem.linearisation, subproblem.propagate(dU)
         now = self._weighted(lin.output_error, lin.g)
         then = self._weighted(subproblem.terminal(dU, dX), subproblem.path(dU, dX))
-        return now - then - subproblem.slope(dU, dX)
+        return now - then - np.vdot(lin.L_X, dX) - np.vdot(lin.L_U, dU)
 
     def _weighted(self, error, g):
         return self.terminal @ np.abs(error) + (self.path * np.maximum(g, 0.0)).sum()

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Linearisation
+from cmpsp_ros.mpsp.qp.active_set.fill import Space, fill, solution_in, space
+from cmpsp_ros.mpsp.qp.active_set.solver import TOLERANCE, solve
+from cmpsp_ros.mpsp.qp.active_set.state import FIRST
 from cmpsp_ros.mpsp.qp.riccati import kkt
-from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST
-from cmpsp_ros.mpsp.qp.riccati.fill import Space, fill, solution_in, space
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.riccati.solver import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

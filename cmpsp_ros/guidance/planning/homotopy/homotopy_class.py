@@ -14,22 +14,22 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 Array = NDArray[np.float64]
 
 
-def class_of(frame: RoadFrame, centers: Array, poses: Array) -> HomotopyClass:
+def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
     """On which side a path passes each obstacle between its beginning and the goal.
 
     Args:
         frame: Road coordinates from where the path begins to the goal.
-        centers: Of the obstacles, shape ``(M, 2)`` [m].
+        centers: Of the obstacles, by `RoadFrame.coordinates`.
         poses: Along the path, shape ``(N + 1, 3)`` [m, m, rad].
 
     Returns:
         0 for an obstacle that lies beside neither the path nor its beginning's way to the goal.
     """
-    if not len(centers):
+    if not len(centers[0]):
         return ()
-    sides, path = np.zeros(len(centers)), np.empty((len(poses), 2))
+    sides, path = np.zeros(len(centers[0])), np.empty((len(poses), 2))
     _locate_all(path, frame, np.ascontiguousarray(poses))
-    _find_sides(sides, *frame.coordinates(centers), path, frame.stations.item(-1), frame.left)
+    _find_sides(sides, *centers, path, frame.stations.item(-1), frame.left)
     return tuple(int(side) for side in sides.tolist())
 
 

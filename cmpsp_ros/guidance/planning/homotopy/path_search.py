@@ -163,7 +163,7 @@ def searched_paths(
     if line.length > _ROUGHLY * start.robot.max_speed * float(durations.sum()):
         return []
     poses = np.column_stack([points, np.zeros(len(points))])
-    homotopy_class = class_of(frame, space.landmarks, poses)
+    homotopy_class = class_of(frame, frame.coordinates(space.landmarks), poses)
     guess = follow_profile(settings, start, durations, line, profile)
     return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 

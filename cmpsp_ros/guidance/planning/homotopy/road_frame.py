@@ -130,8 +130,8 @@ def _polar(settings: GuidanceSettings, pose: Array, goal: tuple[float, float]) -
 def _along_line(settings: GuidanceSettings, start: PlanStart, target: Target) -> RoadFrame:
     goal, pose = target.position, np.ascontiguousarray(start.pose, dtype=np.float64)
     total = arc_length_to(settings.road, pose, goal, target.heading, start.progress)
-    points = settings.map_line(pose[:2], goal, SPACING)
-    if len(points) > 1:
+    search = settings.map_search
+    if search is not None and len(points := search.line(pose[:2], goal, SPACING)) > 1:
         return frame_along(points)
     length = max(abs(total), SPACING)
     stations = np.linspace(0.0, length, _count(length))

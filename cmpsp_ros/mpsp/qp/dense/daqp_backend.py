@@ -6,8 +6,8 @@ import daqp
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.dense.dense import DenseRows, dense_rows, dense_solution
-from cmpsp_ros.mpsp.qp.riccati.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

@@ -1,1 +1,1 @@
-"""The stage-wise quadratic program and its solver: Riccati sweeps and a dual active set."""
+"""The stage-wise quadratic program: its records, Riccati sweeps, and the check of an answer."""

@@ -13,7 +13,12 @@ from typing import Any
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
-from cmpsp_ros.mpsp.qp.riccati.program import Program, product
+from cmpsp_ros.mpsp.qp.riccati.program import (
+    Program,
+    add_cost_gradient,
+    add_row_gradient,
+    product,
+)
 
 
 @allocation_free
@@ -41,7 +46,7 @@ def kkt_residual(p: Program) -> float:
     # Costates of the cost and of the rows, those of the stage before, and gradients of the rows.
     cost, rows = room_for(first.L_X), room_for(first.L_X)
     cost_before, rows_before = room_for(first.L_X), room_for(first.L_X)
-    rows_U = room_for(first.L_U)
+    cost_U, rows_U = room_for(first.L_U), room_for(first.L_U)
     stationarity, scale, reach = 0.0, 1.0, 1.0
     violation, sign, gap, total = 0.0, 0.0, 0.0, 0.0
     for i in range(n):
@@ -49,31 +54,28 @@ def kkt_residual(p: Program) -> float:
     for k in range(N, -1, -1):
         stage = p.stages[k]
         for i in range(n):
-            rows_before[i] = stage.trust[i]
+            cost_before[i], rows_before[i] = 0.0, stage.trust[i]
         for a in range(r):
-            rows_U[a] = 0.0
+            cost_U[a] = rows_U[a] = 0.0
+        add_cost_gradient(stage, cost_before, cost_U)
         if k == N:
             for j in range(p.terminal.shape[0]):
                 row = p.terminal[j]
                 parts = _terminal_row(row, stage)
                 violation, sign = max(violation, parts[0]), max(sign, parts[1])
                 gap, total = max(gap, parts[2]), total + parts[3]
-                _add_gradient(row, rows_before, rows_U)
+                add_row_gradient(row, rows_before, rows_U)
         for j in range(p.path.shape[1]):
             row = p.path[k, j]
             parts = _path_row(row, stage)
             violation, sign = max(violation, parts[0]), max(sign, parts[1])
             gap, total = max(gap, parts[2]), total + parts[3]
             if row.multiplier != 0.0:
-                _add_gradient(row, rows_before, rows_U)
+                add_row_gradient(row, rows_before, rows_U)
         parts = _limits(stage, head.trust_radius, k > 0)
         violation, gap, total = max(violation, parts[0]), max(gap, parts[1]), total + parts[2]
         for a in range(r):
-            of_cost, of_rows = stage.L_U[a], rows_U[a]
-            for i in range(n):
-                of_cost += stage.L_UX[a, i] * stage.dX[i]
-            for b in range(r):
-                of_cost += stage.L_UU[a, b] * stage.dU[b]
+            of_cost, of_rows = cost_U[a], rows_U[a]
             if k < N:
                 for i in range(n):
                     of_cost += stage.B[i, a] * cost[i]
@@ -83,12 +85,6 @@ def kkt_residual(p: Program) -> float:
             scale = max(scale, 1.0 + max(abs(of_cost), abs(of_rows), abs(stage.bounds[a])))
             reach = max(reach, 1.0 + abs(stage.dU[a]))
             total += whole + stage.dU[a]
-        for i in range(n):
-            cost_before[i] = stage.L_X[i]
-            for j in range(n):
-                cost_before[i] += stage.L_XX[i, j] * stage.dX[j]
-            for a in range(r):
-                cost_before[i] += stage.L_UX[a, i] * stage.dU[a]
         if k < N:
             for i in range(n):
                 for j in range(n):
@@ -103,14 +99,6 @@ def kkt_residual(p: Program) -> float:
         return math.nan
     worst = max(stationarity / scale, violation / reach)
     return max(worst, sign / scale, gap / (scale * reach))
-
-
-@inner
-def _add_gradient(row: Any, X: Array, U: Array) -> None:
-    for i in range(X.shape[0]):
-        X[i] += row.X[i] * row.multiplier
-    for a in range(U.shape[0]):
-        U[a] += row.U[a] * row.multiplier
 
 
 @inner

@@ -31,7 +31,8 @@ def stage_type(n: int, r: int) -> RecordType:
         r: Controls.
     """
     return _record(
-        # The program; `A` and `B` of the last stage are not used.
+        # What one sweep needs is side by side. The program first; `A` and `B` of the last stage are
+        # not used.
         A=(n, n),
         B=(n, r),
         L_X=(n,),
@@ -39,26 +40,27 @@ def stage_type(n: int, r: int) -> RecordType:
         L_XX=(n, n),
         L_UX=(r, n),
         L_UU=(r, r),
-        lower=(r,),
-        upper=(r,),
-        # Its Riccati factorisation, dU = L_inv' v - K dX, with the controls held at a bound
-        # (`fixed` is 1 at the upper one, -1 at the lower one) taken out: they move the states by
-        # `drift`, and `origin_U`, `origin_X` is the step at v = 0.
-        fixed=(r,),
+        # Its Riccati factorisation, dU = L_inv' v - K dX.
+        optimum=(r,),
         K=(r, n),
         L_inv=(r, r),
         A_cl=(n, n),
         B_cl=(n, r),
-        drift=(n,),
-        optimum=(r,),
-        covariance=(n, n),
-        origin_U=(r,),
-        origin_X=(n,),
-        # Its solution.
+        # Its solution, and limits.
         dU=(r,),
         dX=(n,),
+        lower=(r,),
+        upper=(r,),
         bounds=(r,),
         trust=(n,),
+        # Controls that are held at a bound (1 at the upper one, -1 at the lower one) are taken out
+        # of the factorisation: they move the states by `drift`, and `origin_U`, `origin_X` is the
+        # step at v = 0.
+        fixed=(r,),
+        drift=(n,),
+        origin_U=(r,),
+        origin_X=(n,),
+        covariance=(n, n),
         # Second-order correction of the step.
         correction_U=(r,),
         correction_X=(n,),

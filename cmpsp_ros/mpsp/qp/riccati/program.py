@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.layout import head_type, row_type, stage_type
 
 Records = NDArray[Any]
@@ -181,6 +182,32 @@ def product(row: Any, stage: Any) -> float:
     for a in range(stage.dU.shape[0]):
         total += row.U[a] * stage.dU[a]
     return total
+
+
+@allocation_free
+def add_row_gradient(row: Any, X: Array, U: Array) -> None:
+    """Add a constraint's derivatives times its multiplier."""
+    for i in range(X.shape[0]):
+        X[i] += row.X[i] * row.multiplier
+    for a in range(U.shape[0]):
+        U[a] += row.U[a] * row.multiplier
+
+
+@allocation_free
+def add_cost_gradient(stage: Any, X: Array, U: Array) -> None:
+    """Add the derivatives of a stage's cost at its solution."""
+    for a in range(U.shape[0]):
+        U[a] += stage.L_U[a]
+        for i in range(X.shape[0]):
+            U[a] += stage.L_UX[a, i] * stage.dX[i]
+        for b in range(U.shape[0]):
+            U[a] += stage.L_UU[a, b] * stage.dU[b]
+    for i in range(X.shape[0]):
+        X[i] += stage.L_X[i]
+        for j in range(X.shape[0]):
+            X[i] += stage.L_XX[i, j] * stage.dX[j]
+        for a in range(U.shape[0]):
+            X[i] += stage.L_UX[a, i] * stage.dU[a]
 
 
 @allocation_free

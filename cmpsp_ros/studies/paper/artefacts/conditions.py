@@ -1,4 +1,4 @@
-"""What can be measured of the conditions of Theorem 2 along a history that was driven."""
+"""The conditions of Theorem 2 along a driven history, as far as they can be measured."""
 
 from __future__ import annotations
 

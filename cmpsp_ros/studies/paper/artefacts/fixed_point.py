@@ -28,7 +28,7 @@ class Convergence:
     """Iterations from one guess.
 
     Attributes:
-        first_miss: ``|dY_N|`` that the guess itself leads to [m].
+        first_miss: ``|dY_N|`` of the guess itself [m].
         last_miss: The same after all iterations [m].
         controls: Control history of every iteration, stacked, shape ``(I + 1, q)`` [rad/s].
     """

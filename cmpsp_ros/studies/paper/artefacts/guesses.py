@@ -1,4 +1,4 @@
-"""Table 1, Figs. 6 and 7: Case 3 from four first guesses."""
+"""Table 1, Figs. 6 and 7: Case 3 from four initial guesses."""
 
 from __future__ import annotations
 

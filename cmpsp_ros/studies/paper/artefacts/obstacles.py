@@ -1,4 +1,4 @@
-"""Figs. 10 to 13: from no obstacle to five."""
+"""Figs. 10 to 13: with zero to five obstacles."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Computing time of a control step, beside the paper's."""
+"""Computing time of a control step, compared with the paper's."""
 
 from __future__ import annotations
 

@@ -52,6 +52,17 @@ def test_what_no_plan_can_do_is_foretold_again(drive, bag):
     assert (outcome.differences, outcome.first) == (0, None), outcome.first
 
 
+def test_a_lag_is_estimated_again(drive, bag):
+    with drive(max_wheel_lag=0.3) as run:
+        run.go(2.0)
+        run.halt()
+        run.go(1.0)
+    assert run.decisions[0].wheel_lag == (0.0, 0.0, 0.3)
+    assert run.decisions[-1].wheel_lag[2] < 0.3
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+
+
 @pytest.mark.parametrize('seconds', [0.26, 0.8])
 def test_a_computer_that_is_late_is_replayed_as_it_was(drive, bag, seconds):
     with drive() as run:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cmpsp_ros.guidance.goals import Follow
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
@@ -127,3 +128,32 @@ def test_the_shorter_way_round_a_closed_corridor_counts():
     ring = Corridor(points, (0.5,) * 12, (0.5,) * 12, closed=True)
     quarter = ring.shortest_length((5.0, 0.0), (0.0, -5.0))
     assert math.dist((5.0, 0.0), (0.0, -5.0)) <= quarter <= 5.0 * math.pi / 2.0
+
+
+WIDE = DifferentialDrive(wheel_radius=0.1, half_track=0.3, max_wheel_speed=10.0)
+
+
+def followed(speed, horizon=2.0, robot=WIDE):
+    """Round a narrow circle, 5 cm of it on either side for the robot's centre."""
+    road = Annulus(inner_radius=0.8, outer_radius=1.2)
+    follow = Follow(speed, horizon)
+    return replace(settings(), road=road, robot=robot, robot_radius=0.15, follow=follow)
+
+
+@pytest.mark.parametrize('direction', [1.0, -1.0])
+def test_a_speed_that_the_outer_wheel_does_not_allow_is_foretold(direction):
+    # Along the innermost circle of 0.95 m the outer wheel is at its limit.
+    largest = 1.0 / (0.95 + 0.3)
+    assert infeasibility_warnings(followed(0.999 * direction * largest), START) == []
+    (said,) = infeasibility_warnings(followed(1.001 * direction * largest), START)
+    assert said.startswith('follow.speed is out of reach: round this road the wheels allow 0.8 m/s')
+
+
+def test_an_acceleration_that_is_too_small_to_set_out_is_foretold():
+    # All of two seconds to speed up, along the innermost circle.
+    needed = 0.5 * 2.0 * 0.95
+    for gain, expected in ((1.01, 0), (0.99, 1)):
+        robot = replace(WIDE, max_wheel_acceleration=gain * needed / 2.0 / 0.1)
+        said = infeasibility_warnings(followed(0.5, robot=robot), START)
+        assert len(said) == expected
+        assert all(each.startswith('follow.horizon is too short to set out: ') for each in said)

@@ -180,12 +180,13 @@ def test_what_lies_between_the_paths_of_less_lag_and_more():
     audit = Audit(given)
     verdict = audit.check(start, plan.controls, plan.horizon.durations)
     assert verdict.passed
-    clear = [audit.is_clear_with_lag(start, plan, verdict.ramp, wheels, lag) for lag in given.lags]
+    lags = [0.1, 0.2, 0.3]
+    clear = [audit.is_clear_with_lag(start, plan, verdict.ramp, wheels, lag) for lag in lags]
     assert clear == [True, False, True]
-    speeds = np.tile(wheels, (len(clear), 1))
-    assert approach(given).calmed(plan, verdict, start, None, speeds) is None
+    known = [(lag, wheels) for lag in lags]
+    assert approach(given).calmed(plan, verdict, start, None, start, known) is None
     away = replace(given, obstacles=(FIRST,))
-    assert approach(away).calmed(plan, verdict, start, None, speeds)[0] is plan
+    assert approach(away).calmed(plan, verdict, start, None, start, known)[0] is plan
 
 
 def test_a_plan_that_is_slowed_for_lag_says_so():

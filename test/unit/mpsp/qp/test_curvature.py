@@ -8,6 +8,7 @@ from problems import LinearQuadratic
 from programs import staged
 
 from cmpsp_ros.mpsp import QPStatus, Subproblem, convexify, solve_qp
+from cmpsp_ros.mpsp.qp.active_set import fill
 from cmpsp_ros.mpsp.qp.curvature import (
     CURVATURE_LEFT,
     extreme_eigenvalues,
@@ -16,7 +17,6 @@ from cmpsp_ros.mpsp.qp.curvature import (
     project_stages,
 )
 from cmpsp_ros.mpsp.qp.dense.closed_form import is_positive_definite, is_positive_definite_along
-from cmpsp_ros.mpsp.qp.riccati import fill
 
 
 def program(seed=0, shape=(5, 3, 2, 2, 2), lost=0.0):

@@ -55,7 +55,6 @@ def test_its_functions_are_the_rows_of_the_condensed_program(shape):
         g[qp.path_stage, qp.path_index], qp.B_C @ dU.ravel() - qp.g, atol=1e-11
     )
     assert np.count_nonzero(g != -np.inf) == len(qp.g)
-    assert subproblem.slope(dU, dX) == pytest.approx(qp.c @ dU.ravel(), abs=1e-11)
 
 
 def test_the_change_of_the_states_is_that_of_the_roll_out():
@@ -126,7 +125,6 @@ def test_a_horizon_whose_condensed_matrices_no_machine_holds(lost):
         dX = each.propagate(dU)
         assert each.linearisation.not_finite == ''
         assert not has_closed_form(each)
-        assert each.slope(dU, dX) < 0.0
         assert (each.path(dU, dX) != -np.inf).sum() == (bent.g != -np.inf).sum()
         solution = replace(QPSolution.unsolved(each.size, QPStatus.SOLVED), dU=dU)
         penalties = Penalties(np.full(2, 1e3), np.full((20_001, 2), 1e3))

@@ -204,7 +204,7 @@ def test_a_driver_told_to_forget_knows_nothing_of_the_run_before():
         driver.forget()
         used = improve(driver, problem.data, guess, 3)
         np.testing.assert_array_equal(used.now.U, fresh.now.U)
-        assert used.run['qp_iterations'] == fresh.run['qp_iterations']
+        assert used.program.head['iterations'] == fresh.program.head['iterations']
 
 
 @pytest.mark.parametrize('limit', [51.0, 45.0])

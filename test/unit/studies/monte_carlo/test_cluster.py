@@ -12,7 +12,7 @@ import pytest
 from commands import command
 
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run, workers
-from cmpsp_ros.studies.monte_carlo.ledger import NAME, digest, open_ledger
+from cmpsp_ros.studies.monte_carlo.results_log import NAME, digest, open_results_log
 
 STUDY = Study('nominal', 1)
 RUNS = 48
@@ -88,12 +88,12 @@ def test_a_killed_worker_loses_nothing_and_nothing_counts_twice(start, address, 
     alone = tmp_path / 'alone'
     run(Order(STUDY, RUNS, alone), lambda *_: lambda _: None)
     assert (folder / 'summary.json').read_bytes() == (alone / 'summary.json').read_bytes()
-    there = [dict(sorted(open_ledger(each, STUDY).items())) for each in (folder, alone)]
+    there = [dict(sorted(open_results_log(each, STUDY).items())) for each in (folder, alone)]
     assert there[0] == there[1]
 
 
 def numbers_in(folder):
-    """Numbers of the runs in a ledger, as often as they are there."""
+    """Numbers of the runs in a results log, as often as they are there."""
     try:
         lines = (folder / NAME).read_text().splitlines()
     except FileNotFoundError:

@@ -15,7 +15,7 @@ from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
 
 ROAD = Annulus((1.0, -2.0), 9.0, 11.0)
-SETTINGS, _ = Study('nominal').told()
+SETTINGS, _ = Study('nominal').setup()
 
 seeds = st.integers(0, 2**64)
 numbers = st.integers(0, 10**9)

@@ -19,7 +19,7 @@ from pyarrow import parquet
 import cmpsp_ros
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
 from cmpsp_ros.studies.monte_carlo import judge as judges
-from cmpsp_ros.studies.monte_carlo.ledger import NAME, ROOMS, open_ledger
+from cmpsp_ros.studies.monte_carlo.results_log import HASHED_PACKAGES, NAME, open_results_log
 from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
@@ -27,8 +27,8 @@ STUDY = Study('nominal', 1)
 RUNS = 20
 
 
-def ledger_of(folder):
-    return dict(sorted(open_ledger(folder, STUDY).items()))
+def results_of(folder):
+    return dict(sorted(open_results_log(folder, STUDY).items()))
 
 
 @pytest.fixture(scope='module')
@@ -53,7 +53,7 @@ def test_a_study_counts_keeps_and_draws(made):
     assert sum(values['control_steps'].values()) == 50 * RUNS
     table = parquet.read_table(folder / 'runs.parquet')
     assert table.column('number').to_pylist() == list(range(RUNS))
-    outcomes = ledger_of(folder)
+    outcomes = results_of(folder)
     assert table.column('miss').to_pylist() == [each.miss for each in outcomes.values()]
     assert table.column('verdict').to_pylist().count('arrived') == values['verdicts']['arrived']
     for picture in ('paths.png', 'spread.png'):
@@ -62,9 +62,9 @@ def test_a_study_counts_keeps_and_draws(made):
     assert drawn == {f'run_{each["run"]:05d}.png' for each in values['failures']}
 
 
-@pytest.mark.parametrize('room', ROOMS)
-def test_the_digest_covers_every_room_that_decides(room):
-    assert list((Path(cmpsp_ros.__file__).parent / room).rglob('*.py'))
+@pytest.mark.parametrize('package', HASHED_PACKAGES)
+def test_the_digest_covers_every_package_that_decides(package):
+    assert list((Path(cmpsp_ros.__file__).parent / package).rglob('*.py'))
 
 
 @pytest.mark.slow
@@ -86,19 +86,19 @@ def test_two_workers_come_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
     told = []
     run(Order(STUDY, RUNS, folder, workers=2), lambda *_: told.append)
-    assert ledger_of(folder) == ledger_of(made[0])
+    assert results_of(folder) == results_of(made[0])
     assert (folder / 'summary.json').read_bytes() == (made[0] / 'summary.json').read_bytes()
     assert sum(told) >= RUNS
 
 
 def test_any_order_comes_to_the_same(made, tmp_path):
     folder = tmp_path / 'nominal'
-    open_ledger(folder, STUDY)
+    open_results_log(folder, STUDY)
     outcomes = list(make(STUDY, [17, 3, 11], folder, 1, lambda _: None))
     assert [each.number for each in outcomes] == [17, 3, 11]
-    kept = ledger_of(made[0])
+    kept = results_of(made[0])
     assert outcomes == [kept[17], kept[3], kept[11]]
-    assert ledger_of(folder) == {number: kept[number] for number in (3, 11, 17)}
+    assert results_of(folder) == {number: kept[number] for number in (3, 11, 17)}
 
 
 @pytest.mark.slow
@@ -119,14 +119,14 @@ def test_after_a_kill_it_goes_on_and_loses_nothing(made, tmp_path):
     time.sleep(1.0)
     assert lines_of(folder) == after
     assert after[: len(finished)] == finished
-    there = ledger_of(folder)
+    there = results_of(folder)
     assert len(there) >= len(finished)
     missing = [number for number in range(RUNS) if number not in there]
     told = []
     run(Order(STUDY, RUNS, folder), lambda part, _: told.append if part == 'runs' else len_of)
     assert told == [RUNS - len(missing), *[1] * len(missing)]
-    kept = ledger_of(folder)
-    assert {number: kept[number] for number in range(RUNS)} == ledger_of(made[0])
+    kept = results_of(folder)
+    assert {number: kept[number] for number in range(RUNS)} == results_of(made[0])
 
 
 @pytest.mark.slow
@@ -145,7 +145,7 @@ def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path, interruptibl
     assert child.returncode == 130
     assert said.splitlines()[-1] == f'{folder}: interrupted; the same command goes on'
     assert 'Traceback' not in said
-    assert 2 <= len(ledger_of(folder)) < 400
+    assert 2 <= len(results_of(folder)) < 400
 
 
 def len_of(_):
@@ -165,9 +165,9 @@ def test_what_a_power_cut_left_of_a_line_is_made_again(made, tmp_path):
     path = tmp_path / NAME
     content = (made[0] / NAME).read_bytes().rstrip()
     path.write_bytes(content[:-30])
-    last = next(number for number in range(RUNS) if number not in open_ledger(tmp_path, STUDY))
+    last = next(number for number in range(RUNS) if number not in open_results_log(tmp_path, STUDY))
     list(make(STUDY, [last], tmp_path, 1, lambda _: None))
-    assert ledger_of(tmp_path) == ledger_of(made[0])
+    assert results_of(tmp_path) == results_of(made[0])
 
 
 @pytest.mark.parametrize(
@@ -188,12 +188,12 @@ def test_another_study_does_not_go_on_in_its_folder(made, change, text):
 def test_a_folder_with_something_else_is_left_alone(tmp_path):
     (tmp_path / 'mine').write_text('mine')
     with pytest.raises(StudyError, match='found something else there'):
-        open_ledger(tmp_path, STUDY)
+        open_results_log(tmp_path, STUDY)
     (tmp_path / NAME).write_text('what\n')
     with pytest.raises(StudyError, match='found other code, study, seed'):
-        open_ledger(tmp_path, STUDY)
+        open_results_log(tmp_path, STUDY)
     with pytest.raises(StudyError, match=r'mine: found something else there'):
-        open_ledger(tmp_path / 'mine', STUDY)
+        open_results_log(tmp_path / 'mine', STUDY)
 
 
 @pytest.mark.parametrize(
@@ -220,7 +220,7 @@ def test_bad_input_is_told(tmp_path, arguments, code, text):
 def test_one_run_again(made, tmp_path):
     result = command('study', 'nominal', '--run', 17, '--output', tmp_path)
     assert result.exit_code == 0, result.output
-    kept = ledger_of(made[0])[17]
+    kept = results_of(made[0])[17]
     assert f'{kept.verdict(1e-3)}: miss {kept.miss:.3g} m' in result.stdout
     assert (tmp_path / 'run_00017.png').read_bytes().startswith(b'\x89PNG')
     assert '0.00 s  ' in result.stdout

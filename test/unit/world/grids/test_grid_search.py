@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import dijkstra
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import cells_from, lengths_to
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.map_line import map_lengths, map_line
+from cmpsp_ros.world.map_line import MapSearch
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 
@@ -70,7 +70,8 @@ def room(*boxes):
 
 def test_a_line_leads_around_a_wall_and_keeps_clear_of_it():
     wall = room((0, 30, 30, 31))
-    line = map_line((wall,), 0.2, np.array([-2.0, -1.0]), (2.0, -1.0), 0.2)
+    search = MapSearch((wall,), 0.2, 0.1)
+    line = search.line(np.array([-2.0, -1.0]), (2.0, -1.0), 0.2)
 
     assert line[0].tolist() == [-2.0, -1.0]
     assert line[-1].tolist() == [2.0, -1.0]
@@ -81,7 +82,7 @@ def test_a_line_leads_around_a_wall_and_keeps_clear_of_it():
     # It has eight directions, and keeps farther away than it must.
     shortest = 2.0 * math.hypot(2.0, 2.2)
     assert steps.sum() < 1.2 * shortest
-    (length,) = map_lengths((wall,), 0.2, line[:1], (2.0, -1.0))
+    (length,) = search.lengths(line[:1], (2.0, -1.0))
     assert shortest < length < 3.0 * shortest
 
 
@@ -89,7 +90,8 @@ def test_a_gap_that_is_too_narrow_is_no_way():
     parts = (0, 18, 30, 31), (22, 40, 30, 31)
 
     def through(distance):
-        return map_line((room(*parts),), distance, np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
+        search = MapSearch((room(*parts),), distance, distance / 2.0)
+        return search.line(np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
 
     assert len(through(0.15))
     assert not len(through(0.5))
@@ -98,7 +100,8 @@ def test_a_gap_that_is_too_narrow_is_no_way():
 def test_other_obstacles_are_kept_clear_of_too():
     disc = Obstacle('disc', (0.0, 0.0), 0.5)
 
-    line = map_line((disc, room()), 0.2, np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
+    search = MapSearch((disc, room()), 0.2, 0.1)
+    line = search.line(np.array([-2.0, 0.0]), (2.0, 0.0), 0.2)
 
     assert np.hypot(*line.T).min() > 0.65
 
@@ -106,6 +109,6 @@ def test_other_obstacles_are_kept_clear_of_too():
 def test_who_stands_too_near_is_led_away():
     wall = room((0, 30, 30, 31))
 
-    line = map_line((wall,), 0.4, np.array([-0.3, -1.0]), (-2.0, -1.0), 0.2)
+    line = MapSearch((wall,), 0.4, 0.2).line(np.array([-0.3, -1.0]), (-2.0, -1.0), 0.2)
 
     assert len(line)

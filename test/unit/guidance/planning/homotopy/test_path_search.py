@@ -71,7 +71,9 @@ def test_two_obstacles_can_be_passed_in_four_ways():
     for way, path in zip(ways, paths, strict=True):
         away = np.linalg.norm(path[:, None, :2] - space.centers, axis=2)
         assert (away > space.radii).all()
-        assert class_of(way.frame, centers(given), path) == way.homotopy_class
+        assert (
+            class_of(way.frame, way.frame.coordinates(centers(given)), path) == way.homotopy_class
+        )
 
 
 def test_a_gap_through_which_a_path_fits_between_two_samples_is_a_way():
@@ -168,7 +170,7 @@ def test_guesses_stay_in_the_gaps_that_they_are_for(found, limit):
         inside = np.hypot(path[:, 0], path[:, 1])
         assert inside.min() > given.road.inner_radius
         assert inside.max() < given.road.outer_radius
-        taken = class_of(way.frame, centers(given), path)
+        taken = class_of(way.frame, way.frame.coordinates(centers(given)), path)
         near = np.linalg.norm(path[:, None, :2] - centers(given), axis=2).min(axis=0)
         for each, a, b, away in zip(given.obstacles, taken, way.homotopy_class, near, strict=True):
             # One that is too slow to come by has not chosen yet.

@@ -117,10 +117,11 @@ def test_sides_are_seen_from_the_path(course):
     _, frame = frame_on(*COURSES[course])
     middle = frame.stations[len(frame.stations) // 2]
     center = point_at(frame, float(middle), frame.middle)
+    obstacles = frame.coordinates(np.array([center, (-0.5, -9.7)]))
     for side in (1, -1):
         lateral = frame.middle + 0.4 * side * frame.left
         path = [[*point_at(frame, float(at), lateral), 0.0] for at in frame.stations]
-        assert class_of(frame, np.array([center, (-0.5, -9.7)]), np.array(path)) == (side, 0)
+        assert class_of(frame, obstacles, np.array(path)) == (side, 0)
 
 
 def test_nothing_to_drive_is_no_error():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stage_programs import place, random_program, relaxed, run
 
-from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST
+from cmpsp_ros.mpsp.qp.active_set.state import FIRST
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 

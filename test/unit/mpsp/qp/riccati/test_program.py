@@ -7,8 +7,8 @@ import pytest
 from stage_programs import CONTROLS, STATES, dense, place, random_program, relaxed, staged
 
 from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
-from cmpsp_ros.mpsp.qp.riccati import fill as filling
-from cmpsp_ros.mpsp.qp.riccati.fill import (
+from cmpsp_ros.mpsp.qp.active_set import fill as filling
+from cmpsp_ros.mpsp.qp.active_set.fill import (
     borrowed_space,
     compiled_size,
     fill,

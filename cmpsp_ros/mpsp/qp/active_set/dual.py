@@ -19,7 +19,8 @@ import math
 from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import MANY
+from cmpsp_ros.mpsp.qp.active_set.state import (
     AT_PENALTY,
     IS_ACTIVE,
     IS_IMPLIED,
@@ -27,15 +28,10 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     TOLERANCE,
     ActiveSet,
     iterative_refinement,
-    recompute_primal,
 )
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import MANY
+from cmpsp_ros.mpsp.qp.active_set.step import CROWDED, DONE, active_set_step
 from cmpsp_ros.mpsp.qp.riccati.program import Program, is_bound, load_row, product
-from cmpsp_ros.mpsp.qp.riccati.step import CROWDED, DONE, active_set_step
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, row_norm
-
-# After so many steps the point is found again from the multipliers: rounding has added up.
-_MANY = 64
 
 
 @allocation_free
@@ -70,9 +66,6 @@ def add_violated_rows(p: Program, at: ActiveSet, may_crowd: bool) -> int:
             if bounds > MANY and 2 * _bounds_in_basis(p, at) > head.active:
                 return CROWDED
     if outcome == DONE:
-        if head.iterations > _MANY:
-            recompute_primal(p, at)
-            recover_step(p, at.v)
         iterative_refinement(p, at)
     return outcome
 

@@ -15,15 +15,15 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
-from cmpsp_ros.mpsp.qp.riccati import kkt
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,
     Indices,
     empty_active_set,
     empty_warm_start,
 )
+from cmpsp_ros.mpsp.qp.riccati import kkt
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem

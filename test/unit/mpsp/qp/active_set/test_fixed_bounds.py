@@ -16,9 +16,9 @@ from stage_programs import (
 )
 
 from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
+from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati.active_set import CAPACITY
-from cmpsp_ros.mpsp.qp.riccati.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, SOLVED
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPStatus
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove, solve, solve_transposed
+from cmpsp_ros.mpsp.qp.active_set.basis import Basis, append, remove, solve, solve_transposed
 from cmpsp_ros.mpsp.qp.riccati.program import (
     Program,
     count_rows,
@@ -217,19 +217,3 @@ def iterative_refinement(p: Program, at: ActiveSet) -> None:
     for j in range(count):
         at.multipliers[j] += at.dependence[j]
     recover_step(p, at.v)
-
-
-@allocation_free
-def recompute_primal(p: Program, at: ActiveSet) -> None:
-    """``v`` from the multipliers, without the rounding of the way to it."""
-    head, r = p.head[0], p.stages[0].B.shape[1]
-    for k in range(head.horizon + 1):
-        for a in range(r):
-            at.v[k * r + a] = p.stages[k].optimum[a]
-    for j in range(head.active):
-        apply_multiplier(p, at, at.rows[j], at.multipliers[j])
-    if head.saturated > 0:
-        for row in range(at.states.shape[0]):
-            multiplier = saturated_multiplier(p, at, row)
-            if multiplier != 0.0:
-                apply_multiplier(p, at, row, multiplier)

@@ -13,7 +13,8 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.basis import solve, split
+from cmpsp_ros.mpsp.qp.active_set.state import (
     AT_LOWER,
     AT_MINUS_PENALTY,
     AT_PENALTY,
@@ -27,7 +28,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     remove_constraint,
     row_in_v,
 )
-from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,

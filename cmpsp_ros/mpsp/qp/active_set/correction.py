@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.basis import append, solve_transposed, split
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
+from cmpsp_ros.mpsp.qp.active_set.state import (
     IS_ACTIVE,
     IS_OFF,
     ActiveSet,
     on_horizon,
     row_in_v,
 )
-from cmpsp_ros.mpsp.qp.riccati.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import free_all
-from cmpsp_ros.mpsp.qp.riccati.program import BOUND, PATH, TRUST, Program, locate, row_number
+from cmpsp_ros.mpsp.qp.riccati.program import PATH, Program, locate, multiplier_of, row_number
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 
@@ -73,19 +73,9 @@ def activate(p: Program, whole: ActiveSet) -> bool:
         return False
     at = on_horizon(p, whole)
     at.states[:] = IS_OFF
-    for row in range(p.terminal.shape[0]):
-        _activate(p, at, row)
-    for k in range(head.horizon + 1):
-        stage = p.stages[k]
-        for j in range(p.path.shape[1]):
-            if p.path[k, j].multiplier > 0.0:
-                _activate(p, at, row_number(p, PATH, k, j, 1.0))
-        for a in range(stage.bounds.shape[0]):
-            if stage.bounds[a] != 0.0:
-                _activate(p, at, row_number(p, BOUND, k, a, 1.0))
-        for i in range(stage.trust.shape[0]):
-            if stage.trust[i] != 0.0:
-                _activate(p, at, row_number(p, TRUST, k, i, 1.0))
+    for row in range(at.states.shape[0]):
+        if row < p.terminal.shape[0] or multiplier_of(p, row) != 0.0:
+            _activate(p, at, row)
     return True
 
 

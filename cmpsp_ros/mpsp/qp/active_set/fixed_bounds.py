@@ -15,23 +15,25 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.state import (
     FIRST,
     ActiveSet,
     Indices,
     saturated_multiplier,
 )
+from cmpsp_ros.mpsp.qp.active_set.warm_start import leave_warm_start
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
     Program,
+    add_cost_gradient,
+    add_row_gradient,
     clear_multipliers,
     count_rows,
     locate,
     product,
     set_multiplier,
 )
-from cmpsp_ros.mpsp.qp.riccati.warm_start import leave_warm_start
 
 MANY: Final = 12
 """Active bounds from which on holding them is cheaper than to have them in the basis."""
@@ -114,69 +116,37 @@ def recover_bound_multipliers(p: Program, cost: float) -> float:
     Returns:
         The largest part of a gradient.
     """
-    head = p.head[0]
-    n, r = p.stages[0].B.shape
-    costate, following = room_for(p.stages[0].L_X), room_for(p.stages[0].L_X)
-    largest = 0.0
+    head, first, largest = p.head[0], p.stages[0], 0.0
+    n, r = first.B.shape
+    X, U, following = room_for(first.L_X), room_for(first.L_U), room_for(first.L_X)
     head.work += head.horizon + 1
-    for i in range(n):
-        following[i] = 0.0
     for k in range(head.horizon, -1, -1):
-        stage, last = p.stages[k], k == head.horizon
+        stage = p.stages[k]
+        for i in range(n):
+            X[i] = stage.trust[i]
         for a in range(r):
-            if stage.fixed[a] == 0.0 and cost != 0.0:
-                continue
-            total = _gradient_U(p, k, a, cost)
-            if not last:
-                for i in range(n):
-                    total += stage.B[i, a] * following[i]
-            stage.bounds[a] = -total
-            largest = max(largest, abs(total))
-        for i in range(n):
-            total = _gradient_X(p, k, i, cost)
-            if not last:
+            U[a] = 0.0
+        if cost != 0.0:
+            add_cost_gradient(stage, X, U)
+        for j in range(p.path.shape[1]):
+            if p.path[k, j].multiplier != 0.0:
+                add_row_gradient(p.path[k, j], X, U)
+        if k == head.horizon:
+            for j in range(p.terminal.shape[0]):
+                add_row_gradient(p.terminal[j], X, U)
+        else:
+            for i in range(n):
+                for a in range(r):
+                    U[a] += stage.B[i, a] * following[i]
                 for j in range(n):
-                    total += stage.A[j, i] * following[j]
-            costate[i] = total
+                    X[i] += stage.A[j, i] * following[j]
+        for a in range(r):
+            if stage.fixed[a] != 0.0 or cost == 0.0:
+                stage.bounds[a] = -U[a]
+                largest = max(largest, abs(U[a]))
         for i in range(n):
-            following[i] = costate[i]
+            following[i] = X[i]
     return largest
-
-
-@inner
-def _gradient_U(p: Program, k: int, a: int, cost: float) -> float:
-    """Derivative of cost and rows by a control, at its own stage."""
-    stage, total = p.stages[k], 0.0
-    if cost != 0.0:
-        total = stage.L_U[a]
-        for i in range(stage.dX.shape[0]):
-            total += stage.L_UX[a, i] * stage.dX[i]
-        for b in range(stage.dU.shape[0]):
-            total += stage.L_UU[a, b] * stage.dU[b]
-    for j in range(p.path.shape[1]):
-        total += p.path[k, j].U[a] * p.path[k, j].multiplier
-    if k == p.head[0].horizon:
-        for j in range(p.terminal.shape[0]):
-            total += p.terminal[j].U[a] * p.terminal[j].multiplier
-    return total
-
-
-@inner
-def _gradient_X(p: Program, k: int, i: int, cost: float) -> float:
-    """Derivative of cost and rows by a state, at its own stage."""
-    stage, total = p.stages[k], p.stages[k].trust[i]
-    if cost != 0.0:
-        total += stage.L_X[i]
-        for j in range(stage.dX.shape[0]):
-            total += stage.L_XX[i, j] * stage.dX[j]
-        for a in range(stage.dU.shape[0]):
-            total += stage.L_UX[a, i] * stage.dU[a]
-    for j in range(p.path.shape[1]):
-        total += p.path[k, j].X[i] * p.path[k, j].multiplier
-    if k == p.head[0].horizon:
-        for j in range(p.terminal.shape[0]):
-            total += p.terminal[j].X[i] * p.terminal[j].multiplier
-    return total
 
 
 @allocation_free

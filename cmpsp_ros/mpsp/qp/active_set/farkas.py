@@ -13,12 +13,10 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import FIRST, ActiveSet, Indices
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import recover_bound_multipliers
+from cmpsp_ros.mpsp.qp.active_set.state import FIRST, ActiveSet, Indices
 from cmpsp_ros.mpsp.qp.riccati.program import (
     BOUND,
-    PATH,
-    TRUST,
     Program,
     clear_multipliers,
     is_bound,
@@ -94,26 +92,12 @@ def _least_value(p: Program, negligible: float) -> float:
 @allocation_free
 def name_rows(p: Program, at: ActiveSet, negligible: float) -> None:
     """Name the rows that have a multiplier, bounds if it is not negligible."""
-    head, found = p.head[0], 0
-    for row in range(p.terminal.shape[0]):
-        if p.terminal[row].multiplier != 0.0:
+    found = 0
+    for row in range(at.states.shape[0]):
+        if abs(multiplier_of(p, row)) > (negligible if is_bound(p, row) else 0.0):
             at.conflict[found] = row
             found += 1
-    for k in range(head.horizon + 1):
-        stage = p.stages[k]
-        for j in range(p.path.shape[1]):
-            if p.path[k, j].multiplier > 0.0:
-                at.conflict[found] = row_number(p, PATH, k, j, 1.0)
-                found += 1
-        for a in range(stage.bounds.shape[0]):
-            if abs(stage.bounds[a]) > negligible:
-                at.conflict[found] = row_number(p, BOUND, k, a, stage.bounds[a])
-                found += 1
-        for i in range(stage.trust.shape[0]):
-            if stage.trust[i] != 0.0:
-                at.conflict[found] = row_number(p, TRUST, k, i, stage.trust[i])
-                found += 1
-    head.conflicting = found
+    p.head[0].conflicting = found
 
 
 @allocation_free

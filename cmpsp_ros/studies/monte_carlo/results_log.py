@@ -1,4 +1,4 @@
-"""The file that runs are added to as they finish: whoever is killed, what was finished stays."""
+"""The file that runs are added to as they finish, so an interruption loses no finished run."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from cmpsp_ros.studies.monte_carlo.study import Study
 
 NAME: Final = 'runs.jsonl'
 
-ROOMS: Final = (
+HASHED_PACKAGES: Final = (
     *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
-"""What decides an outcome."""
+"""Packages that affect the outcome of a run."""
 
 _READ_WRITE: Final = 0o644
 
 
-def open_ledger(folder: Path, study: Study) -> dict[int, Outcome]:
+def open_results_log(folder: Path, study: Study) -> dict[int, Outcome]:
     """Begin a study in a folder, or go on with the one that is there.
 
     Args:
@@ -78,8 +78,8 @@ def digest() -> str:
     """Of all code that outcomes depend on: runs of different code are no one study."""
     root = Path(cmpsp_ros.__file__).parent
     digest = hashlib.sha256()
-    for room in ROOMS:
-        for path in sorted((root / room).rglob('*.py')):
+    for package in HASHED_PACKAGES:
+        for path in sorted((root / package).rglob('*.py')):
             digest.update(f'{path.relative_to(root)}\0'.encode() + path.read_bytes() + b'\0')
     return digest.hexdigest()[:16]
 

@@ -5,22 +5,24 @@ from __future__ import annotations
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
-    IS_OFF,
-    ActiveSet,
-    Indices,
-    on_horizon,
-)
-from cmpsp_ros.mpsp.qp.riccati.dual import add_violated_rows
-from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
-from cmpsp_ros.mpsp.qp.riccati.farkas import leave_proof, still_contradicts
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import (
+from cmpsp_ros.mpsp.qp.active_set.dual import add_violated_rows
+from cmpsp_ros.mpsp.qp.active_set.farkas import leave_proof, still_contradicts
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import (
     fix_from,
     free_all,
     hold_violated,
     release_wrong,
     restart_from,
 )
+from cmpsp_ros.mpsp.qp.active_set.state import (
+    IS_OFF,
+    ActiveSet,
+    Indices,
+    on_horizon,
+)
+from cmpsp_ros.mpsp.qp.active_set.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
+from cmpsp_ros.mpsp.qp.active_set.warm_start import begin, leave_warm_start, shift_warm_start
+from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 from cmpsp_ros.mpsp.qp.riccati.outcome import (
     INFEASIBLE,
@@ -29,9 +31,7 @@ from cmpsp_ros.mpsp.qp.riccati.outcome import (
     SOLVED,
 )
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
-from cmpsp_ros.mpsp.qp.riccati.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
 from cmpsp_ros.mpsp.qp.riccati.sweeps import keep_origin
-from cmpsp_ros.mpsp.qp.riccati.warm_start import begin, leave_warm_start, shift_warm_start
 
 TOLERANCE: Final = 1e-8
 """Largest residual (see `kkt_residual`) of a solution."""

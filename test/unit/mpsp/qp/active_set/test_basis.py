@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.mpsp.qp.riccati.basis import Basis, append, remove, solve, solve_transposed, split
+from cmpsp_ros.mpsp.qp.active_set.basis import Basis, append, remove, solve, solve_transposed, split
 
 unhurried = settings(deadline=None, max_examples=60)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from stage_programs import random_program, relaxed, run
 
-from cmpsp_ros.mpsp.qp.riccati.active_set import iterative_refinement, recompute_primal
+from cmpsp_ros.mpsp.qp.active_set.state import iterative_refinement
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
@@ -12,9 +12,9 @@ from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 pytestmark = pytest.mark.xdist_group('riccati')
 
 
-def solution(weight=np.inf):
+def solution():
     qp = random_program(np.random.default_rng(4), bound=0.8)
-    found = run(qp, relaxed(qp, weight, weight))
+    found = run(qp, relaxed(qp, np.inf, np.inf))
     assert found.outcome == SOLVED
     assert found.active > 1
     # The memory is just as long as the horizon.
@@ -39,13 +39,3 @@ def test_active_rows_are_met_again_and_their_multipliers_follow():
     before = at.v.copy()
     iterative_refinement(p, at)
     np.testing.assert_array_equal(at.v, before)
-
-
-@pytest.mark.parametrize('weight', [0.3, np.inf])
-def test_the_point_is_where_the_multipliers_lead(weight):
-    found, p, at = solution(weight)
-    assert (found.saturated > 0) == np.isfinite(weight)
-    v = at.v.copy()
-    at.v[:] = np.nan
-    recompute_primal(p, at)
-    np.testing.assert_allclose(at.v, v, atol=1e-12)

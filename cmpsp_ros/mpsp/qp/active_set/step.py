@@ -6,7 +6,10 @@ import math
 from typing import Any
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.riccati.active_set import (
+from cmpsp_ros.mpsp.qp.active_set.basis import solve, split
+from cmpsp_ros.mpsp.qp.active_set.farkas import bounds_cross, contradicts, name_rows
+from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import recover_bound_multipliers, release
+from cmpsp_ros.mpsp.qp.active_set.state import (
     AT_MINUS_PENALTY,
     AT_PENALTY,
     IS_ACTIVE,
@@ -19,9 +22,6 @@ from cmpsp_ros.mpsp.qp.riccati.active_set import (
     remove_constraint,
     row_in_v,
 )
-from cmpsp_ros.mpsp.qp.riccati.basis import solve, split
-from cmpsp_ros.mpsp.qp.riccati.farkas import bounds_cross, contradicts, name_rows
-from cmpsp_ros.mpsp.qp.riccati.fixed_bounds import recover_bound_multipliers, release
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 from cmpsp_ros.mpsp.qp.riccati.program import (
     Program,

@@ -158,6 +158,7 @@ class DecisionRecord:
     run = Entry[int | None](int, default=None)
     revision = Entry[int | None](int, default=None)
     tracks_known = Entry(str, key=MOVING, default='')
+    sighting = Entry[int | None](int, 'ns', default=None)
     goal_name = Entry[str | None](str, key='goal', default=None)
     goal_x = Entry(float, 'm')
     goal_y = Entry(float, 'm')

@@ -120,7 +120,7 @@ def study(
                 order = monte_carlo.Order(chosen, runs, folder, workers, scheduler, judge)
                 values = monte_carlo.run(order, progress)
         except KeyboardInterrupt:
-            complain(f'{folder}: interrupted; the same command goes on')
+            complain(f'{folder}: interrupted; the same command continues')
             raise typer.Exit(130) from None
     for table in monte_carlo.tables(values):
         console().print(table)

@@ -20,8 +20,8 @@ def sum_up(scenario: Scenario, folder: Path) -> Summary:
         BagError: The recording does not cover the run.
     """
     recorded = read_run(folder / 'bag')
-    summary = summarise(recorded, scenario.settings, scenario.name)
+    summary = summarise(recorded, scenario.truth, scenario.name)
     summary.write(folder / 'summary.json')
-    draw_trajectory(recorded, scenario.settings, folder / 'trajectory.png')
+    draw_trajectory(recorded, scenario.truth, folder / 'trajectory.png')
     draw_wheel_speeds(recorded, scenario.settings, folder / 'wheel_speeds.png')
     return summary

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,9 +12,11 @@ from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnin
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.files import with_files
+from cmpsp_ros.parameters.courses.obstacles import shapes_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.plausibility import plausibility_warnings
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
+from cmpsp_ros.parameters.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
 
@@ -44,6 +46,12 @@ class Scenario:
     def lockstep(self) -> bool:
         """Whether the simulator waits for the answer to its odometry."""
         return bool(self.values['lockstep'])
+
+    @property
+    def truth(self) -> GuidanceSettings:
+        """The settings with all that stands on the course, what guidance is not told of too."""
+        hidden = shapes_of(self.values, OWN_OBSTACLES)
+        return replace(self.settings, obstacles=self.settings.obstacles + hidden)
 
     @property
     def duration(self) -> float:

@@ -102,6 +102,7 @@ class Decision(NamedTuple):
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
         tracks: Moving obstacles and plans of other robots, as they were known.
+        sighting: Time stamp of what was known of the surroundings, where there are sensors [ns].
         goal: What it drives to, at which time; None where a road is followed.
         heading_error: Difference of the plan's last heading from the goal's [rad]; None where any
             will do.
@@ -137,6 +138,7 @@ class Decision(NamedTuple):
     run: int = 0
     revision: int = 0
     tracks: tuple[Seen, ...] = ()
+    sighting: int | None = None
     goal: Goal | None = None
     heading_error: float | None = None
     goals_received: int = 0

@@ -63,6 +63,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'run': decision.run,
         'revision': decision.revision,
         **({MOVING: track_keys(decision.tracks)} if decision.tracks else {}),
+        **({} if decision.sighting is None else {'sighting': decision.sighting}),
         **_of_goal(decision),
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }

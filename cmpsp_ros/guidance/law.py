@@ -29,6 +29,7 @@ from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.acceleration import NO_RAMP
+from cmpsp_ros.sensing.surroundings import Sighting
 from cmpsp_ros.world.roads.arc_length import arc_length_to
 
 Array = NDArray[np.float64]
@@ -50,10 +51,17 @@ class GuidanceLaw:
             timer: Monotonic time [ns], for the computing times in decisions; decides nothing.
         """
         self._timer = timer
-        self._configure(settings)
         self._state = LawState.begin(settings, run=0, revision=0)
+        self._configure(settings)
 
     def _configure(self, settings: GuidanceSettings) -> None:
+        self._take(settings)
+        self._selector = PlanSelector(self._settings, self._audit, self._timer)
+
+    def _take(self, settings: GuidanceSettings) -> None:
+        """Take settings, and what is seen beside them."""
+        self._given, sighting = settings, self._state.sighting
+        settings = settings if sighting is None else settings.seeing(sighting.grid)
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
@@ -61,14 +69,13 @@ class GuidanceLaw:
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
         self._late_commands = LateCommands(settings, self._audit, self._decisions)
-        self._selector = PlanSelector(settings, self._audit, self._timer)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
         run, revision = self._state.run + 1, self._state.revision
-        self._state = LawState.begin(self._settings, run, revision)
+        self._state = LawState.begin(self._given, run, revision)
         self._selector.forget()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
@@ -89,7 +96,13 @@ class GuidanceLaw:
         state = self._state
         return state.start is None or stamp - state.start >= state.due
 
-    def update(self, stamp: int, pose: Array, tracks: tuple[Seen, ...] = ()) -> Decision | None:
+    def update(
+        self,
+        stamp: int,
+        pose: Array,
+        tracks: tuple[Seen, ...] = (),
+        sighting: Sighting | None = None,
+    ) -> Decision | None:
         """Decide, if a control step is due.
 
         Args:
@@ -97,12 +110,14 @@ class GuidanceLaw:
             pose: Pose ``(x, y, heading)`` [m, m, rad], finite; the heading may be wrapped.
             tracks: Moving obstacles, and trajectories of other robots, as they are known then,
                 each once.
+            sighting: What is known of the surroundings, where there are sensors.
 
         Returns:
             The decision, or None between two control steps and for odometry older than the last.
         """
         if not self.is_due(stamp):
             return None
+        self._see(sighting)
         state, settings = self._state, self._settings
         late = state.lateness.begin_step()
         state.start = stamp if state.start is None else state.start
@@ -137,6 +152,18 @@ class GuidanceLaw:
         state.step += 1
         state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
         return self._sent(decision, tracks)
+
+    def _see(self, sighting: Sighting | None) -> None:
+        """Take in what has been seen since the last control step."""
+        known = self._state.sighting
+        if sighting is None or (known is not None and sighting.stamp == known.stamp):
+            return
+        self._state.sighting, before = sighting, len(self._settings.obstacles)
+        self._take(self._given)
+        if len(self._settings.obstacles) == before:
+            self._selector.see(self._settings, self._audit)
+        else:
+            self._selector = PlanSelector(self._settings, self._audit, self._timer)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.
@@ -331,6 +358,8 @@ class GuidanceLaw:
         state.lag.advance(decision.stamp, state.pending.latest, state.robot)
         state.pending.add(decision.stamp, decision.wheel_speeds)
         state.commanded_at = decision.stamp
+        if state.sighting is not None:
+            decision = decision._replace(sighting=state.sighting.stamp)
         lag = state.lag.figures
         if state.used_slip == 0.0 and not tracks and lag is None:
             return decision

@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.sensing.surroundings import SightSettings
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.inter_sample_margin import outside
 from cmpsp_ros.world.map_line import MapSearch
 from cmpsp_ros.world.obstacles.shapes import Shape
@@ -21,6 +24,9 @@ Array = NDArray[np.float64]
 
 GOAL: Final = 'goal'
 """Name of the last of several goals."""
+
+SEEN: Final = 'seen'
+"""Name of the obstacle that is made of all that sensors have seen."""
 
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
@@ -110,11 +116,13 @@ class Safety:
         margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
         stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
+        stop_within_sight: Whether the robot can stop before what no sensor has seen yet.
     """
 
     margin: float = 0.0
     between_samples: bool = True
     stopping_time: float = 0.5
+    stop_within_sight: bool = True
 
 
 @dataclass(frozen=True)
@@ -165,6 +173,7 @@ class GuidanceSettings:
         max_command_delay: Longest that this may take, as long as no command has been later [s].
         obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
+        sight: What sees obstacles, and how that is remembered.
         robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
@@ -191,6 +200,7 @@ class GuidanceSettings:
     max_command_delay: float = 0.0
     obstacles: tuple[Shape, ...] = ()
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
+    sight: SightSettings = field(default_factory=SightSettings)
     robot_radius: float = 0.0
     weights: Weights = field(default_factory=Weights)
     solver: SolverSettings = field(default_factory=SolverSettings)
@@ -238,6 +248,11 @@ class GuidanceSettings:
         return self.nominal_speed or (
             _FRACTION_OF_TOP_SPEED * top if math.isfinite(top) else _WITHOUT_LIMIT
         )
+
+    def seeing(self, grid: OccupancyGrid) -> GuidanceSettings:
+        """The same with what is seen as an obstacle; what is not seen yet is free for plans."""
+        seen = GridObstacle(SEEN, grid, unknown_is_free=True)
+        return replace(self, obstacles=(*self.obstacles, seen))
 
     def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
         """The same with one goal alone.

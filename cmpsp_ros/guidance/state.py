@@ -22,6 +22,7 @@ from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.sensing.surroundings import Sighting
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Road
@@ -58,6 +59,7 @@ class LawState:
         pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
+        sighting: What is known of the surroundings; None without sensors.
         closed_road: What closes the road to the present goal.
         foretold: What no plan of the run can do, in sentences.
     """
@@ -86,6 +88,7 @@ class LawState:
     pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
+    sighting: Sighting | None = None
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 

@@ -26,6 +26,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.robots.acceleration import with_lag
+from cmpsp_ros.sensing.beams import Sight
+from cmpsp_ros.sensing.surroundings import Surroundings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.field_functions import NO_FIELD
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
@@ -57,6 +59,8 @@ def prepare(settings: GuidanceSettings) -> None:
     Raises:
         ValueError: The settings cannot be worked with.
     """
+    if settings.sight.sensors:
+        _see_something(settings)
     settings = _made_short(settings)
     run_kernels(settings)
     warm_up(settings)
@@ -67,6 +71,17 @@ def prepare(settings: GuidanceSettings) -> None:
         if each != settings:
             warm_up(each)
             _meet_trouble(each)
+
+
+def _see_something(settings: GuidanceSettings) -> None:
+    """Make an obstacle of what a sensor shows."""
+    sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
+    stamps, is_hit = np.zeros(2, np.int64), np.ones(2, dtype=bool)
+    surroundings = Surroundings(settings.sight, settings.robot_radius)
+    surroundings.hear(Sight(sensor, 0, stamps, np.eye(2), is_hit, is_sweep=True))
+    surroundings.note(0, nowhere)
+    if (sighting := surroundings.at(0, nowhere)) is not None:
+        GuidanceLaw(settings).update(0, settings.road.middle(), (), sighting)
 
 
 def warm_up(settings: GuidanceSettings) -> None:

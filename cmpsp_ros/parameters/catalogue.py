@@ -76,7 +76,7 @@ def _parameters() -> Iterator[Parameter]:
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', **guidance_only)
     yield task('goal.wait', _BOOL, False, '',
-        'Whether the robot stands until a goal is received, instead of driving to `goal.position`.',
+        'Whether the robot waits until a goal is received, instead of driving to `goal.position`.',
         **_FIXED, **guidance_only)
     yield task('goal.nominal_speed', _DOUBLE, 0.0, 'm/s',
         'Mean speed along the road to a goal received on `goal_pose`, which has no arrival time; '
@@ -195,6 +195,37 @@ def _parameters() -> Iterator[Parameter]:
     yield moving('moving_obstacles.<name>.radius', _DOUBLE, REQUIRED, 'm',
         'Radius of this obstacle.', range=_POSITIVE, **sim_only)
 
+    sight = Group('Sensors', 'guidance')
+    yield sight('sensors.names', _STRINGS, [], '',
+        'Names of sensors that see obstacles, each with its own block; omit it if there are none.',
+        **_FIXED)
+    yield sight('sensors.<name>.type', _STRING, 'scan', '',
+        'Messages of this sensor: `scan` for LaserScan, `cloud` for PointCloud2.',
+        choices=('scan', 'cloud'), **_FIXED)
+    yield sight('sensors.<name>.topic', _STRING, 'scan', '',
+        'Topic of this sensor.', **_FIXED)
+    yield sight('sensors.<name>.frame_id', _STRING, 'base_scan', '',
+        'Frame of its messages; others are refused.', **_FIXED)
+    yield sight('sensors.<name>.pose', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
+        'Pose of this sensor on the robot (x, y, heading).', length=3, **_FIXED)
+    yield sight('sensors.<name>.reach', _DOUBLE, 8.0, 'm',
+        'Distance from this sensor beyond which its measurements are ignored.',
+        range=_POSITIVE, **_FIXED)
+    yield sight('sensors.<name>.heights', _DOUBLES, [-1e3, 1e3], 'm',
+        'Least and greatest z of the points of a `cloud` that are used, in its frame.',
+        **_POINT, **_FIXED)
+    yield sight('sight.size', _DOUBLE, 10.0, 'm',
+        'Side of the square grid around the robot in which obstacles are remembered.',
+        range=Range(1.0, 100.0), **_FIXED)
+    yield sight('sight.resolution', _DOUBLE, 0.05, 'm',
+        'Side length of its cells.', range=Range(0.01, 1.0), **_FIXED)
+    yield sight('sight.memory', _DOUBLE, 10.0, 's',
+        'Time for which cells out of sight are remembered.', range=_NOT_NEGATIVE, **_FIXED)
+    yield sight('sight.timeout', _DOUBLE, 0.5, 's',
+        "Age of a sensor's last message at which the sensor counts as lost and the robot is "
+        'stopped.',
+        range=_POSITIVE, **_FIXED)
+
     others = Group('Other robots', 'guidance')
     yield others('others.namespaces', _STRINGS, [], '',
         'Namespaces of other robots, as in `[/r1, /r2]`. Their plans on '
@@ -262,6 +293,9 @@ def _parameters() -> Iterator[Parameter]:
         'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
         'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
+    yield safety('safety.stop_within_sight', _BOOL, True, '',
+        'Whether a robot with sensors drives slowly enough to stop before space that they have '
+        'not seen.')
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

@@ -73,7 +73,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def defaults_file() -> str:
-    """A parameter file for all nodes with every default; what has none is a comment."""
+    """A parameter file for all nodes with every default; required parameters are comments."""
     rows = [_DEFAULTS_HEAD]
     for group, parameters in itertools.groupby(TABLE, key=lambda parameter: parameter.group):
         rows.append(f'\n    # --- {group} ---')
@@ -114,13 +114,13 @@ def main() -> int:
 
 
 def with_section(text: str, name: str, content: str, source: str) -> str:
-    """A text with what stands between the marks of a section replaced.
+    """Replace a marked section of a text.
 
     Args:
         text: The text, with `<!-- name:begin -->` and `<!-- name:end -->` in it.
         name: Name of the section.
-        content: What is to stand there.
-        source: What the text is, for the error.
+        content: New content of the section.
+        source: Name of the text, for the error.
 
     Raises:
         ParameterError: If the text has no such section.

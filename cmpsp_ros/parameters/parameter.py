@@ -110,7 +110,7 @@ class Parameter:
 
     @property
     def prefix(self) -> str:
-        """What stands before ``<name>``; the whole name when there is none."""
+        """The part before ``<name>``; the whole name if there is none."""
         return self.name.partition(NAME)[0]
 
     def key(self, name: str) -> str:

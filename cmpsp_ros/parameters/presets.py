@@ -77,21 +77,21 @@ def load_parameter_file(
     *,
     namespace: str | None = None,
 ) -> dict[str, Any]:
-    """What a parameter file says, flat, before any check of keys and values.
+    """The values of a parameter file, flat, before keys and values are checked.
 
     Args:
         path_or_preset_name: A file; or, as text without folder and suffix, a preset.
-        node: Full name of a node, such as ``/r1/guidance``: what ROS would hand to it.
-        namespace: Of a robot, such as ``/r1``: what ROS would hand to its guidance and simulator.
-            Without either, what the file says to guidance and simulator in any namespace.
+        node: Full name of a node, such as ``/r1/guidance``: the values that ROS passes to it.
+        namespace: Of a robot, such as ``/r1``: the values that ROS passes to its guidance and
+            simulator. Without either, the values for guidance and simulator in any namespace.
 
     Returns:
-        Values by key, with the road of a `road.file` and the map of a `map.file`. Of several
-        sections that give a key, the later in the file counts.
+        Values by key, with the road of a `road.file` and the map of a `map.file`. If several
+        sections set a key, the later one counts.
 
     Raises:
-        ParameterError: If there is no such file or preset, the file is not YAML of ROS
-            parameters, or says different things to several nodes when none is asked for.
+        ParameterError: If there is no such file or preset, the file is not YAML of ROS parameters,
+            or has different values for several nodes and none is selected.
     """
     path = _path(path_or_preset_name)
     sections = _sections(path)
@@ -108,7 +108,7 @@ def load_parameter_file(
 
 
 def load_robot(path_or_name: str) -> dict[str, Any]:
-    """What the file of a robot says, before any check of its values.
+    """The values of a robot's file, before they are checked.
 
     Args:
         path_or_name: A file; or, without folder and suffix, one of `robot_names`.
@@ -117,8 +117,8 @@ def load_robot(path_or_name: str) -> dict[str, Any]:
         Values by key.
 
     Raises:
-        ParameterError: If there is no such robot or file, it is not YAML of ROS parameters, or
-            says what belongs to a course.
+        ParameterError: If there is no such robot or file, it is not YAML of ROS parameters, or has
+            parameters of a course.
     """
     path = _file_of(path_or_name, 'robot', config_directory() / 'robots')
     given = load_parameter_file(path)
@@ -203,7 +203,7 @@ def _sections(path: Path) -> ros_yaml.Sections:
 
 
 def _concerns(section: str, nodes: Sequence[str]) -> bool:
-    """Whether a section is for one of these nodes; for any of ours where none is named."""
+    """Whether a section is for one of these nodes; for any of our nodes if none is given."""
     if not nodes:
         last = section.rpartition('/')[2]
         return last in {'*', '**', *_OURS}

@@ -31,6 +31,7 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
@@ -55,11 +56,10 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If a number is out of all proportion; else if the road cannot be made or
-            leaves no room, an obstacle cannot be made, a goal is off the road or in an obstacle,
-            times are not in order or leave no time for a control step and its command, a road
-            without end has one, the QP back end is not installed, or what should be the namespace
-            of another robot is none; with all of these.
+        ParameterError: If a number is far out of range; otherwise, all of these problems: an
+            invalid or too narrow road, an invalid obstacle, a goal off the road or in an obstacle,
+            times out of order or too short for a control step and its command, a followed road with
+            an end, a QP back end that is not installed, an invalid namespace of another robot.
     """
     _raise_if_any(list(_size_problems(values)))
     goals = follow_problems if values['follow.speed'] else goal_problems
@@ -67,6 +67,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         _time_problems,
         road_problems,
         obstacle_problems,
+        sight_problems,
         goals,
         _solver_problems,
         _others_problems,
@@ -98,6 +99,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
             tuple(values['others.namespaces']),
             values['others.radius'],
         ),
+        sight=sight_of(values),
         robot_radius=values['robot.radius'],
         weights=Weights(**_section(values, 'weights')),
         solver=SolverSettings(**_section(values, 'solver')),

@@ -18,7 +18,7 @@ _OF_ROS: Final = re.compile(r'use_sim_time|start_type_description_service|qos_ov
 
 
 def is_of_ros(key: object) -> bool:
-    """Whether ROS itself declares this parameter on every node, so that it is none of ours."""
+    """Whether ROS itself declares this parameter on every node."""
     return isinstance(key, str) and _OF_ROS.fullmatch(key) is not None
 
 
@@ -70,18 +70,18 @@ class ParameterTable:
         return keys
 
     def resolve(self, values: Mapping[str, object]) -> Values:
-        """The complete set: what is given, read and checked, and defaults for the rest.
+        """The complete set: the given values, read and checked, and defaults for the rest.
 
         Args:
-            values: Values by key, from YAML, from Python or as rclpy returns them. Parameters
-                of ROS itself are left out.
+            values: Values by key, from YAML, from Python or as rclpy returns them. Parameters of
+                ROS itself are ignored.
 
         Returns:
             Plain Python values by key, in the table's order.
 
         Raises:
-            ParameterError: If any key is unknown, or any value missing or not what its parameter
-                may hold; with all problems of the set.
+            ParameterError: If any key is unknown, or any value missing or invalid; with all
+                problems of the set.
         """
         given = {key: value for key, value in values.items() if not is_of_ros(key)}
         problems: list[Problem] = []
@@ -110,14 +110,14 @@ class ParameterTable:
 
         Args:
             current: A resolved set.
-            changes: New values by key. A name taken off its list takes its block with it.
+            changes: New values by key. If a name is removed from its list, so is its block.
 
         Returns:
-            The new resolved set; ``current`` is left as it is.
+            The new resolved set; ``current`` is not changed.
 
         Raises:
-            ParameterError: If the new set cannot be used, or a parameter would change that may
-                not while a node runs.
+            ParameterError: If the new set is invalid, or changes a parameter that is fixed while a
+                node runs.
         """
         kept = {key: value for key, value in current.items() if not self._orphan(key, changes)}
         resolved = self.resolve({**kept, **changes})

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.shapes import Shape
 
 Array = NDArray[np.float64]
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 _OVERLAP = 1e-9
 
 
-def edges_of(shapes: Iterable[Shape], lines: Iterable[Array] = ()) -> Array:
+def edges_of(shapes: Sequence[Shape], lines: Iterable[Array] = ()) -> Array:
     """Straight edges of shapes, and those of lines.
 
     Args:
@@ -35,7 +36,8 @@ def edges_of(shapes: Iterable[Shape], lines: Iterable[Array] = ()) -> Array:
             outward = shape.radius / math.hypot(bx - ax, by - ay)
             dx, dy = outward * (by - ay), outward * (ax - bx)
             edges.append((ax + dx, ay + dy, bx + dx, by + dy))
-    for line in lines:
+    maps = [each for each in shapes if isinstance(each, GridObstacle)]
+    for line in [*lines, *(line for each in maps for line in each.walls())]:
         edges += [(*before, *after) for before, after in pairwise(line.tolist())]
     return np.array(edges, dtype=float).reshape(-1, 4)
 

@@ -61,7 +61,7 @@ class Access:
         return bool(self.token) and self._is_token(parse_qs(query).get('token', [''])[-1])
 
     def cookie(self) -> str:
-        """Header `Set-Cookie` for who has entered: no script may read it, no other site use it."""
+        """Header `Set-Cookie` for a valid token, hidden from scripts and other sites."""
         return f'{_COOKIE}={self.token}; Path=/; HttpOnly; SameSite=Strict'
 
     def _is_token(self, given: str) -> bool:

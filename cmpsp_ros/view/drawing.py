@@ -38,7 +38,7 @@ def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
 
 
 def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTACLE) -> None:
-    """Draw how near the robot's centre may come to an obstacle, dashed."""
+    """Draw the closest that the robot's centre may come to an obstacle, dashed."""
     around = _path(obstacle, distance)
     axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
 
@@ -49,7 +49,7 @@ def _path(obstacle: Shape, distance: float) -> Path:
 
 
 def along(poses: Array, twists: Array, durations: Array) -> Array:
-    """Positions along arcs, several on each so that it looks as bent as it is, shape ``(K, 2)``.
+    """Positions along arcs, several on each to show its curvature, shape ``(K, 2)``.
 
     Args:
         poses: At the beginning of each arc and the end of the last, ``(N + 1, 3)`` [m, m, rad].

@@ -77,7 +77,7 @@ class ViewServer:
         self._thread.start()
 
     def close(self) -> None:
-        """Answer no more; what is under way is cut off."""
+        """Stop; responses in progress are cut off."""
         if self._thread.is_alive():
             self._server.shutdown()
             self._thread.join()
@@ -95,7 +95,7 @@ class _Handler(BaseHTTPRequestHandler):
     sys_version = ''
 
     def do_GET(self) -> None:
-        """Send a part of the page, or what is new."""
+        """Send a part of the page, or updates."""
         url = urlsplit(self.path)
         if not self.access.is_by_name(self.headers.get('Host', '')):
             self._send(HTTPStatus.FORBIDDEN, b'Not by this name.\n', 'text/plain')

@@ -45,12 +45,12 @@ class SharedState:
         self._received: float | None = None
 
     def show(self, name: str, value: Any) -> None:
-        """Replace what is shown under a name."""
+        """Replace the value of a name."""
         with self._lock:
             self._latest[name] = _plain(value)
 
     def show_course(self, course: Any) -> None:
-        """Replace what does not move: it is large, and sent to each browser once."""
+        """Replace the static part: it is large, and sent to each browser once."""
         with self._lock:
             self._course, self._course_number = _plain(course), self._course_number + 1
 
@@ -96,7 +96,7 @@ class SharedState:
 
 
 def _plain(value: Any) -> Any:
-    """A value of which JSON knows all: numbers that are none become null."""
+    """A value for JSON: NaN and infinity become null."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, dict):

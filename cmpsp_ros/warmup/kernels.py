@@ -30,9 +30,12 @@ from cmpsp_ros.mpsp.qp.riccati.program import empty_program
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.sensing.beams import Beams
+from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.simulator.ray_casting import cast
 from cmpsp_ros.warmup.process_pool import new_pool
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.distance_field import distance_field
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
@@ -107,7 +110,7 @@ def warm_up_all(
     # code is the roads' too.
     work: dict[str, Callable[[], None]] = {'the solver': _solver}
     work |= {name: partial(_drive, each) for name, each in _kinds(presets).items()}
-    work['the scanner'] = _scanner
+    work['scans'] = _scans
     if not presets:
         work['the method'] = _method
     begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()
@@ -179,9 +182,13 @@ def _measure(settings: GuidanceSettings) -> None:
     space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
 
 
-def _scanner() -> None:
-    """Cast a ray."""
+def _scans() -> None:
+    """Cast a ray, and take it into a grid."""
     cast(np.zeros(1), np.zeros((1, 3)), np.zeros(1), np.zeros((0, 4)), np.zeros((0, 5)))
+    ends = np.zeros((1, 2))
+    grid = LocalGrid(1.0, 0.1, 1.0)
+    grid.see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
+    distance_field(grid.at(0), unknown_is_free=True)
 
 
 def _method() -> None:

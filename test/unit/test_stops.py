@@ -43,6 +43,7 @@ def said(path):
 SOURCES = [
     *(each for each in (ROOT / 'cmpsp_ros/guidance').rglob('*.py') if each.name not in ELSEWHERE),
     *(ROOT / 'cmpsp_ros/nodes/guidance').glob('*.py'),
+    ROOT / 'cmpsp_ros/sensing/surroundings.py',
     *(ROOT / 'cmpsp_ros/nodes' / name for name in ('timing/compiling.py', 'common/health.py')),
 ]
 SENTENCES = sorted({text for path in SOURCES for text in said(path)})

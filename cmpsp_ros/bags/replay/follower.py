@@ -54,8 +54,8 @@ class Follower:
             case Halted(decision):
                 flags = {'finished': decision.finished, 'cancelled': decision.cancelled}
                 return self.law.halt(decision.stamp, decision.reason, **flags)
-            case OdometryReceived(odometry, recorded, tracks=tracks):
-                decided = self.law.update(odometry.stamp, odometry.pose, tracks)
+            case OdometryReceived(odometry, recorded, tracks=tracks, sighting=sighting):
+                decided = self.law.update(odometry.stamp, odometry.pose, tracks, sighting)
                 if decided is None:
                     return None
                 if recorded is not None and recorded.late and decided.plan:

@@ -22,6 +22,7 @@ from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.sensing.surroundings import Sighting
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,12 @@ class GoalReceived:
 
 @dataclass(frozen=True)
 class OdometryReceived:
-    """Odometry was received, with its decision, if any, and the moving objects known then."""
+    """Odometry was received, with its decision, if any, and what was known around it then."""
 
     odometry: OdometrySample
     decision: DecisionRecord | None
     tracks: tuple[Seen, ...] = field(default=(), kw_only=True)
+    sighting: Sighting | None = field(default=None, kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -175,8 +177,11 @@ class Inputs:
         if self._time.back(odometry.stamp) > self.values['odom_timeout']:
             yield RunReset()
         yield from goals
-        tracks = () if decision is None else self._recording.tracks(decision)
-        yield OdometryReceived(odometry, decision, tracks=tracks)
+        if decision is None:
+            yield OdometryReceived(odometry, None)
+            return
+        tracks, sighting = self._recording.tracks(decision), self._recording.sighting(decision)
+        yield OdometryReceived(odometry, decision, tracks=tracks, sighting=sighting)
 
     def _began(self, decision: DecisionRecord, *, again: bool) -> Iterator[Input]:
         began = 0

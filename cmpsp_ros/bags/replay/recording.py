@@ -20,6 +20,8 @@ from cmpsp_ros.guidance.messages.goal_pose import goal_of
 from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen, plan_of, plan_topic
 from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
+from cmpsp_ros.sensing.grid_message import grid_of
+from cmpsp_ros.sensing.surroundings import Sighting
 
 Array = NDArray[np.float64]
 
@@ -64,6 +66,11 @@ class Names:
     def moving(self) -> str:
         """Topic of the obstacles that move."""
         return f'{self.node.rpartition("/")[0]}/moving_obstacles'
+
+    @property
+    def sighting(self) -> str:
+        """Topic of what was known of the surroundings."""
+        return f'{self.node}/sighting'
 
     def others(self, namespaces: Iterable[str]) -> dict[str, str]:
         """Namespaces of other robots by the topics of their plans; without this node's own."""
@@ -119,6 +126,7 @@ class Recording:
             names.cmd_vel,
             names.path,
             *self._moving,
+            names.sighting,
             self._goal_pose,
             *self._others,
         )
@@ -132,6 +140,7 @@ class Recording:
         self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
         self._tracks: dict[tuple[int | str, int], Seen] = {}
+        self._sightings: dict[int, Sighting] = {}
         self._first = True
 
     def decisions(self) -> Iterator[DecisionRecord]:
@@ -176,6 +185,24 @@ class Recording:
                 )
         return tuple(self._tracks[key] for key in decision.tracks)
 
+    def sighting(self, decision: DecisionRecord) -> Sighting | None:
+        """What was known of the surroundings to a decision.
+
+        Raises:
+            BagError: It is not in the bag.
+        """
+        stamp = decision.sighting
+        if stamp is None:
+            return None
+        for older in [each for each in self._sightings if each < stamp]:
+            del self._sightings[older]
+        if stamp not in self._sightings:
+            raise BagError(
+                f'{self._bag.path}: found a decision (stamp {decision.stamp}) on what was seen at'
+                f' {stamp} ns, wanted that in {self._names.sighting}'
+            )
+        return self._sightings[stamp]
+
     def _take(self, topic: str, received: int, message: Any) -> None:
         if topic == self._names.odom:
             try:
@@ -190,6 +217,9 @@ class Recording:
         elif topic in self._moving:
             with suppress(TrackError):
                 self._note(tracks_of(message, self._frame_id))
+        elif topic == self._names.sighting:
+            stamp = stamp_of(message)
+            self._sightings[stamp] = Sighting(stamp, grid_of(message, self._frame_id))
         elif topic in self._others:
             with suppress(TrackError):
                 self._note([plan_of(message, self._others[topic], self._frame_id)])

@@ -44,7 +44,6 @@ class OcpFormulation:
     def __init__(self, settings: GuidanceSettings) -> None:
         """Take road, obstacles and weights from the settings."""
         weights = settings.weights
-        self.settings = settings
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
@@ -60,6 +59,11 @@ class OcpFormulation:
         self._by_guess = settings.safety.between_samples and math.isinf(
             settings.robot.max_wheel_speed
         )
+        self.see(settings)
+
+    def see(self, settings: GuidanceSettings) -> None:
+        """Take settings that differ in what an obstacle is like, not in how many there are."""
+        self.settings = settings
         self._spaces: dict[float, FreeSpace] = {}
         self._ends: dict[tuple[Target, float], FreeSpace | None] = {}
         self._padded: tuple[FreeSpace, FreeSpace] | None = None

@@ -12,12 +12,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Protocol, TypeVar
 
-import numpy as np
-
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages import checks
 from cmpsp_ros.guidance.messages.checks import FARTHEST, check_frame
 from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.sensing.beams import ScanError
+from cmpsp_ros.sensing.point_layout import points_of
 
 FLOATS: Final = ('x', 'y', 'vx', 'vy', 'radius')
 """Fields of a message that are floats of either length; `id` is an integer of any."""
@@ -25,7 +25,6 @@ FLOATS: Final = ('x', 'y', 'vx', 'vy', 'radius')
 MOST: Final = 1000
 """Points in a message; more are not obstacles but a scan."""
 
-_TYPES: Final = {1: 'i1', 2: 'u1', 3: 'i2', 4: 'u2', 5: 'i4', 6: 'u4', 7: 'f4', 8: 'f8'}
 _FASTEST: Final = 1e4
 _KEY: Final = re.compile(r'(-?\d{1,10}|(?:/\w+)+)@(\d{1,19})', re.ASCII)
 
@@ -199,33 +198,13 @@ def read_keys(text: str) -> list[tuple[int | str, int]]:
 
 def _rows(message: Any) -> Any:
     """The points, with the fields in the order of `FLOATS`, then the number."""
-    count, step = int(message.width) * int(message.height), int(message.point_step)
+    count = int(message.width) * int(message.height)
     if count > MOST:
         raise TrackError(f'There are {count} obstacles, wanted {MOST} at most.')
-    order = '>' if message.is_bigendian else '<'
-    there = {each.name: each for each in message.fields}
-    formats, offsets = [], []
-    for name in (*FLOATS, 'id'):
-        field, kinds = there.get(name), 'f' if name in FLOATS else 'iu'
-        form = '' if field is None else _TYPES.get(int(field.datatype), '')
-        if field is None or form[:1] not in kinds or not form or int(field.count) not in (0, 1):
-            wanted = 'a float32 or float64' if name in FLOATS else 'an integer'
-            found = 'none' if field is None else f'one of datatype {field.datatype}'
-            raise TrackError(f'Obstacles need a field {name!r}, {wanted}: found {found}.')
-        formats.append(order + form)
-        offsets.append(int(field.offset))
-    fits = all(
-        at + np.dtype(form).itemsize <= step for at, form in zip(offsets, formats, strict=True)
-    )
-    data = np.frombuffer(message.data, dtype=np.uint8)
-    if not fits or int(message.row_step) != step * int(message.width) or len(data) < count * step:
-        raise TrackError(
-            f'Obstacles do not fit their sizes: {len(data)} bytes for {count} points of {step}.'
-        )
-    layout = np.dtype(
-        {'names': [*FLOATS, 'id'], 'formats': formats, 'offsets': offsets, 'itemsize': step or 1}
-    )
-    return np.frombuffer(data[: count * step].tobytes(), dtype=layout)
+    try:
+        return points_of(message, FLOATS, ('id',), 'moving_obstacles')
+    except ScanError as error:
+        raise TrackError(f'Obstacles cannot be read: {error}.') from error
 
 
 def _problem(track: Track) -> str:

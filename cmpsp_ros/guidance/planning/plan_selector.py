@@ -51,25 +51,40 @@ class PlanSelector:
             audit: What every plan must pass.
             timer: Monotonic time [ns].
         """
-        self._settings, self._audit, self._timer = settings, audit, timer
+        self._timer = timer
         # A road without end has no goal that ways could lead to.
         self._limit = settings.solver.candidates if settings.follow is None else 1
-        formulation = OcpFormulation(settings)
-        self._guesses = Guesses(formulation, self._limit)
+        self._formulation = OcpFormulation(settings)
+        self._guesses = Guesses(self._formulation, self._limit)
         self._ranking = Ranking(settings, settings.road if self._limit > 1 else None)
-        self._pool = AlternativePool(formulation, max(1, self._limit - 1))
-        self._names = [obstacle.name for obstacle in settings.obstacles]
-        space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
-        self._centers, self._islands = space.centers, space.islands
-        self._island_names = [f'the map at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
-        if settings.map_search is not None:
-            for goal in settings.goals:
-                settings.map_search.prepare(goal.position)
+        self._pool = AlternativePool(self._formulation, max(1, self._limit - 1))
         self.phases: dict[str, float] = {}
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
+        self.see(settings, audit)
         self.forget()
+
+    def see(self, settings: GuidanceSettings, audit: Audit) -> None:
+        """Take settings that differ in what an obstacle is like, not in how many there are.
+
+        The plan that is followed goes on; alternatives were of what was known before.
+
+        Args:
+            settings: As at first.
+            audit: As at first.
+        """
+        self._settings, self._audit = settings, audit
+        self._formulation.see(settings)
+        self._pool.forget()
+        self._names = [obstacle.name for obstacle in settings.obstacles]
+        space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
+        self._centers, self._islands = space.centers, space.islands
+        whole = 'what is seen' if settings.sight.sensors else 'the map'
+        self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        if settings.map_search is not None:
+            for goal in settings.goals:
+                settings.map_search.prepare(goal.position)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""

@@ -17,9 +17,11 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 Array = NDArray[np.float64]
 Lags = Sequence[tuple[float, Array]]
@@ -32,6 +34,9 @@ little nearer to something."""
 
 STANDSTILL: Final = 0.02
 """Speed below which the robot may as well stand [m/s]."""
+
+_UNSEEN: Final = 'unseen'
+"""What no sensor has seen yet, among the names of what a plan may lead into."""
 
 
 class Contact(NamedTuple):
@@ -48,6 +53,8 @@ class Contact(NamedTuple):
     speed: float
 
     def __str__(self) -> str:
+        if self.name == _UNSEEN:
+            return f'What is {self.distance:.2g} m ahead has not been seen yet.'
         return f'{self.name} is {self.distance:.2g} m ahead, and no plan passes it.'
 
 
@@ -67,6 +74,14 @@ class Approach:
         self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         names = (f'obstacle {each.name}' for each in settings.obstacles)
         self._names = (*settings.road.edge_names, *names)
+        self._unseen = [
+            replace(each, name=_UNSEEN, unknown_is_free=False)
+            for each in settings.obstacles
+            if isinstance(each, GridObstacle)
+            and each.name == SEEN
+            and settings.safety.stop_within_sight
+        ]
+        self._seen_space = FreeSpace.of(OpenFloor(), self._unseen, settings.robot_radius)
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -80,15 +95,20 @@ class Approach:
             start: Where it begins.
             worst_margin: Its least clearance, where it is known [m].
         """
-        if worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf:
+        is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
+        if is_clear and not self._unseen:
             return None
         controls, durations = self._to_rest(plan)
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
         )
-        begins = self._space.at(poses[:1], start.progress)[0]
-        swept = self._space.along(poses[:-1], twists, durations, start.progress)
+        spaces = [self._space, self._seen_space] if self._unseen else [self._space]
+        names = (*self._names, '', '', _UNSEEN)
+        begins = np.hstack([each.at(poses[:1], start.progress)[0] for each in spaces])
+        swept = np.hstack(
+            [each.along(poses[:-1], twists, durations, start.progress) for each in spaces]
+        )
         hits = (swept < -TOUCHING) & (begins >= -TOUCHING)
         if not hits.any():
             return None
@@ -98,7 +118,7 @@ class Approach:
         before = begins[what] if step == 0 else swept[step - 1, what]
         lengths = np.abs(twists[:step, 0]) * durations[:step]
         distance = float(lengths.sum()) + max(float(before), 0.0)
-        return Contact(self._names[what], distance, self._speed(distance, float(durations[0])))
+        return Contact(names[what], distance, self._speed(distance, float(durations[0])))
 
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
         """The nearest of some obstacles.

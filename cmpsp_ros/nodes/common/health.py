@@ -116,7 +116,7 @@ class StepTimes:
         self._misses += max(step_ms, answer_ms - self._delay_ms) > self._period_ms
 
     def warnings(self) -> list[str]:
-        """What is to be said of the latest steps, in sentences."""
+        """Warnings about the latest steps, in sentences."""
         if not self._times:
             return []
         said = []

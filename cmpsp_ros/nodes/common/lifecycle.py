@@ -17,13 +17,12 @@ UNCONFIGURED, INACTIVE, ACTIVE, FINALIZED = 'unconfigured', 'inactive', 'active'
 def guard_change_state(node: LifecycleNode) -> None:
     """Make `~/change_state` answer `success=False` to a transition that is not possible now.
 
-    rclpy raises such a request, when it is made by id, out of the executor and so ends the
-    process: any client could take down a moving robot's node by a mistyped number.
+    rclpy raises an exception for such a request by id, which ends the process: any client could end
+    a moving robot's node by a mistyped number.
 
     Args:
         node: Lifecycle node with its communication interface enabled; call this once, in the
             constructor.
-
     """
     service = next(each for each in node.services if each.srv_type is ChangeState)
     change_state = service.callback

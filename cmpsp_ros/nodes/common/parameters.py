@@ -44,9 +44,8 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
     Both nodes read one file: parameters of the other one are checked as well, but not declared.
 
     Args:
-        node: A node made with or without `automatically_declare_parameters_from_overrides`;
-            without is better, for with it rclpy cannot construct a node that is given an empty
-            list.
+        node: A node made with or without `automatically_declare_parameters_from_overrides`; prefer
+            without, because with it rclpy cannot construct a node that is given an empty list.
         table: The parameters of both nodes.
         which: The node's name in the table.
 
@@ -54,9 +53,8 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
         The complete set of both nodes, as plain Python of the table's types.
 
     Raises:
-        ParameterError: If any key is unknown, any value missing or not what it may be; with all
-            problems of the set, and before anything is declared.
-
+        ParameterError: If any key is unknown, or any value missing or invalid; with all problems of
+            the set, and before anything is declared.
     """
     # ROS does not say which file a parameter is from: relative paths are those of our presets.
     values = table.resolve(with_files(overrides(node), config_directory()))
@@ -67,7 +65,7 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
 
 
 def event_of(node: Node, changed: Iterable[Parameter] = ()) -> ParameterEvent:
-    """All parameters of a node as it has them now, and which of them have changed."""
+    """All current parameters of a node, and the names of the changed ones."""
     known = cast('dict[str, Parameter]', node.get_parameters_by_prefix(''))
     return ParameterEvent(
         stamp=node.get_clock().now().to_msg(),

@@ -66,8 +66,7 @@ def offering(recorded: Iterable[Qos]) -> QoSProfile:
 
     Returns:
         Profile that is reliable if any was, or none is known, and transient local if any was.
-        Deadlines and lifespans are left out: a recording that is paused keeps none.
-
+        Deadlines and lifespans are left out: a paused playback could not keep them.
     """
     profiles = list(recorded)
     reliable = any(each.reliability == QosReliability.RELIABLE for each in profiles)

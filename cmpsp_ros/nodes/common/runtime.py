@@ -127,10 +127,10 @@ def _live(
 
 
 def _deliver(node: Node) -> None:
-    """Wait until reliable subscribers have what was published last.
+    """Wait until reliable subscribers have received the last message.
 
-    A publisher that goes takes along what has not been handed over: on a busy machine the last
-    zero twist would be lost about once in ten times, and the robot drive on.
+    A publisher that is destroyed drops messages not yet delivered: on a busy machine about one in
+    ten last zero twists was lost, and the robot drove on.
     """
     end = time.monotonic() + DELIVERY_LIMIT
     for publisher in sorted(node.publishers, key=lambda each: each.qos_profile.depth):
@@ -185,8 +185,8 @@ class ProcessWatch:
         """Begin to watch.
 
         Args:
-            node: The node that is to end.
-            process: Number of the other process; 0 for none.
+            node: The node to end.
+            process: Id of the other process; 0 for none.
         """
         self._node, self._process = node, process
         if process:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
-from nav_msgs.msg import Odometry, Path
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
@@ -118,6 +118,16 @@ OTHER_PLANS = Topic(
     ' for a robot at rest',
     repeats=True,
 )
+SCAN = Topic(
+    'guidance',
+    'in',
+    'scan',
+    LaserScan,
+    'for each of `sensors.names`, on `sensors.<name>.topic`: LaserScan or PointCloud2, as in'
+    ' `sensors.<name>.type`; best effort',
+    depth=50,
+    best_effort=True,
+)
 GOAL_POSE = Topic(
     'guidance',
     'in',
@@ -186,6 +196,14 @@ PLAN_MARKERS = Topic(
     'the plan coloured by fallback level and clearance, its reason, and moving obstacles with their'
     ' margins; only with a subscriber',
     repeats=True,
+)
+SIGHTING = Topic(
+    'guidance',
+    'out',
+    '~/sighting',
+    OccupancyGrid,
+    'with `sensors.names`: the grid of the surroundings, before the decision that uses it',
+    depth=OF_A_RUN,
 )
 HEALTH = Topic(
     'guidance',

@@ -21,6 +21,7 @@ from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.odometry_watchdog import OdometryWatchdog
 from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
 from cmpsp_ros.nodes.guidance.road_input import RoadInput
+from cmpsp_ros.nodes.guidance.sensor_input import SensorInput
 from cmpsp_ros.nodes.guidance.transform_input import TransformInput
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
@@ -72,6 +73,7 @@ class GuidanceLoop:
         self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
         self._obstacles = ObstacleInput(node, settings, self._transforms)
+        self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
         self._goals = GoalInput(
@@ -94,6 +96,7 @@ class GuidanceLoop:
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
         self._obstacles.close()
+        self._sensors.close()
         self._transforms.close()
         self.road.close()
         self._outputs.close()
@@ -161,6 +164,7 @@ class GuidanceLoop:
         now = self._now()
         return [
             *self._obstacles.warnings(now),
+            *self._sensors.warnings(),
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
@@ -193,12 +197,15 @@ class GuidanceLoop:
         if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
             self._halt_for(why)
             return
-        if self._goals.cancelled:
-            self._halt_for(self._goals.cancelled)
+        blindness = self._sensors.note(stamp, pose)
+        if why := self._goals.cancelled or blindness:
+            self._halt_for(why)
             return
         try:
-            tracks = self._obstacles.at(stamp) if self._law.is_due(stamp) else ()
-            decision = self._law.update(stamp, pose, tracks)
+            is_due = self._law.is_due(stamp)
+            tracks = self._obstacles.at(stamp) if is_due else ()
+            sighting = self._sensors.at(stamp, pose) if is_due else None
+            decision = self._law.update(stamp, pose, tracks, sighting)
         except Exception as error:  # the robot must stop for any
             self._halt_for(f'The guidance law failed: {type(error).__name__}: {error}')
             return
@@ -276,6 +283,7 @@ class GuidanceLoop:
             self._goals.end(said)
             self._begun = False
             self._obstacles.forget_after(stamp)
+            self._sensors.forget()
 
     def _watch(self) -> None:
         if not self.active:

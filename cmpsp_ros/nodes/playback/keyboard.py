@@ -14,7 +14,7 @@ class Keyboard:
     """Reads single keys; none without a terminal or in the background."""
 
     def __init__(self) -> None:
-        """Have the terminal hand over each key at once."""
+        """Switch the terminal to single keys."""
         self._before: list[Any] | None = None
         if _is_ours():
             self._before = termios.tcgetattr(sys.stdin)
@@ -31,7 +31,7 @@ class Keyboard:
         return keys
 
     def close(self) -> None:
-        """Leave the terminal as it was; closing twice is closing once."""
+        """Restore the terminal; may be called twice."""
         if self._before is not None:
             termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
             self._before = None

@@ -10,7 +10,7 @@ class PlaybackRate:
     """
 
     def __init__(self, rate: float) -> None:
-        """Begin at bag time 0, standing still.
+        """Begin at bag time 0, paused.
 
         Args:
             rate: Seconds of bag time in a second of wall time; positive.
@@ -21,7 +21,7 @@ class PlaybackRate:
 
     @property
     def paused(self) -> bool:
-        """Whether bag time stands still."""
+        """Whether bag time is paused."""
         return self._since is None
 
     def go_to(self, stamp: int, now: int) -> None:
@@ -35,7 +35,7 @@ class PlaybackRate:
         self._stamp, self._since = self.stamp(now), None
 
     def resume(self, now: int) -> None:
-        """Go on from where it stands."""
+        """Resume."""
         self.pause(now)
         self._since = now
 

@@ -125,7 +125,7 @@ class Player(Node):
                 yield topic, stamp, raw
 
     def _go_on(self) -> None:
-        """Publish what is due, and see when to look again."""
+        """Publish the messages that are due, and schedule the next call."""
         now = time.monotonic_ns()
         if self._playback_rate.paused:
             return

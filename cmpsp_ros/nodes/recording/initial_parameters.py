@@ -35,7 +35,7 @@ class InitialParameters:
         self._answer: dict[str, Any] | None = None
 
     def declared(self, key: str, value: Any) -> None:
-        """Hear that a parameter has come to be, with this value."""
+        """A parameter was declared with this value."""
         if key not in self._lost and key not in self._changed:
             self.known.setdefault(key, value)
         self.latest.setdefault(key, value)
@@ -47,7 +47,7 @@ class InitialParameters:
         self.latest[key] = value
 
     def asked(self) -> None:
-        """Take down that the node is being asked: what was heard by now, its answer comes after."""
+        """The node was asked: its response is younger than all events received by now."""
         self._lost.update(self._changed)
         self._changed.clear()
 

@@ -52,11 +52,11 @@ class Options:
     excluded: frozenset[str]
 
     def want(self, name: str, of_nodes: Container[str] = ()) -> bool:
-        """Whether a topic is to be recorded; hidden ones only when they are chosen.
+        """Whether a topic is to be recorded; hidden ones only if they are chosen.
 
         Args:
             name: Of the topic.
-            of_nodes: Topics of the robot's nodes as they are remapped, which are its own, too.
+            of_nodes: Remapped topics of the robot's nodes, which count as its own.
         """
         if name in self.excluded:
             return False
@@ -70,22 +70,24 @@ def read_options(node: Node) -> Options:
     """Declare the recorder's parameters and read them.
 
     Raises:
-        StartupError: One is missing, or another than it can be.
-
+        StartupError: One is missing or invalid.
     """
     output = _declare(node, 'output', '', 'Folder of the new bag; must not exist. Required.')
     period = _declare(
-        node, 'discovery_period', 0.1, 'Time between two looks at the graph [s].', (0.01, 10.0)
+        node, 'discovery_period', 0.1, 'Time between two checks of the graph [s].', (0.01, 10.0)
     )
     listed = _declare(node, 'topics', _NAMES, 'Topics to record.')
     own = _declare(
         node,
         'own_topics',
         False,
-        'Record those of guidance and sim, in the namespace of this node, and plans of all robots.',
+        'Record those of guidance and sim in the namespace of this node, and plans of all robots.',
     )
     excluded = _declare(
-        node, 'exclude_topics', _NAMES, 'Topics not to record; all others when none are chosen.'
+        node,
+        'exclude_topics',
+        _NAMES,
+        'Topics not to record; all others are, if none is chosen.',
     )
     form = _form(node)
     if not output:
@@ -105,9 +107,9 @@ def read_options(node: Node) -> Options:
 
 
 def own_topics(namespace: str) -> frozenset[str]:
-    """Full names of the topics of guidance and sim in a namespace, those they hear included.
+    """Full names of the topics of guidance and sim in a namespace, including their inputs.
 
-    Hidden ones are left out, as everywhere in ROS, and those that only repeat others.
+    Hidden topics are left out, as everywhere in ROS, and topics that only repeat others.
     """
     root = namespace.rstrip('/')
     return frozenset(
@@ -118,7 +120,7 @@ def own_topics(namespace: str) -> frozenset[str]:
 
 
 def topics_of_nodes(node: Node) -> frozenset[str]:
-    """What guidance and sim beside a node publish and hear, by the names that it has now."""
+    """Topics of guidance and sim in the namespace of a node, by their remapped names."""
     namespace, found = node.get_namespace(), set[str]()
     present = set(node.get_node_names_and_namespaces())
     for name in {'guidance', 'sim'} & {name for name, at in present if at == namespace}:
@@ -134,7 +136,9 @@ def topics_of_nodes(node: Node) -> frozenset[str]:
 
 def _form(node: Node) -> Form:
     storage = _declare(node, 'storage', 'mcap', 'Format of the files: mcap or sqlite3.')
-    compression = _declare(node, 'compression', 'none', 'Of the chunks of mcap: none or zstd.')
+    compression = _declare(
+        node, 'compression', 'none', 'Compression of the chunks of mcap: none or zstd.'
+    )
     size = _declare(
         node,
         'split_size',
@@ -146,7 +150,7 @@ def _form(node: Node) -> Form:
         node,
         'split_duration',
         0.0,
-        'Time after which one is begun [s]; 0: a single file.',
+        'Duration after which a new file is begun [s]; 0: a single file.',
         (0, 1e9),
     )
     for name, value, wanted in (

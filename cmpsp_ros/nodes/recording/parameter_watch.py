@@ -92,11 +92,11 @@ class ParameterWatch:
 
     @property
     def known(self) -> tuple[str, ...]:
-        """Nodes whose values are known: what changes from now on is a change."""
+        """Nodes whose initial values are known."""
         return tuple(sorted(name for name, life in self._lives.items() if life.values.settled))
 
     def poll(self) -> None:
-        """Look who is there, begin and go on with inquiries; to be called periodically."""
+        """Find nodes, and begin or continue inquiries; to be called periodically."""
         # A node that was killed stays in the graph for a while, beside the one that follows it.
         present = Counter(
             f'{namespace.rstrip("/")}/{name}'
@@ -129,7 +129,7 @@ class ParameterWatch:
         self._tell(event.node)
 
     def caught_up(self) -> None:
-        """Take down that all events that have come by now have been heard; again and again."""
+        """All events that have arrived by now were processed; to be called periodically."""
         now = time.monotonic()
         for name, inquiry in list(self._inquiries.items()):
             if inquiry.answered_at is not None and now - inquiry.answered_at > SETTLING_TIME:
@@ -137,7 +137,7 @@ class ParameterWatch:
                 self._settle(name)
 
     def finish(self) -> None:
-        """Report what has been answered; all events have been heard."""
+        """Report the answers; all events were processed."""
         for name, life in self._lives.items():
             life.values.settle()
             self._tell(name)

@@ -71,7 +71,7 @@ class RawSubscriptions:
         self._subscriptions[name] = subscription
 
     def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
-        """Take what has come since the last round, in the order in which it came.
+        """Messages received since the last round, in the order of their arrival.
 
         Args:
             only: Names of topics; None for all.

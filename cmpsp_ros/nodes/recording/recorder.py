@@ -103,11 +103,10 @@ class Recorder(Node):
         self._health = Health(self, self._look)
 
     def stop(self) -> None:
-        """Take what is still on its way, then close the bag.
+        """Record messages still in transit, then close the bag.
 
         Raises:
             BagError: The bag could not be closed, or not with all messages.
-
         """
         try:
             if not self._broken:
@@ -199,14 +198,13 @@ class Recorder(Node):
                 )
 
     def _take(self, *, ending: bool = False) -> int | None:
-        """Write all that has been received.
+        """Write all messages received.
 
         Args:
-            ending: There is no waiting for simulated time to begin any more.
+            ending: Do not wait for simulated time to begin any more.
 
         Returns:
             Earliest time of publication among the messages [ns], None when there are none.
-
         """
         simulated = cast('ROSClock', self.get_clock()).ros_time_is_active
         # All else is kept, up to its depth, by the middleware.
@@ -237,7 +235,7 @@ class Recorder(Node):
             raise
 
     def _drain(self) -> None:
-        """Go on until nothing published before now has come for a while."""
+        """Continue until no message published before now has arrived for a while."""
         self._taking.cancel()
         asked_at = time.time_ns()
         begun = heard = time.monotonic()

@@ -47,9 +47,9 @@ class SimulatedTime:
         """Messages whose time is known by now, each with it [ns], in the order of publication.
 
         Args:
-            came: Messages that have come since the last call, those of `/clock` among them.
-            now: Time of the system [ns]. A message that came long before it waits no longer:
-                simulated time stands still.
+            came: Messages since the last call, including those of `/clock`.
+            now: Time of the system [ns]. A message received long before does not wait any more:
+                simulated time is paused.
             all_: Nothing waits; messages before the first `/clock` are dated 0.
         """
         for each in came:

@@ -48,7 +48,7 @@ class LateCompilations:
         self._names = self._watch.enter_context(compilations())
 
     def end(self) -> None:
-        """Notice no more; `errors` stays as it is."""
+        """Stop the detection; `errors` is kept."""
         self._watch.close()
 
     def errors(self) -> list[str]:

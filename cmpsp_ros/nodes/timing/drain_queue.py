@@ -11,16 +11,16 @@ if TYPE_CHECKING:
 
 
 def drain_queue(subscription: Subscription) -> None:
-    """Call back now for all messages of a subscription that wait.
+    """Run the callback now for all waiting messages of a subscription.
 
-    Its executor, when it comes to them, finds them taken.
+    The executor then finds the queue empty.
     """
     for each in _waiting(subscription):
         subscription.callback(each)
 
 
 def take_newest(subscription: Subscription) -> Any:
-    """The newest message that waits, the others passed over; None where none does."""
+    """The newest waiting message, dropping the others; None if there is none."""
     return [None, *_waiting(subscription)][-1]
 
 

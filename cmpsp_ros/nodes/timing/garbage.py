@@ -20,7 +20,7 @@ class GarbageCollection:
     """
 
     def __init__(self) -> None:
-        """Leave everything as it is until `begin`."""
+        """Change nothing until `begin`."""
         self._on = False
 
     @property

@@ -40,10 +40,10 @@ class Scheduling:
         self._cpus_before: set[int] | None = None
 
     def apply(self) -> list[str]:
-        """Schedule the calling thread as wished.
+        """Schedule the calling thread as configured.
 
         Returns:
-            Sentences on what the system has refused; the thread goes on without it.
+            Sentences on what the system has refused; the thread continues without it.
         """
         refused = []
         if self._cpu != ANY_CPU:
@@ -70,7 +70,7 @@ class Scheduling:
         return refused
 
     def restore(self) -> None:
-        """Give back what was taken."""
+        """Restore the previous scheduling."""
         if self._policy_before is not None:
             policy, parameters = self._policy_before
             # Only with CAP_SYS_NICE may the flag be taken back; it changes nothing here.

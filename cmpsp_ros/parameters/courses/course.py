@@ -15,11 +15,11 @@ from cmpsp_ros.world.obstacles.shapes import Point
 
 
 def course_problems(values: Values, given: Collection[str]) -> Iterator[Problem]:
-    """What is missing before a robot may be driven: a road, and a goal or a speed to follow it.
+    """Problems if the course is incomplete: it needs a road, and a goal or a speed to follow it.
 
     Args:
         values: A set resolved by the table.
-        given: Keys that the user has said; all others are defaults.
+        given: Keys given by the user; all others are defaults.
     """
     if not any(key.startswith('road.') for key in given):
         wanted = 'the road of the course: annulus, corridor or none, with what belongs to it'
@@ -36,6 +36,6 @@ def start_problems(values: Values) -> Iterator[Problem]:
 
 
 def place_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:
-    """What forbids the robot, without its margin, to stand at a point [m]."""
+    """Problems if the robot, without its margin, cannot be at a point [m]."""
     yield from off_road_problems(values, key, point)
     yield from in_obstacle_problems(values, key, point)

@@ -11,13 +11,13 @@ from cmpsp_ros.parameters.courses.road_files import with_road_file
 
 
 def with_files(values: Mapping[str, Any], folder: Path | None = None) -> dict[str, Any]:
-    """The values with the road and the map of the files that they name.
+    """Replace the names of road and map files by their contents.
 
     Args:
         values: Values by key.
         folder: See `with_map_file`.
 
     Raises:
-        ParameterError: A file cannot be read, or is not what it should be.
+        ParameterError: A file cannot be read, or is invalid.
     """
     return with_map_file(with_road_file(values), folder)

@@ -42,7 +42,7 @@ def follow_of(values: Values) -> Follow | None:
 
 
 def goal_problems(values: Values) -> Iterator[Problem]:
-    """Goals that cannot be stood at, headings that are none, times that are not in order."""
+    """Problems of goals: blocked positions, invalid headings, times out of order."""
     yield from _goal_problems(values, 'goal')
     yield from _speed_problems(values, 'goal.nominal_speed')
     before, since = 0.0, '0'

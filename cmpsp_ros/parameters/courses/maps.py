@@ -27,7 +27,7 @@ _WANTED: Final = 'what map.file makes of a map, or none'
 
 
 def text_of(cells: Cells) -> str:
-    """Cells as text: rows and columns, and what they hold, packed."""
+    """Cells as text: rows, columns and compressed values."""
     packed = base64.b64encode(zlib.compress(cells.tobytes(), 9)).decode()
     return f'{cells.shape[0]} x {cells.shape[1]} {packed}'
 

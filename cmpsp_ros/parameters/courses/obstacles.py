@@ -21,15 +21,14 @@ _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon':
 
 
 def obstacles_of(values: Values) -> tuple[Shape, ...]:
-    """The obstacles that stand still, the map among them.
+    """The static obstacles, including the map.
 
     Args:
         values: A set resolved by the table.
 
     Raises:
-        ParameterError: A block does not say what its type needs, or says what another one needs,
-            or its vertices make no convex polygon, or the map is none; names the key, and the
-            vertex.
+        ParameterError: A block lacks a value that its type needs, or has one of another type, its
+            vertices are not a convex polygon, or the map is invalid; names the key and the vertex.
     """
     known = map_of(values)
     return shapes_of(values, 'obstacles') + (() if known is None else (known,))
@@ -61,7 +60,7 @@ def shape_problems(values: Values, where: str) -> Iterator[Problem]:
 
 
 def in_obstacle_problems(values: Values, key: str, point: Point) -> Iterator[Problem]:
-    """What of the obstacles forbids the robot, without its margin, to stand at a point [m]."""
+    """Problems if the robot, without its margin, touches an obstacle at a point [m]."""
     try:
         obstacles = obstacles_of(values)
     except ParameterError:

@@ -25,13 +25,13 @@ _GEOJSON: Final = 'one LineString of [x, y] in metres'
 
 
 def with_road_file(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values with the road of the file that they name, if they name one.
+    """Replace the name of a road file, if given, by its road.
 
     A line that ends where it begins is a closed road. Relative paths are taken from the working
     directory.
 
     Raises:
-        ParameterError: The file cannot be read, or is not what its name ends in; names the line.
+        ParameterError: The file cannot be read, or does not match its suffix; names the line.
     """
     if KEY not in values:
         return dict(values)

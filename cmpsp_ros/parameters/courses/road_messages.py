@@ -17,16 +17,16 @@ _MOST: Final = 10_000
 
 
 def road_in(message: Any, frame_id: str) -> dict[str, Any]:
-    """The parameters that a road is.
+    """The parameters of a road in a message.
 
-    A line that ends where it begins is a closed road. Heights and orientations are left aside.
+    A line that ends where it begins is a closed road. Heights and orientations are ignored.
 
     Args:
         message: A Path.
-        frame_id: Frame in which the road is wanted. A pose may leave its own empty.
+        frame_id: Frame of the road. A pose may leave its own empty.
 
     Returns:
-        Values by key; what they come to as a road is not checked.
+        Values by key; the road itself is not checked.
 
     Raises:
         ParameterError: It is in another frame, has no points or too many, or one is not finite;

@@ -21,7 +21,7 @@ _WANTED = 'more than robot.radius + safety.margin = {:.9g} m'
 
 
 def lacks_road(values: Values) -> bool:
-    """Whether the road is still to come, on the topic `road`."""
+    """Whether the road has not been received yet, on the topic `road`."""
     return values['road.source'] == 'topic' and not values['road.points']
 
 
@@ -29,18 +29,18 @@ def road_of(values: Values) -> Road:
     """The road.
 
     Returns:
-        The road. Where it is still to come one stands in for it, which is driven on by nobody: code
-        can be compiled for its kind.
+        The road. Until one is received, a placeholder of the same type, for compiling code; no
+        robot drives on it.
 
     Raises:
-        ParameterError: A corridor's lists do not fit together, or its points make no road; names
-            the point.
+        ParameterError: A corridor's lists do not match, or its points are not a road; names the
+            point.
     """
     return _KINDS[values['road.type']].make(values)
 
 
 def known_road(values: Values) -> Road | None:
-    """The road; None where it is still to come, or makes none, which is a problem of its own."""
+    """The road; None until it is received, or if it is invalid, which is reported separately."""
     try:
         return None if lacks_road(values) else road_of(values)
     except ParameterError:
@@ -48,7 +48,7 @@ def known_road(values: Values) -> Road | None:
 
 
 def road_keys(values: Values) -> tuple[str, ...]:
-    """Parameters without which nothing can be said about the road of that type."""
+    """Parameters that the checks of a road of that type need."""
     return _KINDS[values['road.type']].keys
 
 
@@ -69,7 +69,7 @@ def road_problems(values: Values) -> Iterator[Problem]:
 
 
 def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
-    """What of the road forbids the robot, without its margin, to stand at a point [m]."""
+    """Problems if the robot, without its margin, is off the road at a point [m]."""
     road = known_road(values)
     if road is not None:
         yield from _KINDS[values['road.type']].off_road(road, values['robot.radius'], key, point)
@@ -149,7 +149,7 @@ def _corridor(values: Values) -> Corridor:
 
 
 def _widths(values: Values, side: str, count: int) -> tuple[float, ...]:
-    """Width to one side at each point; what is said for both sides counts where it says nothing."""
+    """Width to one side at each point; the common width if it is not given for this side."""
     own = f'road.{side}_width'
     key = own if values[own] else 'road.half_width'
     widths = values[key]

@@ -83,9 +83,9 @@ class Computer:
 
 
 def drive(task: Task) -> Driven:
-    """Make a run: odometry at its rate, the law's commands until the final time, then to rest.
+    """Make a run: odometry at its rate, commands of the law until the final time, then to rest.
 
-    An exception in the law ends its part as it does in the node: the robot is told to stop.
+    An exception in the law ends its part as in the node: the robot is stopped.
     """
     driven, plant = Driven(task), Plant(task.plant)
     driven.motions.append(plant.motion)
@@ -165,9 +165,9 @@ def outcome(driven: Driven) -> Outcome:
 
 
 def farthest(task: Task) -> float:
-    """What the robot drives from rest until the final time, asked for its limit at once [m].
+    """Distance that the robot drives from rest until the final time at its limit [m].
 
-    Slip that varies may now and then be none, and is no limit then.
+    Random slip is ignored, because it may happen to be zero.
     """
     plant, time = task.plant, task.settings.final_time
     if plant.wheel_slip_stddev > 0.0:
@@ -214,7 +214,7 @@ def _is_outside(driven: Driven) -> bool:
 
 
 def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The way at the beginning of each control period, and at the final time [m]."""
+    """Positions at the beginning of each control period, and at the final time [m]."""
     period = to_nanoseconds(driven.task.settings.control_period)
     chosen, due = [], 0
     for motion in driven.motions:

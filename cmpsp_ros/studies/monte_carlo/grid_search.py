@@ -23,9 +23,9 @@ def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
     """Points from a pose to the goal, shape ``(K, 2)`` [m]; none where no path is clear.
 
     Args:
-        settings: Road, obstacles, goal, and what the robot keeps from them.
-        pose: Where it begins, shape ``(3,)`` [m, m, rad].
-        spare: What the path keeps beside [m].
+        settings: Road, obstacles, goal and margin.
+        pose: Initial pose, shape ``(3,)`` [m, m, rad].
+        spare: Additional clearance of the path [m].
     """
     ends = np.array([pose[:2], settings.goal])
     low, high = ends.min(axis=0) - _AROUND, ends.max(axis=0) + _AROUND

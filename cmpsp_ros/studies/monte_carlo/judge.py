@@ -50,13 +50,13 @@ _MISS, _ROUNDING, _UNGUARDED_MARGIN = 1e-4, 1e-6, 0.02
 
 
 def judged(task: Task) -> dict[str, Any]:
-    """What the judge finds of a run.
+    """Solve a run with IPOPT.
 
     Args:
-        task: The run; noise and delay of its plant do not count.
+        task: The run; noise and delay of its plant are ignored.
 
     Returns:
-        `answer`; and, if a way was found, from the how-manieth `start` and its `clearance_m` and
+        `answer`; and, if a path was found, the number of its `start`, its `clearance_m` and
         `miss_m`.
 
     Raises:
@@ -104,7 +104,7 @@ def kept(folder: FilePath) -> dict[int, dict[str, Any]]:
 
 
 def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
-    """Write what the judge has found, in one move.
+    """Write the results of the judge atomically.
 
     Raises:
         StudyError: The disk refuses.

@@ -95,7 +95,7 @@ class Outcome:
 
     @property
     def out_of_reach(self) -> bool:
-        """Whether even the shortest way is longer than the wheels can turn in time."""
+        """Whether even the shortest path is longer than the robot can drive in time."""
         return self.shortest_way > self.farthest
 
     def verdict(self, tolerance: float) -> Verdict:

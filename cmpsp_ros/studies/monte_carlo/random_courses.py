@@ -186,7 +186,7 @@ def _shapes(random: _Random, center: Point, course: float, name: str) -> list[Sh
 
 
 def _pocket(center: Point, heading: float, wide: float, deep: float, name: str) -> list[Shape]:
-    """Three walls, the middle of the back one, and where the way out is behind."""
+    """Three walls, the middle of the back wall, and a point behind it."""
     sides = [_moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
     return [
         _box(center, heading, _THIN, wide, f'{name}_back'),

@@ -27,7 +27,7 @@ _READ_WRITE: Final = 0o644
 
 
 def open_results_log(folder: Path, study: Study) -> dict[int, Outcome]:
-    """Begin a study in a folder, or go on with the one that is there.
+    """Begin a study in a folder, or continue the one that is there.
 
     Args:
         folder: New, empty, or of the same study.

@@ -50,13 +50,13 @@ class Scenario:
 
 
 def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:
-    """The scenario of a run: the same one, whatever runs came before it and wherever it is made.
+    """The scenario of a run, which depends on these arguments only.
 
     Args:
-        settings: Road, goal and radius of the robot; their obstacles do not count.
+        settings: Road, goal and radius of the robot; their obstacles are ignored.
         seed: Of the study, not negative.
         number: Of the run, not negative.
-        most_obstacles: On the road.
+        most_obstacles: Maximum number on the road.
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
@@ -81,10 +81,10 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
 
 
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:
-    """Whether a disc as wide as that [m] can go all the way along the road.
+    """Whether a disc of this width [m] can drive the whole road.
 
-    It cannot where a chain of obstacles leads from one edge to the other with every gap of it too
-    narrow, and only there: what separates the two sides of a plane strip is connected.
+    It cannot if and only if a chain of obstacles with too narrow gaps leads from one edge to the
+    other: the set that separates the two sides of a plane strip is connected.
     """
     away = {each: math.dist(each.center, road.center) for each in obstacles}
     if road.outer_radius - road.inner_radius < width:

@@ -82,7 +82,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             0.05,
             lateness=1.5,
         ),
-        # The law plans for wheels that obey at once, and is told how much they lag at most.
+        # The law is told how much the wheels lag at most, and estimates by how much they do.
         'heavy': Kind(
             {
                 'robot.max_wheel_acceleration': 60.0,

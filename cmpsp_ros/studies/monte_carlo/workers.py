@@ -24,7 +24,7 @@ Progress = Callable[[int], None]
 """Called with the number of runs finished since the last call."""
 
 _ANSWER_TIMEOUT: Final = 10.0
-_GO_ON: Final = 'is kept, and the same command goes on'
+_CONTINUES: Final = 'is kept, and the same command continues'
 
 # A worker may have several threads; a run has kernels to load and is not made for company.
 _ONE_AT_A_TIME: Final = threading.Lock()
@@ -62,13 +62,15 @@ def make(
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
     except BrokenProcessPool as error:
-        raise StudyError(f'{folder}: a worker has died; what it had finished {_GO_ON}') from error
+        raise StudyError(
+            f'{folder}: a worker has died; what it had finished {_CONTINUES}'
+        ) from error
 
 
 def make_on(
     scheduler: str, study: Study, numbers: Sequence[int], folder: Path, progress: Progress
 ) -> Iterator[Outcome]:
-    """As `make`, on a cluster; what a worker that goes had not given back is made by another.
+    """As `make`, on a cluster; unfinished runs of a worker that leaves are repeated by another.
 
     Args:
         scheduler: Address of a Dask scheduler whose workers have this package, as in
@@ -99,7 +101,7 @@ def make_on(
             try:
                 outcomes = done.result()
             except gone as error:
-                text = f'lost ({type(error).__name__}); what had come back {_GO_ON}'
+                text = f'lost ({type(error).__name__}); what had been returned {_CONTINUES}'
                 raise StudyError(f'{scheduler}: {text}') from error
             except ImportError as error:
                 raise StudyError(f'{scheduler}: a worker lacks something: {error}') from error

@@ -39,7 +39,7 @@ def runs_table(heading: str, *panels: Sequence[Drive]) -> Table:
 
 
 def numbers(panels: Sequence[Sequence[Drive]], series: Sequence[str]) -> dict[str, Any]:
-    """Runs as numbers for `results.json`, by the way of driving and by name.
+    """Runs as numbers for `results.json`, by panel and by name.
 
     Args:
         panels: Samples only first, then clear between samples too.

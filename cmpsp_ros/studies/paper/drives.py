@@ -183,8 +183,8 @@ class Laboratory:
         """Start with nothing run.
 
         Args:
-            progress: Called with a line on what is being done.
-            judge: Whether an independent solver may be asked.
+            progress: Called with a line on the work in progress.
+            judge: Whether an independent solver may be used.
         """
         self.progress = progress
         self.judge = judge

@@ -63,10 +63,10 @@ class JudgeSpace:
         Args:
             point: Its position [m].
             k: Its number.
-            space: Where it may be.
+            space: The road and its free space.
 
         Returns:
-            Its distance from the centre line with a sign [m]; 0 where there is none.
+            Its signed distance from the centre line [m]; 0 where there is none.
         """
         if self._kind == OPEN_FLOOR:
             return 0.0

@@ -42,11 +42,11 @@ def save(figure: Figure, folder: FilePath, name: str) -> None:
 def draw_trajectories(
     panels: Panels, guess: Path | None = None, *, coincide: bool = False
 ) -> Figure:
-    """Paths of several runs on one road, a panel for each way of driving them.
+    """Paths of several runs on one road, in one panel per controller.
 
     Args:
         panels: Runs of each panel, the same experiments in all of them.
-        guess: Where the first guess leads, dotted; None to leave it out.
+        guess: Path of the initial guess, dotted; None to leave it out.
         coincide: Whether several paths are the same.
     """
     figure = Figure(figsize=(WIDTH, 0.575 * WIDTH), layout='constrained')
@@ -72,7 +72,7 @@ def draw_trajectories(
 
 
 def draw_poses(panels: Panels) -> Figure:
-    """Position and heading in time, a column of panels for each way of driving them."""
+    """Position and heading over time, with a column of panels per controller."""
 
     def draw(axes: Axes, row: int, drive: Drive, look: Look) -> None:
         values = drive.path.poses[:, row]

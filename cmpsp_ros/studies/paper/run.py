@@ -48,16 +48,16 @@ def run(
     *,
     judge: bool = False,
 ) -> Path:
-    """Make the paper's figures and tables again, and say what holds.
+    """Reproduce the paper's figures and tables, and check its claims.
 
     Args:
         output: Folder to write to; made if it does not exist, and empty if it does.
         only: Names out of `ARTEFACTS`; all of them when empty.
-        progress: Called with a line on what is being done.
-        judge: Whether IPOPT is asked for the best there is with many obstacles; needs CasADi.
+        progress: Called with a line on the work in progress.
+        judge: Whether IPOPT computes the optimum with many obstacles; needs CasADi.
 
     Returns:
-        The report, `results.md`. Beside it lie `results.json` and a PNG and an SVG of each figure.
+        The report, `results.md`. Beside it are `results.json` and a PNG and an SVG of each figure.
 
     Raises:
         StudyError: A name is not known, or the folder cannot be used.

@@ -81,7 +81,7 @@ def start(
         label: Its label.
         settings: Its settings.
         pose: Its pose [m, m, rad].
-        compare: Whether IPOPT is asked for the optimum of the way that was taken.
+        compare: Whether IPOPT computes the optimum in the same homotopy class.
 
     Raises:
         StudyError: CasADi is not installed.

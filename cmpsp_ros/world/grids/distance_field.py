@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.world.grids.distance_transform import distances_from
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 
@@ -17,7 +18,7 @@ AROUND: Final = 2
 """Cells that a field has around its grid."""
 
 _FAR: Final = 1e4
-"""Distance where nothing is occupied [m]."""
+"""Distance where nothing is occupied [cells]."""
 
 
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
@@ -67,23 +68,7 @@ def node_near(field: DistanceField, point: Array) -> NDArray[np.int64]:
 
 
 def _distances(occupied: NDArray[np.bool_]) -> Array:
-    """Signed distances at the centres of cells, in cells.
-
-    From a centre the nearest point of a square is on the lattice of centres, corners and middles
-    of edges: there the transform is exact.
-    """
-    # Where there is no grid it is not needed, and takes half a second to load.
-    from scipy import ndimage  # noqa: PLC0415
-
-    if not occupied.any():
-        return np.full(occupied.shape, _FAR)
-    rows, columns = occupied.shape
-    lattice = np.zeros((2 * rows + 1, 2 * columns + 1), dtype=bool)
-    for up in range(3):
-        for across in range(3):
-            lattice[up : up + 2 * rows : 2, across : across + 2 * columns : 2] |= occupied
-    outside = ndimage.distance_transform_edt(~lattice)[1::2, 1::2]
-    # The nearest point of the lattice that is free is half a cell behind the edge.
-    inside = ndimage.distance_transform_edt(lattice)[1::2, 1::2] - 1.0
-    signed: Array = np.where(occupied, -inside, outside) / 2.0
+    """Signed distances at the centres of cells, in cells."""
+    outside = np.minimum(distances_from(occupied), _FAR)
+    signed: Array = np.where(occupied, -distances_from(~occupied), outside)
     return signed

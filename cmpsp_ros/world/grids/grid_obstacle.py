@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.islands import islands_of
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 from cmpsp_ros.world.grids.outlines import loops
 
 Array = NDArray[np.float64]
@@ -60,6 +60,10 @@ class GridObstacle:
         occupied = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= 0.0
         points = [self.grid.centers(*cell) for cell in islands_of(occupied)]
         return np.array(points).reshape(-1, 2)
+
+    def walls(self) -> list[Array]:
+        """Lines around the occupied cells, each closed, shape ``(K, 2)`` [m]."""
+        return [self.grid.corners(*loop) for loop in loops(self.grid.cells == Cell.OCCUPIED)]
 
     def outlines(self, distance: float) -> list[Array]:
         """See `cmpsp_ros.world.obstacles.shapes.outlines`: along edges of cells, longest first."""

@@ -45,6 +45,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     seldom = {
         'wheel_slip',
         'tracks',
+        'sighting',
         'goal',
         'heading_error',
         'goals_received',

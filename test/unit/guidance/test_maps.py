@@ -145,3 +145,42 @@ def test_a_goal_that_is_received_is_given_the_time_of_the_way_around():
 
     straight = 4.2 / given.pace
     assert straight * 1.3 < decision.time_left < straight * 3.0
+
+
+def random_map(random):
+    """Boxes, walls and pillars in a room of 10 m by 8 m."""
+    boxes = []
+    for _ in range(random.integers(8, 25)):
+        row, column = int(random.integers(0, 155)), int(random.integers(0, 195))
+        high, wide = random.choice([(3, 50), (50, 3), (12, 12), (8, 14)])
+        boxes.append((row, row + int(high), column, column + int(wide)))
+    return course(*boxes, size=(160, 200), robot_radius=0.175)
+
+
+def way_on(given, random):
+    """A start and a goal with a way between them that plans may keep to, and its length [m]."""
+    search = given.map_search
+    audit = Audit(given, with_margin=True)
+    while True:
+        start, goal = random.uniform([0.5, 0.5], [9.5, 7.5], (2, 2))
+        line = search.line(start, tuple(goal.tolist()), 0.1)
+        clear = len(line) and min(audit.clearance_at(np.array([*each, 0.0])).min() for each in line)
+        if clear > search.wanted - given.kept and math.dist(start, goal) > 4.0:
+            return start, tuple(goal.tolist()), float(np.hypot(*np.diff(line, axis=0).T).sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize('seed', range(10))
+def test_random_maps_are_crossed(seed):
+    random = np.random.default_rng(seed)
+    given = random_map(random)
+    start, goal, length = way_on(given, random)
+    # A third more than at full speed, and a turn at first.
+    steps = math.ceil((1.33 * length / given.robot.max_speed + 4.0) / given.control_period)
+    given = replace(given, goal=goal, final_time=steps * given.control_period)
+    stamps = [k * 200 * MS for k in range(steps + 1)]
+
+    run = drive(GuidanceLaw(given), given, stamps, (*start, random.uniform(-3, 3)), 8)
+
+    assert run.miss(goal) < given.goal_tolerance
+    assert distance_to_squares(given.obstacles[0].grid, run.path) >= given.robot_radius

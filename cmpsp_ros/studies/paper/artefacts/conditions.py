@@ -94,7 +94,7 @@ def _hessian(problem: GuidanceProblem, U: Array) -> Array:
 
 
 def _condensed_hessian(problem: GuidanceProblem, path: Path, U: Array) -> Array:
-    """Hessian (45) of the first term, with the second derivative of the stage cost as it is."""
+    """Hessian (45) of the first term, with the exact second derivative of the stage cost."""
     settings = path.settings
     linear = problem.linearise(path.poses, U)
     out = path.poses[:, :2] - settings.annulus.center

@@ -58,7 +58,7 @@ class Convergence:
 
     @property
     def drift(self) -> float:
-        """Cosine of the angle between the last two changes: 1 where it goes straight on."""
+        """Cosine of the angle between the last two changes: 1 for a straight line."""
         before, last = np.diff(self.controls[-3:], axis=0)
         return float(before @ last / (np.linalg.norm(before) * np.linalg.norm(last)))
 

@@ -98,12 +98,21 @@ def with_row(place, value):
         (with_row(1, 1e9), 'wanted one on Earth'),
         (with_row(2, 1e5), 'a velocity of'),
         (with_row(5, 2), 'Obstacle 2 is there twice'),
-        (cloud(fields={k: v for k, v in FIELDS.items() if k != 'id'}), "need a field 'id'"),
-        (cloud(fields=FIELDS | {'id': 'f4'}), "need a field 'id', an integer: found one of"),
-        (cloud(fields=FIELDS | {'vx': 'i4'}), "need a field 'vx', a float32 or float64"),
-        (cloud(width=3), 'do not fit their sizes'),
-        (cloud(point_step=4), 'do not fit their sizes'),
-        (cloud(data=b''), 'do not fit their sizes'),
+        (
+            cloud(fields={k: v for k, v in FIELDS.items() if k != 'id'}),
+            "field 'id': found none, wanted an integer",
+        ),
+        (
+            cloud(fields=FIELDS | {'id': 'f4'}),
+            "field 'id': found 1 of datatype 7, wanted an integer",
+        ),
+        (
+            cloud(fields=FIELDS | {'vx': 'i4'}),
+            "field 'vx': found 1 of datatype 5, wanted a float32 or float64",
+        ),
+        (cloud(width=3), 'Obstacles cannot be read: moving_obstacles: data: found'),
+        (cloud(point_step=4), 'Obstacles cannot be read: moving_obstacles: data: found'),
+        (cloud(data=b''), 'Obstacles cannot be read: moving_obstacles: data: found'),
         (cloud(width=2**31, height=2**31), 'wanted 1000 at most'),
     ],
 )

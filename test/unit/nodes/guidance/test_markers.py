@@ -150,3 +150,17 @@ def test_walls_and_polygons_are_drawn_by_their_edges():
     assert [(each.pose.position.x, each.pose.position.y) for each in names] == [
         (4.5, -9.5), (10.0, -2.5),
     ]  # fmt: skip
+
+
+def test_a_map_is_drawn_by_its_outlines_without_a_name():
+    made = marker_array(settings('door'), STAMP).markers
+    walls, margins = of(made, 'obstacles'), of(made, 'margins')
+    # The walls of the room, and what it leaves free on either side of the door.
+    assert len(walls) == 2
+    assert len(margins) >= 2
+    assert not of(made, 'obstacle_names')
+    for each in (*walls, *margins):
+        assert each.type == Marker.LINE_STRIP
+        assert each.points[0] == each.points[-1]
+    corners = {(round(point.x, 9), round(point.y, 9)) for each in walls for point in each.points}
+    assert {(0.0, 0.0), (6.0, 4.0), (2.9, 1.8), (3.0, 2.25)} <= corners

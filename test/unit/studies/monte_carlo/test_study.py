@@ -143,7 +143,7 @@ def test_an_interrupt_ends_it_with_a_word_on_how_to_go_on(tmp_path, interruptibl
         child.send_signal(signal.SIGINT)
         _, said = child.communicate(timeout=60)
     assert child.returncode == 130
-    assert said.splitlines()[-1] == f'{folder}: interrupted; the same command goes on'
+    assert said.splitlines()[-1] == f'{folder}: interrupted; the same command continues'
     assert 'Traceback' not in said
     assert 2 <= len(results_of(folder)) < 400
 

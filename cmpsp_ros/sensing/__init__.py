@@ -1,0 +1,1 @@
+"""What sensors say of the surroundings: messages in, beams and a local grid out."""

@@ -1,0 +1,130 @@
+"""What a sensor has seen at an instant: straight beams from it to what they met."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+Pose = tuple[float, float, float]
+
+_NS = 1_000_000_000
+
+
+class ScanError(ValueError):
+    """A message of a sensor that is unusable.
+
+    Attributes:
+        where: The sensor, and the field of its message.
+        found: What is there.
+        wanted: What would be right.
+    """
+
+    def __init__(self, where: str, found: str, wanted: str) -> None:
+        """Say what is wrong, and what would be right."""
+        super().__init__(f'{where}: found {found}, wanted {wanted}')
+        self.where, self.found, self.wanted = where, found, wanted
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A sensor on the robot.
+
+    Attributes:
+        name: What messages call it.
+        frame_id: Frame that its messages must be in.
+        pose: Where it is on the robot (x, y, heading) [m, m, rad].
+        reach: Length of beam beyond which nothing is used [m].
+        heights: Least and greatest z of points that count, in its frame [m].
+        topic: Where its messages come.
+        type: Of its messages: ``scan`` for LaserScan, ``cloud`` for PointCloud2.
+    """
+
+    name: str
+    frame_id: str
+    pose: Pose = (0.0, 0.0, 0.0)
+    reach: float = math.inf
+    heights: tuple[float, float] = (-math.inf, math.inf)
+    topic: str = 'scan'
+    type: str = 'scan'
+
+    def check_frame(self, message: Any) -> None:
+        """Refuse a message in another frame.
+
+        Raises:
+            ScanError: It is in another one.
+        """
+        found = message.header.frame_id
+        if found != self.frame_id:
+            wanted = f'{self.frame_id!r} (sensors.{self.name}.frame_id)'
+            raise ScanError(f'{self.name}: frame_id', repr(found), wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Beams in the sensor's own frame, before it is known where the sensor was.
+
+    Attributes:
+        sensor: Where they come from.
+        stamp: When the last was measured [ns].
+        stamps: When each was measured, in ascending order, shape ``(B,)`` [ns].
+        ends: Where each ends, shape ``(B, 2)`` [m].
+        hits: Whether there is something at its end, shape ``(B,)``.
+        is_sweep: Whether neighbours in the array are neighbours in space, so that what is between
+            two of them is seen as well, and whether beams see what is gone. A cloud of points has
+            beams at different heights: one may pass above what another one has met.
+    """
+
+    sensor: Sensor
+    stamp: int
+    stamps: Indices
+    ends: Array
+    hits: NDArray[np.bool_]
+    is_sweep: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """Beams in the frame of odometry.
+
+    Attributes:
+        stamp: When the last was measured [ns].
+        starts: Where the sensor was, shape ``(B, 2)`` [m].
+        ends: As of `Sight`, shape ``(B, 2)`` [m].
+        hits: As of `Sight`, shape ``(B,)``.
+        is_sweep: As of `Sight`.
+    """
+
+    stamp: int
+    starts: Array
+    ends: Array
+    hits: NDArray[np.bool_]
+    is_sweep: bool
+
+
+def project(sight: Sight, poses: Array) -> Beams:
+    """Beams from where the sensor was when each was measured.
+
+    Args:
+        sight: The beams.
+        poses: Of the robot at their stamps, shape ``(B, 3)`` [m, m, rad].
+    """
+    ahead, left, turned = sight.sensor.pose
+    starts = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
+    ends = starts + _turned(sight.ends, poses[:, 2] + turned)
+    return Beams(sight.stamp, starts, ends, sight.hits, sight.is_sweep)
+
+
+def stamp_of(message: Any) -> int:
+    """Time stamp of a message with a header [ns]."""
+    return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
+
+
+def _turned(points: Array, angles: Array) -> Array:
+    cosine, sine, x, y = np.cos(angles), np.sin(angles), points[..., 0], points[..., 1]
+    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y])

@@ -1,0 +1,134 @@
+"""What all sensors together have shown, at the times at which odometry comes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.sensing.beams import Sensor, Sight, project
+from cmpsp_ros.sensing.local_grid import LocalGrid
+from cmpsp_ros.sensing.pose_history import PoseHistory
+from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+
+Array = NDArray[np.float64]
+
+_NS = 1_000_000_000
+_SPAN = 10 * _NS
+_MOST_PENDING = 100
+
+
+@dataclass(frozen=True)
+class SightSettings:
+    """How what sensors show is remembered.
+
+    Attributes:
+        sensors: The sensors.
+        size: Side of the square around the robot that is remembered [m].
+        resolution: Side of a cell [m].
+        memory: For how long what is out of sight is remembered [s].
+        timeout: Age at which what a sensor has shown last counts as lost [s].
+    """
+
+    sensors: tuple[Sensor, ...] = ()
+    size: float = 10.0
+    resolution: float = 0.05
+    memory: float = 10.0
+    timeout: float = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Sighting:
+    """What is known around the robot.
+
+    Attributes:
+        stamp: Time stamp of the odometry at which it was known first [ns].
+        grid: The cells.
+    """
+
+    stamp: int
+    grid: OccupancyGrid
+
+
+class Surroundings:
+    """Puts together what sensors show, each by the odometry of its own time.
+
+    In what order messages come makes no difference, as long as they come before the odometry that
+    is decided on.
+    """
+
+    def __init__(self, settings: SightSettings, robot_radius: float) -> None:
+        """Know nothing.
+
+        Args:
+            settings: All of them.
+            robot_radius: Radius of the robot's footprint [m].
+        """
+        self._settings = settings
+        # The cells around the footprint are of the robot's, too: no beam need ever pass there.
+        self._covered = robot_radius + 2.0 * settings.resolution
+        self.forget()
+
+    def forget(self) -> None:
+        """Know nothing again."""
+        settings = self._settings
+        self._grid = LocalGrid(settings.size, settings.resolution, settings.memory)
+        self._poses = PoseHistory(_SPAN)
+        self._pending: list[Sight] = []
+        self._seen: dict[str, int] = {}
+        self._sighting: Sighting | None = None
+        self._has_news = False
+
+    def hear(self, sight: Sight) -> None:
+        """Take in what a sensor shows; too much of what odometry never follows is dropped."""
+        self._pending.append(sight)
+        del self._pending[:-_MOST_PENDING]
+
+    def note(self, stamp: int, pose: Array) -> None:
+        """Know where the robot is, and by that what sensors have shown until then.
+
+        Args:
+            stamp: When [ns].
+            pose: Shape ``(3,)`` [m, m, rad].
+        """
+        self._poses.add(stamp, pose)
+        come = [each for each in self._pending if each.stamp <= stamp]
+        self._pending = [each for each in self._pending if each.stamp > stamp]
+        self._grid.center_on(float(pose[0]), float(pose[1]))
+        for each in sorted(come, key=lambda each: (each.stamp, each.sensor.name)):
+            if self._is_usable(each):
+                self._grid.see(project(each, self._poses.at(each.stamps)))
+                self._seen[each.sensor.name] = each.stamp
+                self._has_news = True
+
+    def at(self, stamp: int, pose: Array) -> Sighting | None:
+        """What is known; the same as before where no sensor has shown more.
+
+        Args:
+            stamp: Time stamp of the odometry that was noted last [ns].
+            pose: Its pose, shape ``(3,)`` [m, m, rad].
+        """
+        if self._has_news:
+            self._grid.stand_at(float(pose[0]), float(pose[1]), self._covered, stamp)
+            self._sighting = Sighting(stamp, self._grid.at(stamp))
+            self._has_news = False
+        return self._sighting
+
+    def blindness(self, stamp: int) -> str:
+        """Which sensor has shown nothing for too long at a time [ns], in a sentence; or empty."""
+        timeout = self._settings.timeout
+        for each in self._settings.sensors:
+            seen = self._seen.get(each.name)
+            if seen is None:
+                return f'Waiting for the first usable message of sensor {each.name}.'
+            if stamp - seen > timeout * _NS:
+                age = (stamp - seen) / _NS
+                return f'Sensor {each.name} has shown nothing for {age:.3f} s (sight.timeout).'
+        return ''
+
+    def _is_usable(self, sight: Sight) -> bool:
+        """Whether it is known where the robot was, and nothing newer of that sensor is known."""
+        first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
+        newest = self._seen.get(sight.sensor.name)
+        return not self._poses.is_after(first) and (newest is None or sight.stamp > newest)

@@ -1,0 +1,89 @@
+"""A laser scanner over DDS: no command without it, and none on what it cannot have seen."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.time import Time
+from sensor_msgs.msg import LaserScan
+
+pytestmark = pytest.mark.integration
+
+PERIOD_NS = 200_000_000
+POSE = (0.0, -9.25, 0.0)
+# Tests take their time between messages.
+SEEING = {'odom_timeout': 60.0, 'sensors.names': '[front]', 'sight.timeout': 0.5}
+
+
+@pytest.fixture
+def show(client):
+    """Publish a scan of an empty place as sensors do: `show(stamp, frame_id='base_scan')`."""
+    publisher = client.node.create_publisher(LaserScan, 'scan', qos_profile_sensor_data)
+
+    def send(stamp, frame_id='base_scan', **changes):
+        client.until(publisher.get_subscription_count)
+        message = LaserScan(
+            angle_min=-3.0, angle_max=3.0, angle_increment=0.01, range_min=0.1, range_max=9.0,
+            ranges=[math.inf] * 601,
+        )  # fmt: skip
+        for key, value in changes.items():
+            setattr(message, key, value)
+        message.header.stamp = Time(nanoseconds=stamp).to_msg()
+        message.header.frame_id = frame_id
+        publisher.publish(message)
+
+    return send
+
+
+def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
+    fault, start_node, client, make_odometry, show
+):
+    running, seen = start_node('guidance_node', SEEING), []
+    client.node.create_subscription(OccupancyGrid, '/guidance/sighting', seen.append, 10)
+    client.connect()
+    client.until_health(state='active')
+    stamp = client.now()
+
+    def decide(reason, *, scanned):
+        """Odometry until a decision for such a reason, each with a scan or without one."""
+        nonlocal stamp
+        for _ in range(20):
+            stamp += PERIOD_NS
+            if scanned:
+                show(stamp)
+            decision, command = client.decide(make_odometry(stamp, POSE))
+            if reason in decision['reason']:
+                fault.assert_said(
+                    decision['fallback_level'], decision['level'][0], decision['reason']
+                )
+                return decision, command
+        raise AssertionError(decision['reason'])
+
+    waiting = 'Waiting for the first usable message of sensor front.'
+    assert decide(waiting, scanned=False)[1] == (0.0, 0.0)
+    decision, command = decide('The plan meets every constraint.', scanned=True)
+    assert command[0] > 0.5
+    client.until(lambda: any(_stamp(each) == int(decision['sighting']) for each in seen))
+    # Behind the scanner nothing is known.
+    assert [seen[-1].data[k] for k in (20_000, 20_100, 20_199)] == [-1, 0, 0]
+    assert decide('Sensor front has shown nothing for', scanned=False)[1] == (0.0, 0.0)
+    assert decide('The plan meets every constraint.', scanned=True)[1][0] > 0.5
+    for changes, reason in (
+        ({'frame_id': 'odom'}, "front: frame_id: found 'odom', wanted 'base_scan'"),
+        ({'angle_increment': 0.1}, 'front: ranges: found 601, wanted 61'),
+        ({'ranges': [math.nan] * 601}, 'front: ranges: found 601 times NaN'),
+    ):
+        show(stamp, **changes)
+        client.decide(make_odometry(stamp := stamp + PERIOD_NS, POSE))
+        health = client.until_health(level=DiagnosticStatus.WARN, said=reason)
+        fault.assert_said('—', health['level'][0], health['said'])
+        show(stamp := stamp + PERIOD_NS)
+    assert 'Traceback' not in running.stderr
+
+
+def _stamp(message):
+    return Time.from_msg(message.header.stamp).nanoseconds

@@ -1,0 +1,120 @@
+"""What sensors show, put together by the odometry of its own time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cmpsp_ros.sensing.beams import Sensor, Sight
+from cmpsp_ros.sensing.surroundings import SightSettings, Surroundings
+from cmpsp_ros.world.grids.occupancy_grid import Cell
+
+MS = 1_000_000
+FRONT, REAR = Sensor('front', 'a'), Sensor('rear', 'b', (0.0, 0.0, np.pi))
+SETTINGS = SightSettings((FRONT, REAR), size=6.0, resolution=0.1, memory=5.0, timeout=0.5)
+
+
+def seen(sensor, milliseconds, *ends):
+    ends = np.array(ends, dtype=float)
+    stamps = np.full(len(ends), milliseconds * MS)
+    hits = np.ones(len(ends), dtype=bool)
+    return Sight(sensor, milliseconds * MS, stamps, ends, hits, is_sweep=True)
+
+
+def surroundings():
+    return Surroundings(SETTINGS, 0.2)
+
+
+def drive(known, until, step=20):
+    """At 1 m/s along x, with odometry until a time [ms]; what is known then."""
+    for milliseconds in range(0, until + 1, step):
+        stamp, pose = milliseconds * MS, np.array([1e-3 * milliseconds, 0.0, 0.0])
+        known.note(stamp, pose)
+    return known.at(stamp, pose)
+
+
+def test_beams_are_those_of_where_the_robot_was():
+    known = surroundings()
+    # Half way between two odometry messages.
+    known.hear(seen(FRONT, 90, (1.0, 0.0)))
+    sighting = drive(known, 400)
+    assert sighting.stamp == 400 * MS
+    points = np.array([[1.09, 0.05], [1.45, 0.05], [0.7, 0.05]])
+    assert sighting.grid.at(points).tolist() == [Cell.OCCUPIED, Cell.UNKNOWN, Cell.FREE]
+
+
+def test_what_odometry_has_not_caught_up_with_waits():
+    known = surroundings()
+    known.hear(seen(FRONT, 300, (1.0, 0.0)))
+    assert drive(known, 280) is None
+    known.note(300 * MS, np.array([0.3, 0.0, 0.0]))
+    sighting = known.at(300 * MS, np.array([0.3, 0.0, 0.0]))
+    assert sighting.grid.at(np.array([1.3, 0.05])) == Cell.OCCUPIED
+
+
+def test_the_order_in_which_messages_come_makes_no_difference():
+    random = np.random.default_rng(0)
+    messages = [
+        seen(sensor, time, *random.uniform(-2.0, 2.0, (20, 2)))
+        for time in (50, 100, 150)
+        for sensor in (FRONT, REAR)
+    ]
+    grids = []
+    for order in (messages, messages[::-1], [messages[k] for k in (3, 1, 5, 0, 4, 2)]):
+        known = surroundings()
+        for each in order:
+            known.hear(each)
+        grids.append(drive(known, 200).grid)
+    for each in grids[1:]:
+        assert np.array_equal(each.cells, grids[0].cells)
+        assert each.origin == grids[0].origin
+
+
+def test_a_message_older_than_one_before_it_or_than_odometry_is_left_out():
+    known = surroundings()
+    known.hear(seen(FRONT, -10, (1.0, 0.0)))
+    assert drive(known, 100) is None
+    known.hear(seen(FRONT, 100, (1.0, 0.0)))
+    first = drive(known, 100)
+    known.hear(seen(FRONT, 60, (0.5, 0.0)))
+    assert drive(known, 120) is first
+
+
+def test_the_robot_stands_on_free_ground_and_sensors_agree():
+    known = surroundings()
+    known.hear(seen(FRONT, 0, (1.05, 0.0)))
+    known.hear(seen(REAR, 0, (1.05, 0.0)))
+    grid = drive(known, 0).grid
+    points = np.array([[1.05, 0.05], [-1.05, 0.05], [0.0, 0.3], [0.0, -0.3], [0.0, 0.55]])
+    assert grid.at(points).tolist() == [
+        Cell.OCCUPIED,
+        Cell.OCCUPIED,
+        Cell.FREE,
+        Cell.FREE,
+        Cell.UNKNOWN,
+    ]
+
+
+def test_a_sensor_that_shows_nothing():
+    known = surroundings()
+    assert known.blindness(0) == 'Waiting for the first usable message of sensor front.'
+    known.hear(seen(FRONT, 0, (1.0, 0.0)))
+    drive(known, 20)
+    assert known.blindness(20 * MS) == 'Waiting for the first usable message of sensor rear.'
+    known.hear(seen(REAR, 20, (1.0, 0.0)))
+    drive(known, 40)
+    assert known.blindness(500 * MS) == ''
+    assert known.blindness(501 * MS) == (
+        'Sensor front has shown nothing for 0.501 s (sight.timeout).'
+    )
+
+
+def test_the_same_is_known_until_a_sensor_shows_more():
+    known = surroundings()
+    known.hear(seen(FRONT, 0, (1.0, 0.0)))
+    first = drive(known, 20)
+    assert drive(known, 200) is first
+    known.hear(seen(FRONT, 210, (1.0, 0.0)))
+    assert drive(known, 220).stamp == 220 * MS
+    known.forget()
+    assert known.at(0, np.zeros(3)) is None
+    assert known.blindness(0) != ''

@@ -1,0 +1,38 @@
+"""Distances of cells from squares, against all squares one by one."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.world.grids.distance_transform import distances_from
+
+
+def from_each_square(marked: np.ndarray) -> np.ndarray:
+    rows, columns = np.nonzero(marked)
+    found = np.empty(marked.shape)
+    for i, j in np.ndindex(marked.shape):
+        up = np.maximum(np.abs(rows - i) - 0.5, 0.0)
+        across = np.maximum(np.abs(columns - j) - 0.5, 0.0)
+        found[i, j] = np.sqrt((2.0 * up) ** 2 + (2.0 * across) ** 2).min() / 2.0
+    return found
+
+
+@pytest.mark.parametrize('share', [0.01, 0.1, 0.5, 0.95])
+@pytest.mark.parametrize('seed', range(10))
+def test_distances_are_exact_to_the_last_bit(seed: int, share: float) -> None:
+    random = np.random.default_rng(seed)
+    marked = random.random(random.integers(1, 40, 2)) < share
+    marked[random.integers(marked.shape[0]), random.integers(marked.shape[1])] = True
+
+    assert np.array_equal(distances_from(marked), from_each_square(marked))
+
+
+def test_without_a_mark_distances_are_infinite() -> None:
+    assert (distances_from(np.zeros((3, 4), dtype=bool)) == math.inf).all()
+
+
+def test_a_single_cell_and_a_single_row() -> None:
+    assert distances_from(np.ones((1, 1), dtype=bool)).tolist() == [[0.0]]
+    assert distances_from(np.array([[False, False, True]])).tolist() == [[1.5, 0.5, 0.0]]
+    assert distances_from(np.array([[True], [False]])).tolist() == [[0.0], [0.5]]

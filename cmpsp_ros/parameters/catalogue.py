@@ -197,8 +197,8 @@ def _parameters() -> Iterator[Parameter]:
 
     sight = Group('Sensors', 'guidance')
     yield sight('sensors.names', _STRINGS, [], '',
-        'Names of sensors that see obstacles, each with a block of its own; omit it when there are '
-        'none.', **_FIXED)
+        'Names of sensors that see obstacles, each with its own block; omit it if there are none.',
+        **_FIXED)
     yield sight('sensors.<name>.type', _STRING, 'scan', '',
         'Messages of this sensor: `scan` for LaserScan, `cloud` for PointCloud2.',
         choices=('scan', 'cloud'), **_FIXED)
@@ -209,20 +209,21 @@ def _parameters() -> Iterator[Parameter]:
     yield sight('sensors.<name>.pose', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
         'Pose of this sensor on the robot (x, y, heading).', length=3, **_FIXED)
     yield sight('sensors.<name>.reach', _DOUBLE, 8.0, 'm',
-        'Distance from this sensor beyond which nothing that it sees is used.',
+        'Distance from this sensor beyond which its measurements are ignored.',
         range=_POSITIVE, **_FIXED)
     yield sight('sensors.<name>.heights', _DOUBLES, [-1e3, 1e3], 'm',
-        'Least and greatest z of the points of a `cloud` that count, in its frame.',
+        'Least and greatest z of the points of a `cloud` that are used, in its frame.',
         **_POINT, **_FIXED)
     yield sight('sight.size', _DOUBLE, 10.0, 'm',
-        'Side of the square around the robot in which what is seen is remembered.',
+        'Side of the square grid around the robot in which obstacles are remembered.',
         range=Range(1.0, 100.0), **_FIXED)
     yield sight('sight.resolution', _DOUBLE, 0.05, 'm',
-        'Side of a cell of it.', range=Range(0.01, 1.0), **_FIXED)
+        'Side length of its cells.', range=Range(0.01, 1.0), **_FIXED)
     yield sight('sight.memory', _DOUBLE, 10.0, 's',
-        'How long what is out of sight is remembered.', range=_NOT_NEGATIVE, **_FIXED)
+        'Time for which cells out of sight are remembered.', range=_NOT_NEGATIVE, **_FIXED)
     yield sight('sight.timeout', _DOUBLE, 0.5, 's',
-        'Age at which what a sensor has shown last counts as lost, and the robot is stopped.',
+        "Age of a sensor's last message at which the sensor counts as lost and the robot is "
+        'stopped.',
         range=_POSITIVE, **_FIXED)
 
     others = Group('Other robots', 'guidance')
@@ -293,8 +294,8 @@ def _parameters() -> Iterator[Parameter]:
         'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
     yield safety('safety.stop_within_sight', _BOOL, True, '',
-        'Whether the robot, where it has sensors, is so slow that it can stop before what they '
-        'have not seen yet.')
+        'Whether a robot with sensors drives slowly enough to stop before space that they have '
+        'not seen.')
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

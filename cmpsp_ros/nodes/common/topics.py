@@ -123,7 +123,7 @@ SCAN = Topic(
     'in',
     'scan',
     LaserScan,
-    'with `sensors.names`: of each sensor, on `sensors.<name>.topic`, LaserScan or PointCloud2 by'
+    'for each of `sensors.names`, on `sensors.<name>.topic`: LaserScan or PointCloud2, as in'
     ' `sensors.<name>.type`; best effort',
     depth=50,
     best_effort=True,
@@ -202,7 +202,7 @@ SIGHTING = Topic(
     'out',
     '~/sighting',
     OccupancyGrid,
-    'with `sensors.names`: what was known of the surroundings, before the decision on it',
+    'with `sensors.names`: the grid of the surroundings, before the decision that uses it',
     depth=OF_A_RUN,
 )
 HEALTH = Topic(

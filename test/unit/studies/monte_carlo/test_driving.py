@@ -35,7 +35,7 @@ def test_a_good_run(task):
     assert made.miss < 1e-9
     assert made.obstacle_clearance is None
     assert 0.0 < made.road_clearance <= 0.25
-    assert (made.nominal, made.elastic, made.shifted, made.stop) == (50, 0, 0, 0)
+    assert (made.nominal, made.elastic, made.previous_plan, made.stop) == (50, 0, 0, 0)
     assert (made.trouble, made.trouble_time, made.exception) == ('', None, '')
     assert made.max_wheel_speed <= 51.0
     assert len(made.x) == len(made.y) == 51

@@ -42,7 +42,7 @@ def said(path):
 
 SOURCES = [
     *(each for each in (ROOT / 'cmpsp_ros/guidance').rglob('*.py') if each.name not in ELSEWHERE),
-    *(ROOT / 'cmpsp_ros/nodes/guidance').glob('*.py'),
+    *(ROOT / 'cmpsp_ros/nodes/guidance').rglob('*.py'),
     ROOT / 'cmpsp_ros/sensing/surroundings.py',
     *(ROOT / 'cmpsp_ros/nodes' / name for name in ('timing/compiling.py', 'common/health.py')),
 ]

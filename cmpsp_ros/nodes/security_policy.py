@@ -26,7 +26,7 @@ from cmpsp_ros.nodes.common.topics import (
     TOPICS,
     Topic,
 )
-from cmpsp_ros.nodes.guidance.goal_actions import FOLLOW, NAVIGATE
+from cmpsp_ros.nodes.guidance.inputs.goal_actions import FOLLOW, NAVIGATE
 from cmpsp_ros.nodes.recording.options import ALWAYS, own_topics
 
 _HEADER: Final = """<?xml version="1.0" encoding="UTF-8"?>

@@ -15,8 +15,8 @@ from cmpsp_ros.guidance.key_values import decision_to_key_values
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
-from cmpsp_ros.nodes.guidance.markers import marker_array
-from cmpsp_ros.nodes.guidance.plan_markers import PlanMarkers
+from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
+from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

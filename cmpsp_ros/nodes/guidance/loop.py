@@ -14,15 +14,15 @@ from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, stamp
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
-from cmpsp_ros.nodes.guidance.clock_watchdog import ClockWatch
-from cmpsp_ros.nodes.guidance.goal_input import GoalInput
-from cmpsp_ros.nodes.guidance.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.odometry_bytes import Odometry, read_odometry
-from cmpsp_ros.nodes.guidance.odometry_watchdog import OdometryWatchdog
-from cmpsp_ros.nodes.guidance.outputs import GuidanceOutputs
-from cmpsp_ros.nodes.guidance.road_input import RoadInput
-from cmpsp_ros.nodes.guidance.sensor_input import SensorInput
-from cmpsp_ros.nodes.guidance.transform_input import TransformInput
+from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
+from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
+from cmpsp_ros.nodes.guidance.inputs.obstacle_input import ObstacleInput
+from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import Odometry, read_odometry
+from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
+from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
+from cmpsp_ros.nodes.guidance.inputs.sensor_input import SensorInput
+from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
+from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:

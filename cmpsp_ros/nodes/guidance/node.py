@@ -21,9 +21,9 @@ from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
 from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
-from cmpsp_ros.nodes.guidance.diagnostics import report_on
 from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
 from cmpsp_ros.nodes.guidance.loop import GuidanceLoop
+from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
 from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
 from cmpsp_ros.nodes.timing.garbage import GarbageCollection
 from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu

@@ -16,6 +16,7 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.guidance.key_values import present_keys
 
 pytestmark = pytest.mark.integration
 
@@ -28,6 +29,7 @@ RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-a
 def decision_to_key_values(values):
     """What of a decision must repeat."""
     told = ('run', 'revision', 'reason', 'level')
+    values = present_keys(values.items())
     return {k: v for k, v in values.items() if not k.endswith('_ms') and k not in told}
 
 

@@ -44,6 +44,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     # What is not the same for every run is told where there is something to tell.
     seldom = {
         'wheel_slip',
+        'wheel_lag',
         'tracks',
         'sighting',
         'goal',

@@ -13,7 +13,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.nodes.guidance.markers import marker_array
+from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
 from cmpsp_ros.nodes.viewer_messages import (
     course_of,
     decision_of,

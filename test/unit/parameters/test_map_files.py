@@ -1,6 +1,7 @@
 """Maps of map_server become parameters, and what is no map is refused with the key at fault."""
 
 import math
+import runpy
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.courses.map_files import read_map
 from cmpsp_ros.parameters.courses.maps import NAME, map_of, text_of
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 
@@ -198,3 +199,15 @@ def test_a_goal_in_a_wall_is_refused():
         )
         == 0.0
     )
+
+
+@pytest.mark.parametrize('name', ['warehouse', 'door', 'dead_end'])
+def test_the_maps_of_presets_are_what_their_script_draws(name):
+    folder = config_directory() / 'maps'
+    script = runpy.run_path(str(folder / 'draw.py'))
+
+    drawn = script['shades'](*script[name.upper()])
+
+    grid = read_map(folder / f'{name}.yaml')
+    assert np.array_equal(grid.cells == Cell.OCCUPIED, drawn[::-1] == 0)
+    assert grid.resolution == script['RESOLUTION']

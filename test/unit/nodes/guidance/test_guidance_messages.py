@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.nodes.guidance.messages import (
+from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,
     fill_wheels,

@@ -11,7 +11,7 @@ from visualization_msgs.msg import Marker
 
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.nodes.guidance.markers import marker_array
+from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

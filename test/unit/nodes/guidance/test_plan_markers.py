@@ -12,7 +12,13 @@ from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
-from cmpsp_ros.nodes.guidance.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
+from cmpsp_ros.nodes.guidance.outputs.plan_markers import (
+    FAR,
+    NEAR,
+    PLENTY,
+    PlanMarkers,
+    color_of,
+)
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from cmpsp_ros.mpsp.jit.compiled import compiled
 from cmpsp_ros.nodes.common.lifecycle import ACTIVE
-from cmpsp_ros.nodes.guidance.diagnostics import report_on
+from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
 from cmpsp_ros.nodes.timing import compiling
 from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
     from rclpy.subscription import Subscription
 
-    from cmpsp_ros.nodes.guidance.transform_input import TransformInput
+    from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
     from cmpsp_ros.parameters.table import Values
 
 # An empty list shows no type, and rclpy takes it for one of bytes.

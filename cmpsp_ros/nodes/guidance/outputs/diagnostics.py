@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from cmpsp_ros.nodes.common.health import Report
 from cmpsp_ros.nodes.common.lifecycle import ACTIVE
-from cmpsp_ros.nodes.guidance.messages import level_of
+from cmpsp_ros.nodes.guidance.outputs.messages import level_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

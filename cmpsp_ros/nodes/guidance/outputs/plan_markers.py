@@ -12,7 +12,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
-from cmpsp_ros.nodes.guidance.messages import set_stamp
+from cmpsp_ros.nodes.guidance.outputs.messages import set_stamp
 from cmpsp_ros.view.palette import LEVEL_COLORS
 from cmpsp_ros.world.obstacles.shapes import outline_of
 

@@ -19,16 +19,20 @@ from cmpsp_ros.nodes.common.topics import (
     WHEELS,
     Topic,
 )
-from cmpsp_ros.nodes.guidance.command_bytes import frame_bytes, stamped_bytes, twist_bytes
-from cmpsp_ros.nodes.guidance.listeners import Listeners
-from cmpsp_ros.nodes.guidance.markers import marker_array
-from cmpsp_ros.nodes.guidance.messages import (
+from cmpsp_ros.nodes.guidance.outputs.command_bytes import (
+    frame_bytes,
+    stamped_bytes,
+    twist_bytes,
+)
+from cmpsp_ros.nodes.guidance.outputs.listeners import Listeners
+from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
+from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,
     fill_wheels,
     set_stamp,
 )
-from cmpsp_ros.nodes.guidance.plan_markers import PlanMarkers
+from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from cmpsp_ros.guidance.messages.peer_trajectories import Seen
     from cmpsp_ros.guidance.messages.tracks import Track
     from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.nodes.guidance.transform_input import TransformInput
+    from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 
 _THROTTLE = 2.0
 

@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 
 from cmpsp_ros.guidance.goals import Goal, GoalError
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
-from cmpsp_ros.nodes.guidance.goal_actions import FOLLOW, NAVIGATE, GoalActions
+from cmpsp_ros.nodes.guidance.inputs.goal_actions import FOLLOW, NAVIGATE, GoalActions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.guidance.decision import Decision
     from cmpsp_ros.guidance.law import GuidanceLaw
-    from cmpsp_ros.nodes.guidance.road_input import RoadInput
-    from cmpsp_ros.nodes.guidance.transform_input import TransformInput
+    from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
+    from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 
 _CANCELLED, _NONE_YET = 'The goal was cancelled.', 'No goal has come yet (goal.wait).'
 

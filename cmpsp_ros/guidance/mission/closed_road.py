@@ -17,7 +17,7 @@ from cmpsp_ros.world.roads.road import Point
 _SHORTEST = 0.5
 """Part of the arc length along the centre line that a way through bends has at least."""
 
-_SOON = NANOSECONDS
+_SOON = 3 * NANOSECONDS
 """How long the robot may take to come nearer [ns]."""
 
 

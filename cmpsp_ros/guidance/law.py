@@ -24,7 +24,7 @@ from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
-from cmpsp_ros.guidance.safety.audit import Audit, Verdict
+from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
@@ -68,7 +68,7 @@ class GuidanceLaw:
         self._approach = Approach(settings, self._audit)
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
-        self._late_commands = LateCommands(settings, self._audit, self._decisions)
+        self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
 
@@ -144,7 +144,7 @@ class GuidanceLaw:
         else:
             context.plan = self._turn(context) if has_new_goal else state.plan or state.waiting
             if late and not has_new_goal and state.plan is not None:
-                decision = self._follow_late_plan(stamp, pose, context, late)
+                decision = self._late_commands.follow(state, stamp, pose, context, late)
             else:
                 decision = self._decide(stamp, here, context)
         decision = self._late_commands.slowed(state, decision, here, start, ramp)
@@ -294,7 +294,9 @@ class GuidanceLaw:
         else:
             state.failures += 1
             reason = verdict.reason if result.solved else result.reason
-            shifted = self._shifted(context)
+            shifted = self._fallback.shifted(
+                state.plan, start, context.horizon, context.delay, context.pending
+            )
             if shifted is None:
                 state.idle_steps = PATIENCE
                 if closed is not None:
@@ -323,35 +325,6 @@ class GuidanceLaw:
         return self._decisions.follow(
             state, stamp, level, reason + remark, plan, verdict, errors, result, phases
         )
-
-    def _follow_late_plan(
-        self, stamp: int, pose: Array, context: PlanningContext, late: float
-    ) -> Decision:
-        """Follow the plan that came too late, shifted by the time it took, if it is still clear.
-
-        Nothing is solved: that might be late again.
-
-        Args:
-            stamp: Time stamp of the odometry [ns].
-            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
-            context: What plans are for.
-            late: How long it took [s].
-        """
-        state, shifted = self._state, self._shifted(context)
-        if shifted is None:
-            state.plan, state.waiting = None, context.plan
-            reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
-            return self._decisions.stop(state, stamp, pose, reason, moving=context.start.moving)
-        state.plan = shifted[0]
-        reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
-        errors = context.goal.errors(state.plan.poses[-1])
-        return self._decisions.follow(
-            state, stamp, FallbackLevel.PREVIOUS_PLAN, reason, *shifted, errors
-        )
-
-    def _shifted(self, context: PlanningContext) -> tuple[Plan, Verdict] | None:
-        plan, start, horizon = self._state.plan, context.start, context.horizon
-        return self._fallback.shifted(plan, start, horizon, self._state.delay, context.pending)
 
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state

@@ -1,4 +1,4 @@
-"""Slower commands, where one that comes late would not find its path clear."""
+"""What follows a command that came too late, and slower ones before one that may."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
-from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.lateness import clear_fraction
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
@@ -18,19 +20,53 @@ Array = NDArray[np.float64]
 
 
 class LateCommands:
-    """Slows commands down for the time that they may take to come into effect."""
+    """Goes on with late plans, and slows commands down for the time until they take effect."""
 
     def __init__(
-        self, settings: GuidanceSettings, audit: Audit, decisions: DecisionBuilder
+        self,
+        settings: GuidanceSettings,
+        audit: Audit,
+        fallback: Fallback,
+        decisions: DecisionBuilder,
     ) -> None:
         """Take times and limits from the settings.
 
         Args:
             settings: All settings of the guidance law.
             audit: For what the path must be clear of.
+            fallback: Shifts late plans.
             decisions: What makes them.
         """
-        self._settings, self._audit, self._decisions = settings, audit, decisions
+        self._settings, self._audit = settings, audit
+        self._fallback, self._decisions = fallback, decisions
+
+    def follow(
+        self, state: LawState, stamp: int, pose: Array, context: PlanningContext, late: float
+    ) -> Decision:
+        """Follow the plan that came too late, shifted by the time it took, if it is still clear.
+
+        Nothing is solved: that might be late again.
+
+        Args:
+            state: Of the law.
+            stamp: Time stamp of the odometry [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            context: What plans are for.
+            late: How long it took [s].
+        """
+        start = context.start
+        shifted = self._fallback.shifted(
+            state.plan, start, context.horizon, context.delay, context.pending
+        )
+        if shifted is None:
+            state.plan, state.waiting = None, context.plan
+            reason = f'The computer was late, by {late:.3g} s: its last plan is not clear any more.'
+            return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
+        state.plan = shifted[0]
+        reason = f'The computer was late, by {late:.3g} s: its last plan goes on.'
+        errors = context.goal.errors(state.plan.poses[-1])
+        level = FallbackLevel.PREVIOUS_PLAN
+        return self._decisions.follow(state, stamp, level, reason, *shifted, errors)
 
     def slowed(
         self, state: LawState, decision: Decision, here: PlanStart, start: PlanStart, ramp: Array

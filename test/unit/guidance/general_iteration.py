@@ -15,6 +15,7 @@ from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.robots.acceleration import within_ramp
 
 
 def improve(settings, pose, held, guess, horizon):
@@ -26,8 +27,10 @@ def improve(settings, pose, held, guess, horizon):
     problem = GuidanceProblem(
         settings.robot, space, formulation.cost, pose, goal, durations, heading, outputs
     )
-    if settings.weights.control_rate > 0.0:
-        problem = ControlRateProblem(problem, settings.weights.control_rate, held)
+    if formulation.remembers_control:
+        weight, limit = settings.weights.control_rate, settings.max_wheel_change
+        problem = ControlRateProblem(problem, weight, held, limit)
+        guess = within_ramp(guess, durations, held, limit)
     trust_radius = np.full(problem.size.state, np.inf)
     trust_radius[2] = formulation.heading_trust_region
     options = Options(

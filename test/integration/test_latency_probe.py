@@ -95,8 +95,8 @@ def test_odometry_keeps_its_grid_and_commands_move_the_robot(probe, ros, tmp_pat
     def decision(**entries):
         return DECISION.type(status=[DiagnosticStatus(values=values(**entries))])
 
-    decisions.publish(decision(stamp=stamps[0], finished='false', step_ms=0.25))
-    over = decision(stamp=stamps[-1], finished='true')
+    decisions.publish(decision(stamp=stamps[0], finished='false', halted='false', step_ms=0.25))
+    over = decision(stamp=stamps[-1], finished='true', halted='false')
     ros.spin_until(lambda: decisions.publish(over) or (tmp_path / 'out.json').exists())
     found = json.loads((tmp_path / 'out.json').read_text())
     assert len(found['total_ms']) == len(found['own_ms']) <= 1

@@ -109,12 +109,14 @@ class Summary:
 
 
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
-    """First decision and final time of a run, as stamps [ns].
+    """First odometry that was decided on, and the final time, as stamps [ns].
 
     Raises:
         BagError: The run does not cover them.
     """
-    first = run.decisions[0].stamp
+    # Before it the node may have had to wait, for a sensor perhaps.
+    answers = (each.stamp for each in run.decisions if not each.halted)
+    first = next(answers, run.decisions[0].stamp)
     last = first + to_nanoseconds(settings.final_time)
     begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
     if not begin <= first < last <= end:
@@ -148,7 +150,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     else:
         reached = all(each.ratio <= 1.0 for each in passings)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
-    steps = [each for each in run.decisions if each.stamp < last]
+    steps = [each for each in run.decisions if first <= each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
     p50, p99, longest = np.percentile(times, [50, 99, 100]).tolist() if times else (None,) * 3
     counts = Counter(each.level for each in steps)

@@ -91,7 +91,8 @@ def test_what_happens_before_the_first_decision_and_after_the_final_time_does_no
     far = on_circle(9.5)[:2]
     wheels = [(0, (99.0, 0.0)), (SECOND, (1.0, -7.5)), (5 * SECOND, (3.0, 2.0))]
     wheels += [(7 * SECOND, (99.0, 99.0))]
-    decisions = [{'stamp': (1 + k) * SECOND, 'step_ms': 1.0 + k} for k in range(4)]
+    decisions = [{'stamp': SECOND // 2, 'level': 'stop', 'halted': 'true'}]
+    decisions += [{'stamp': (1 + k) * SECOND, 'step_ms': 1.0 + k} for k in range(4)]
     decisions += [{'stamp': 5 * SECOND, 'level': 'stop', 'finished': True, 'step_ms': 900.0}]
     summary = summary_of(
         settings([((x, y), 0.2), (far, 0.2)], goal=on_circle(5.0)[:2]),

@@ -7,79 +7,20 @@ from __future__ import annotations
 
 import pathlib
 import sys
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterEvent
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
+from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.parameters.documentation import with_section
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rclpy.node import Node
-    from rclpy.publisher import Publisher
-    from rclpy.subscription import Subscription
-
-
-@dataclass(frozen=True)
-class Topic:
-    """One topic or service of a node.
-
-    Attributes:
-        node: Name of the node.
-        direction: Seen from the node.
-        name: As the node uses it, before namespaces and remapping.
-        type: Message or service class.
-        notes: For the user.
-        depth: Depth of its queue; 0 for a service.
-        best_effort: Whether a subscription accepts best-effort publishers as well.
-        latched: Whether late subscribers get the last message (transient local).
-        repeats: Whether it only repeats the content of other topics; it is then not recorded.
-    """
-
-    node: str
-    direction: Literal['in', 'out', 'srv']
-    name: str
-    type: Any
-    notes: str
-    depth: int = 10
-    best_effort: bool = False
-    latched: bool = False
-    repeats: bool = False
-
-    @property
-    def qos(self) -> QoSProfile:
-        """Quality of service."""
-        return QoSProfile(
-            depth=self.depth,
-            reliability=ReliabilityPolicy.BEST_EFFORT
-            if self.best_effort
-            else ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL
-            if self.latched
-            else DurabilityPolicy.VOLATILE,
-        )
-
-    def publish_on(self, node: Node) -> Publisher:
-        """Create a publisher."""
-        return node.create_publisher(self.type, self.name, self.qos)
-
-    def listen_on(
-        self, node: Node, callback: Callable[[Any], None], *, raw: bool = False
-    ) -> Subscription:
-        """Create a subscription; one that is ``raw`` is given the bytes of each message."""
-        return node.create_subscription(self.type, self.name, callback, self.qos, raw=raw)
-
 
 OF_A_RUN = 1000
 """Depth for topics that are recorded.

@@ -249,34 +249,6 @@ def test_random_programs_are_of_all_sorts():
     assert {(SOLVED, True), (SOLVED, False), (INFEASIBLE, True), (INFEASIBLE, False)} == set(ends)
 
 
-def given_program(weight):
-    qp = random_program(np.random.default_rng(4), bound=0.8)
-    qp.g[:] += 0.4
-    qp.g[0], qp.g[3, 1] = -np.inf, -np.inf
-    return qp, relaxed(qp, weight, weight)
-
-
-@pytest.mark.parametrize('weight', [0.7, np.inf])
-def test_the_warm_start_left_is_the_shortest_way_to_the_same_answer(weight):
-    qp, penalties = given_program(weight)
-    alone = run(qp, penalties)
-    assert alone.active > 3
-    assert (alone.saturated > 0) == (weight < np.inf)
-    again = run(qp, penalties, alone.warm.copy())
-    np.testing.assert_allclose(again.dU, alone.dU, atol=1e-11)
-    assert again.iterations <= alone.active + alone.saturated
-
-
-@pytest.mark.parametrize('side', [1.0, -1.0])
-def test_an_output_at_either_penalty_stays_there(side):
-    qp = chain(2, 3.0 * side)
-    alone = run(qp, relaxed(qp, terminal=1.0))
-    assert (alone.outcome, alone.saturated) == (SOLVED, 1)
-    again = run(qp, relaxed(qp, terminal=1.0), alone.warm.copy())
-    assert (again.outcome, again.saturated, again.iterations) == (SOLVED, 1, 0)
-    np.testing.assert_allclose(again.dU, alone.dU, atol=1e-14)
-
-
 def test_a_proof_goes_along_to_the_next_program():
     qp = chain(8, 3.0)
     qp.upper[:, 0], qp.L_U[:] = 0.3, 0.01
@@ -311,41 +283,6 @@ def test_rows_almost_parallel_are_met_all(apart):
         assert found.outcome in (SOLVED, INFEASIBLE)
         if found.outcome == SOLVED:
             assert kkt_residual(found.space.program) < 2e-9
-
-
-@pytest.mark.parametrize('stages', [1, 4, 30])
-def test_a_warm_start_moves_to_a_later_horizon(stages):
-    whole = random_program(np.random.default_rng(2), 20, bound=0.5, trust=2.0)
-    penalties = relaxed(whole, 50.0, 2.0)
-    warm = run(whole, penalties).warm
-    kept = 21 - stages if stages < 20 else 5
-    cut = min(stages, 15)
-    later = whole._replace(
-        **{
-            name: getattr(whole, name)[cut : cut + kept]
-            for name in whole._fields
-            if name[0] in 'Lglu'
-        },
-        A=whole.A[cut : cut + kept - 1],
-        B=whole.B[cut : cut + kept - 1],
-    )
-    weights = relaxed(later, 50.0, 2.0)
-    alone, shifted = run(later, weights), run(later, weights, warm, begun=stages)
-    assert alone.outcome == shifted.outcome == SOLVED
-    np.testing.assert_allclose(shifted.dU, alone.dU, atol=1e-10)
-    assert shifted.warm[1] == stages
-    if stages == 1:
-        assert shifted.iterations < alone.iterations
-
-
-def test_a_saturated_row_may_have_come_to_a_stage_where_it_does_not_apply():
-    qp = walled(chain(2, l=1), 1, 2.0)
-    found = run(qp, relaxed(qp, path=1.0))
-    np.testing.assert_allclose(found.dU[:, 0], [0.0, 1.0, 0.0])
-    warm = warm_with(qp, [-1 - place(qp, 'path', 2, 0)])
-    found = run(qp, relaxed(qp, path=1.0), warm)
-    assert found.outcome == SOLVED
-    np.testing.assert_array_equal(found.multipliers.path[:, 0], [0.0, 1.0, 0.0])
 
 
 @pytest.mark.parametrize('warm', [False, True])
@@ -386,3 +323,13 @@ def test_what_has_no_curvature_or_is_not_finite_is_never_solved():
     assert used.outcome == SOLVED
     np.testing.assert_array_equal(used.dU, fresh.dU)
     np.testing.assert_equal(vars(used.multipliers), vars(fresh.multipliers))
+
+
+def test_a_saturated_row_may_have_come_to_a_stage_where_it_does_not_apply():
+    qp = walled(chain(2, l=1), 1, 2.0)
+    found = run(qp, relaxed(qp, path=1.0))
+    np.testing.assert_allclose(found.dU[:, 0], [0.0, 1.0, 0.0])
+    warm = warm_with(qp, [-1 - place(qp, 'path', 2, 0)])
+    found = run(qp, relaxed(qp, path=1.0), warm)
+    assert found.outcome == SOLVED
+    np.testing.assert_array_equal(found.multipliers.path[:, 0], [0.0, 1.0, 0.0])

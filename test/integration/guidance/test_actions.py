@@ -165,7 +165,7 @@ def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
     assert recorder.wait(60.0) == 0
     outcome = replay(bag, Names.under(''))
     assert outcome.first is None, outcome.first
-    assert outcome.decisions == len(client.decisions)
+    assert outcome.decisions >= len(client.decisions)
 
 
 def test_follow_path(drive, actions, client, spawn, tmp_path):

@@ -13,7 +13,7 @@ from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
 
 pytestmark = pytest.mark.integration
 
-COUNT = 3000
+COUNT = 10_000
 TOPICS = ('/cause', '/effect')
 
 

@@ -21,6 +21,7 @@ import numpy as np
 import yaml
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
+from cmpsp_ros.bags.errors import BagError
 
 DISCS, ON_THE_ROAD = 64, 10
 CHECKS = 'road', 'moving'
@@ -61,9 +62,10 @@ def run(seed, folder):
     path.write_text(yaml.safe_dump({'/**': {'ros__parameters': parameters(seed)}}))
     command = [sys.executable, '-m', 'cmpsp_ros.cli', 'demo', path, '--output', output]
     made = subprocess.run(command, capture_output=True, text=True, check=False)
-    if not (output / 'bag').exists():
-        raise SystemExit(made.stdout + made.stderr)
-    findings = {each.check: each for each in audit(output / 'bag')}
+    try:
+        findings = {each.check: each for each in audit(output / 'bag')}
+    except BagError as error:
+        raise SystemExit(f'{made.stdout}{made.stderr}{error}') from None
     clear = all(findings[name].outcome is not CheckOutcome.FAILED for name in CHECKS)
     reached = findings['goal'].outcome is CheckOutcome.PASSED
     return {

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.robots.twist_limits import TwistLimits
-from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField
+from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
 from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
@@ -58,14 +58,14 @@ class FreeSpace:
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
         radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
-        grid: The shape that has no corners but a distance field, if there is one.
+        grids: The shapes that have no corners but a distance field, two at most.
     """
 
     road: RoadSpace
     corners: Array
     first: Indices
     radii: Array
-    grid: GridObstacle | None = None
+    grids: tuple[GridObstacle, ...] = ()
 
     @classmethod
     def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
@@ -77,7 +77,7 @@ class FreeSpace:
             np.array(corners, dtype=float).reshape(1, -1, 2),
             np.cumsum([0, *counts], dtype=np.int64),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
-            next((each for each in obstacles if isinstance(each, GridObstacle)), None),
+            tuple(each for each in obstacles if isinstance(each, GridObstacle)),
         )
 
     @property
@@ -96,12 +96,13 @@ class FreeSpace:
     @property
     def islands(self) -> Array:
         """See `GridObstacle.islands`."""
-        return np.empty((0, 2)) if self.grid is None else self.grid.islands
+        return np.concatenate([np.empty((0, 2)), *(each.islands for each in self.grids)])
 
     @property
-    def field(self) -> DistanceField:
-        """Of the grid; one that is never asked where there is none."""
-        return NO_FIELD if self.grid is None else self.grid.field
+    def fields(self) -> Fields:
+        """Of the grids, and ones that are never asked where there are none."""
+        first, second, *_ = *(each.field for each in self.grids), NO_FIELD, NO_FIELD
+        return first, second
 
     @property
     def reaches(self) -> Array:
@@ -206,7 +207,7 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
-        _fill_at(found, self.road, self.field, self.corners, self.first, poses, float(near))
+        _fill_at(found, self.road, self.fields, self.corners, self.first, poses, float(near))
         found[:, 2:] -= self.radii
         return found
 
@@ -226,7 +227,7 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _fill_along(found, self.road, self.field, self.corners, self.first, float(near), *arcs)
+        _fill_along(found, self.road, self.fields, self.corners, self.first, float(near), *arcs)
         found[:, 2:] -= self.radii
         return found
 
@@ -235,7 +236,7 @@ class FreeSpace:
 def _fill_at(
     found: Array,
     road: RoadSpace,
-    field: DistanceField,
+    fields: Fields,
     corners: Array,
     first: Indices,
     poses: Array,
@@ -249,14 +250,14 @@ def _fill_at(
         found[k, 1] = min(-over_other, road_functions.FAR)
         at = min(k, corners.shape[0] - 1)
         for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = distance_from(field, corners, first, at, j, x, y)
+            found[k, 2 + j] = distance_from(fields, corners, first, at, j, x, y)
 
 
 @allocation_free
 def _fill_along(
     found: Array,
     road: RoadSpace,
-    field: DistanceField,
+    fields: Fields,
     corners: Array,
     first: Indices,
     near: float,
@@ -273,4 +274,4 @@ def _fill_along(
         place, found[k, 0], found[k, 1] = road_functions.sweep(road, arc, place, math.inf, math.inf)
         end_x, end_y = arc.end_x, arc.end_y
         for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = sweep(arc, field, corners, first, j, math.inf)
+            found[k, 2 + j] = sweep(arc, fields, corners, first, j, math.inf)

@@ -152,7 +152,7 @@ def guidance_data(
         durations=durations,
         parameters=np.zeros(1, PARAMETERS),
         road=space.road,
-        field=space.field,
+        fields=space.fields,
         corners=np.ascontiguousarray(space.corners),
         first=space.first,
         radii=np.atleast_2d(space.radii),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
@@ -87,7 +87,8 @@ class Approach:
     def _take(self, settings: GuidanceSettings) -> None:
         self._settings = settings
         self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-        self._seen = settings.seen if settings.safety.stop_within_sight else None
+        self._seen = settings.grid(SEEN) if settings.safety.stop_within_sight else None
+        self._map = settings.grid(MAP)
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -241,16 +242,21 @@ class Approach:
         return None
 
     def _sight(self, grid: OccupancyGrid, poses: Array) -> FreeSpace:
-        """What has been seen around a path, as far as the first place on it that has not.
+        """What is known around a path, as far as the first place on it of which nothing is.
 
         Args:
-            grid: What has been seen.
+            grid: What has been seen; beside it, what the map says is known.
             poses: Along the path, shape ``(K, 3)`` [m, m, rad].
         """
         points, radius = poses[:, :2], self._settings.robot_radius
-        beyond = np.append(grid.at(points) != Cell.FREE, True).argmax() + 1
+        known = grid.at(points)
+        if self._map is not None:
+            known = np.where(known == Cell.UNKNOWN, self._map.grid.at(points), known)
+        beyond = np.append(known != Cell.FREE, True).argmax() + 1
         longest = float(np.hypot(*np.diff(points[:beyond], axis=0).T).max(initial=0.0))
         near = grid.around(points[:beyond], radius + longest + _SOME_CELLS * grid.resolution)
+        if self._map is not None:
+            near = near.completed_by(self._map.grid)
         return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius)
 
     def _to_rest(self, plan: Plan) -> tuple[Array, Array]:

@@ -270,7 +270,7 @@ class Audit:
             committed,
             self._between,
             space.road,
-            space.field,
+            space.fields,
             space.corners,
             space.first,
             space.radii,

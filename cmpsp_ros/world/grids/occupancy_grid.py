@@ -136,6 +136,13 @@ class OccupancyGrid:
         part = self.cells[row : high[0], column : high[1]]
         return OccupancyGrid((x, y, self.origin[2]), self.resolution, part)
 
+    def completed_by(self, other: OccupancyGrid) -> OccupancyGrid:
+        """The same, and where it is unknown what another grid says."""
+        rows, columns = np.nonzero(self.cells == Cell.UNKNOWN)
+        cells = self.cells.copy()
+        cells[rows, columns] = other.at(self.centers(rows, columns))
+        return OccupancyGrid(self.origin, self.resolution, cells)
+
 
 def check_size(shape: tuple[int, ...]) -> None:
     """Refuse a grid without cells, and one with more than fit into memory.

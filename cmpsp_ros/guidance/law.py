@@ -55,10 +55,6 @@ class GuidanceLaw:
         self._configure(settings)
 
     def _configure(self, settings: GuidanceSettings) -> None:
-        self._take(settings)
-        self._selector = PlanSelector(self._settings, self._audit, self._timer)
-
-    def _take(self, settings: GuidanceSettings) -> None:
         """Take settings, and what is seen beside them."""
         self._given, sighting = settings, self._state.sighting
         settings = settings if sighting is None else settings.seeing(sighting.grid)
@@ -71,6 +67,7 @@ class GuidanceLaw:
         self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
+        self._selector = PlanSelector(settings, self._audit, self._timer)
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
@@ -158,12 +155,13 @@ class GuidanceLaw:
         known = self._state.sighting
         if sighting is None or (known is not None and sighting.stamp == known.stamp):
             return
-        self._state.sighting, before = sighting, len(self._settings.obstacles)
-        self._take(self._given)
-        if len(self._settings.obstacles) == before:
-            self._selector.see(self._settings, self._audit)
-        else:
-            self._selector = PlanSelector(self._settings, self._audit, self._timer)
+        self._state.sighting = sighting
+        if known is None:
+            self._configure(self._given)
+            return
+        settings = self._settings = self._given.seeing(sighting.grid)
+        for each in (self._audit, self._fallback, self._approach, self._selector):
+            each.see(settings)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.

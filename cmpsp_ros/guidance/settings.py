@@ -254,6 +254,12 @@ class GuidanceSettings:
         seen = GridObstacle(SEEN, grid, unknown_is_free=True)
         return replace(self, obstacles=(*self.obstacles, seen))
 
+    @property
+    def seen(self) -> GridObstacle | None:
+        """What is seen, where it is among the obstacles."""
+        found = [each for each in self.obstacles if each.name == SEEN]
+        return found[0] if found and isinstance(found[0], GridObstacle) else None
+
     def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
         """The same with one goal alone.
 

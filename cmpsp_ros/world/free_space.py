@@ -206,8 +206,7 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
-        _edges_at(found, self.road, poses, float(near))
-        _away_at(found, self.field, self.corners, self.first, poses)
+        _fill_at(found, self.road, self.field, self.corners, self.first, poses, float(near))
         found[:, 2:] -= self.radii
         return found
 
@@ -225,27 +224,45 @@ class FreeSpace:
         Returns:
             As from `at`.
         """
-        edges = np.empty((len(poses), 2))
-        arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _edges_along(edges, self.road, float(near), *arguments)
-        least = np.empty((len(poses), len(self.first) - 1))
-        _away_along(least, self.field, self.corners, self.first, *arguments)
-        return np.column_stack([edges, least - self.radii])
+        found = np.empty((len(poses), 1 + len(self.first)))
+        arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
+        _fill_along(found, self.road, self.field, self.corners, self.first, float(near), *arcs)
+        found[:, 2:] -= self.radii
+        return found
 
 
 @allocation_free
-def _edges_at(clearance: Array, road: RoadSpace, poses: Array, near: float) -> None:
+def _fill_at(
+    found: Array,
+    road: RoadSpace,
+    field: DistanceField,
+    corners: Array,
+    first: Indices,
+    poses: Array,
+    near: float,
+) -> None:
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
         place = road_functions.project(road, x, y, poses[k, 2], near)
         _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
-        clearance[k, 0] = min(-over, road_functions.FAR)
-        clearance[k, 1] = min(-over_other, road_functions.FAR)
+        found[k, 0] = min(-over, road_functions.FAR)
+        found[k, 1] = min(-over_other, road_functions.FAR)
+        at = min(k, corners.shape[0] - 1)
+        for j in range(first.shape[0] - 1):
+            found[k, 2 + j] = distance_from(field, corners, first, at, j, x, y)
 
 
 @allocation_free
-def _edges_along(
-    clearance: Array, road: RoadSpace, near: float, poses: Array, twists: Array, times: Array
+def _fill_along(
+    found: Array,
+    road: RoadSpace,
+    field: DistanceField,
+    corners: Array,
+    first: Indices,
+    near: float,
+    poses: Array,
+    twists: Array,
+    times: Array,
 ) -> None:
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):
@@ -253,34 +270,7 @@ def _edges_along(
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
             place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
         arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
-        place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
-            road, arc, place, math.inf, math.inf
-        )
+        place, found[k, 0], found[k, 1] = road_functions.sweep(road, arc, place, math.inf, math.inf)
         end_x, end_y = arc.end_x, arc.end_y
-
-
-@allocation_free
-def _away_at(
-    found: Array, field: DistanceField, corners: Array, first: Indices, poses: Array
-) -> None:
-    for k in range(poses.shape[0]):
-        at = min(k, corners.shape[0] - 1)
         for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = distance_from(field, corners, first, at, j, poses[k, 0], poses[k, 1])
-
-
-@allocation_free
-def _away_along(
-    least: Array,
-    field: DistanceField,
-    corners: Array,
-    first: Indices,
-    poses: Array,
-    twists: Array,
-    times: Array,
-) -> None:
-    for k in range(poses.shape[0]):
-        length, turn = twists[k, 0] * times[k], twists[k, 1] * times[k]
-        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
-        for j in range(least.shape[1]):
-            least[k, j] = sweep(arc, field, corners, first, j, math.inf)
+            found[k, 2 + j] = sweep(arc, field, corners, first, j, math.inf)

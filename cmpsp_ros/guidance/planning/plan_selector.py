@@ -62,19 +62,19 @@ class PlanSelector:
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self.see(settings, audit)
+        self._audit = audit
+        self.see(settings)
         self.forget()
 
-    def see(self, settings: GuidanceSettings, audit: Audit) -> None:
+    def see(self, settings: GuidanceSettings) -> None:
         """Take settings that differ in what an obstacle is like, not in how many there are.
 
         The plan that is followed goes on; alternatives were of what was known before.
 
         Args:
             settings: As at first.
-            audit: As at first.
         """
-        self._settings, self._audit = settings, audit
+        self._settings = settings
         self._formulation.see(settings)
         self._pool.forget()
         self._names = [obstacle.name for obstacle in settings.obstacles]

@@ -56,8 +56,7 @@ def _map_of(
     try:
         grid = OccupancyGrid(origin, resolution, _cells_of(text))
         found = GridObstacle(NAME, grid, unknown_is_free)
-        # A map in which nothing is free has none.
-        _ = found.field
+        found.check_space()
     except GridError as error:
         raise ParameterError(Problem(f'map.{error.where}', error.found, error.wanted)) from error
     return found

@@ -258,13 +258,6 @@ def test_one_candidate_is_the_warm_plan_or_a_fresh_one_along_the_road(name):
         pose = given.robot.roll_out(pose, held[None], np.array([0.2]))[-1]
 
 
-@pytest.mark.parametrize('gap', [0.01, 0.03, 0.05])
-def test_a_stop_is_no_trap(gap):
-    """Right before an obstacle whatever moves ahead comes too close at first."""
-    given = settings((Obstacle('rock', (0.5 + gap, -10.0), 0.5),), 51.0, ROAD)
-    assert_arrives(closed_loop(given, (0.0, -10.0, 0.0)), given)
-
-
 def test_a_robot_that_gets_no_nearer_waits():
     """Before a rock as wide as the road, and a little wider."""
     given = settings((Obstacle('rock', (7.0, -7.2), 1.1),), 51.0, ROAD)

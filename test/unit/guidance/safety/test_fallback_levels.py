@@ -117,24 +117,6 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
             assert any(each in decision.reason for each in why) or decision.failures
 
 
-def test_an_obstacle_at_the_very_nose_makes_it_stop():
-    given = CASES['case 1']
-    law = GuidanceLaw(given)
-    run = drive(law, given, ON_TIME[:21])
-    pose = _after(run, given)
-    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
-    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * forward), 1.0)
-    blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
-    law.reconfigure(blocked)
-    decision = law.update(21 * PERIOD, pose)
-    if decision.level in SETTLED:
-        assert decision.clearance >= 0.0
-    else:
-        assert decision.level is FallbackLevel.STOP
-        assert 'too close to obstacle wall' in decision.reason
-        assert decision.failures == 1
-
-
 def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     given = replace(settings(guess=ROAD), failure_tolerance=2)
     law = GuidanceLaw(given)
@@ -155,30 +137,6 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
     np.testing.assert_array_equal(guesses[38], warm[2:])
     assert guesses[37].shape == warm[3:].shape
     assert not np.array_equal(guesses[37], warm[3:])
-
-
-def test_after_the_final_time_it_stays_stopped():
-    given = CASES['case 1']
-    law = GuidanceLaw(given)
-    run = drive(law, given, ON_TIME)
-    last = run.decisions[-1]
-    assert last.finished
-    assert last.level is FallbackLevel.STOP
-    assert last.reason == 'The final time has passed.'
-    assert last.time_left == 0.0
-    assert last.terminal_error < 1e-6
-    assert law.update(50 * PERIOD + 1, run.pose) is None
-    again = law.update(52 * PERIOD, run.pose)
-    assert again.finished
-    assert not again.wheel_speeds.any()
-
-
-def test_odometry_that_first_comes_back_after_the_final_time():
-    law = GuidanceLaw(CASES['case 1'])
-    assert not law.update(0, np.array(START)).finished
-    late = law.update(99 * PERIOD, np.array(START))
-    assert late.finished
-    assert late.level is FallbackLevel.STOP
 
 
 def test_halt():

@@ -9,9 +9,11 @@ from scenarios import (
     CASES,
     FIRST,
     MS,
+    ON_TIME,
     PERIOD,
     ROAD,
     SECOND,
+    SETTLED,
     START,
     clearance,
     closed_loop,
@@ -20,13 +22,9 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
 from cmpsp_ros.world.obstacles.shapes import Obstacle
-
-ON_TIME = [k * PERIOD for k in range(51)]
-SETTLED = {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
 
 
 def assert_arrives(run, given, miss=1e-6, steps=50):

@@ -8,10 +8,12 @@ import pytest
 from scenarios import (
     CASES,
     FIRST,
+    ON_TIME,
     PAPER,
     PERIOD,
     ROAD,
     SECOND,
+    SETTLED,
     START,
     clearance,
     closed_loop,
@@ -35,7 +37,6 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
-ON_TIME = [k * PERIOD for k in range(51)]
 BOTH = (FIRST, SECOND)
 
 
@@ -74,10 +75,7 @@ def test_no_guess_is_a_trap(guess, limit):
     given = settings(BOTH, limit, InitialGuess('constant', guess))
     run = closed_loop(given)
     assert_arrives(run, given)
-    assert {decision.level for decision in run.moves} <= {
-        FallbackLevel.NOMINAL,
-        FallbackLevel.ELASTIC,
-    }
+    assert {decision.level for decision in run.moves} <= SETTLED
 
 
 @pytest.mark.parametrize('limit', [45.0, 51.0])
@@ -283,10 +281,7 @@ def test_where_there_is_no_room_to_drive_in_a_bow_the_robot_turns_on_the_spot_fi
     given = settings(found, 51.0, ROAD)
     run = closed_loop(given, start)
     assert_arrives(run, given)
-    assert {decision.level for decision in run.moves} <= {
-        FallbackLevel.NOMINAL,
-        FallbackLevel.ELASTIC,
-    }
+    assert {decision.level for decision in run.moves} <= SETTLED
 
 
 def test_no_turn_on_the_spot_is_tried_where_a_plan_has_no_flaw(monkeypatch):

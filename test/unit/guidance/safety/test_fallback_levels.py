@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 from scenarios import (
     CASES,
+    ON_TIME,
     PERIOD,
     ROAD,
+    SETTLED,
     START,
+    after,
+    broken,
     clearance,
     drive,
     settings,
@@ -20,19 +24,6 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
-ON_TIME = [k * PERIOD for k in range(51)]
-SETTLED = {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
-
-
-def broken(monkeypatch):
-    """From here on no subproblem is solved."""
-    improve = Planner.improve
-
-    def fail(*arguments, **rest):
-        return improve(*arguments, **rest)._replace(solved=False, reason='No.')
-
-    monkeypatch.setattr(Planner, 'improve', fail)
-
 
 def test_the_levels_when_the_solver_fails(monkeypatch):
     given = replace(CASES['case 3'], failure_tolerance=3)
@@ -40,7 +31,7 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
     run = drive(law, given, ON_TIME[:21])
     good = run.decisions[-1]
     broken(monkeypatch)
-    rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
+    rest = drive(law, given, ON_TIME[21:27], start=after(run, given))
     levels = [decision.level for decision in rest.decisions]
     assert levels[:3] == [FallbackLevel.PREVIOUS_PLAN] * 3
     assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
@@ -58,11 +49,6 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
         assert decision.plan is None
         assert decision.reason == 'No.'
     assert clearance(rest.path, given) >= 0.0
-
-
-def _after(run, given):
-    wheels = run.decisions[-1].wheel_speeds[None]
-    return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
 
 
 def test_the_levels_recover_when_the_solver_does(monkeypatch):
@@ -100,7 +86,7 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
     given = settings(limit=limit)
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:21])
-    pose = _after(run, given)
+    pose = after(run, given)
     forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
     # Its edge is `ahead` of the robot, straight on.
     center = tuple(pose[:2] + (ahead + radius) * forward)
@@ -132,7 +118,7 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
         return result._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
-    drive(law, given, ON_TIME[11:14], start=_after(run, given))
+    drive(law, given, ON_TIME[11:14], start=after(run, given))
     np.testing.assert_array_equal(guesses[39], warm[1:])
     np.testing.assert_array_equal(guesses[38], warm[2:])
     assert guesses[37].shape == warm[3:].shape

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.arcs import arc_under
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
@@ -218,7 +218,7 @@ class FreeSpace:
 
         Args:
             poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
-            twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
+            twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
             durations: Shape ``(K,)`` [s].
             near: Progress of a place near the first pose, not a number where none is known [m].
 
@@ -252,7 +252,7 @@ def _edges_along(
         x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
             place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
-        arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
+        arc = arc_under(poses, twists, k, times[k])
         place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
             road, arc, place, math.inf, math.inf
         )
@@ -280,7 +280,6 @@ def _away_along(
     times: Array,
 ) -> None:
     for k in range(poses.shape[0]):
-        length, turn = twists[k, 0] * times[k], twists[k, 1] * times[k]
-        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        arc = arc_under(poses, twists, k, times[k])
         for j in range(least.shape[1]):
             least[k, j] = sweep(arc, field, corners, first, j, math.inf)

@@ -11,6 +11,7 @@ from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.robots.arcs import speeds_and_turns
 
 _ROUNDING = 1e-6
 """What rounding may take from a clearance [m]."""
@@ -103,7 +104,7 @@ def stop_at_end(record: AuditRecord) -> Verdict:
     last, received = int(leg.commands.stamps[-1]), int(leg.odometry.stamps[-1])
     run = leg.runs[-1]
     settings = record.history.at(run.start)
-    speed, turn = leg.commands.twists[-1]
+    speed, turn = speeds_and_turns(leg.commands.twists[-1])
     figures = {'worst': math.hypot(speed, turn), 'limit': 0.0, 'at': record.seconds(last)}
     if not leg.commands.moving[-1]:
         return passed_if(True, 'The last command is a stop.', **figures)

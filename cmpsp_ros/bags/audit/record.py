@@ -156,7 +156,7 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     commands = read_commands(bag, places.cmd_vel)
     # Of those that came too late no command was sent.
     decisions = tuple(each for each in read_decisions(bag, places.decision) if not each.late)
-    decided = settings.robot.twist(wheel_speeds(decisions))
+    decided = settings.robot.twist_of_wheels(wheel_speeds(decisions))
     pairs = pair(commands, decided)
     commands = timed(commands, odometry, pairs, decisions)
     legs = tuple(_legs(odometry.legs(settings.odom_timeout), commands, decisions))

@@ -97,7 +97,7 @@ class Recording:
         self.unusable = ''
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
-        self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
+        self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
         self._tracks: dict[tuple[int | str, int], Seen] = {}
         self._sightings: dict[int, Sighting] = {}
@@ -173,7 +173,8 @@ class Recording:
                 self.odometry.append(OdometrySample(received, stamp_of(message), pose))
         elif topic == self._names.cmd_vel:
             twist = getattr(message, 'twist', message)
-            self._commands.append((received, (twist.linear.x, twist.angular.z)))
+            command = twist.linear.x, twist.linear.y, twist.angular.z
+            self._commands.append((received, command))
         elif topic in self._moving:
             with suppress(TrackError):
                 self._note(tracks_of(message, self._frame_id))
@@ -215,7 +216,7 @@ class Recording:
         path = None if decision.halted else self._paths.pop(decision.stamp, None)
         return replace(decision, command=self._command_of(decision), path=path)
 
-    def _command_of(self, decision: DecisionRecord) -> tuple[float, float] | None:
+    def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
         """The command sent just before a decision was published."""
         if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None

@@ -109,7 +109,7 @@ class View:
 
     @cached_property
     def commands(self) -> tuple[Array, Array]:
-        """When each command counts from [s], and its wheel speeds ``(C, 2)`` [rad/s]."""
+        """When each command counts from [s], and its wheel speeds ``(C, W)`` [rad/s]."""
         commands = self.record.commands
         chosen = thinned(np.arange(len(commands.stamps)), MOST_POINTS)
         speeds = self.settings.robot.wheel_speeds(commands.twists[chosen])
@@ -117,7 +117,7 @@ class View:
 
     @cached_property
     def driven(self) -> tuple[Array, Array]:
-        """When each arc begins [s], and the wheel speeds that drive it ``(K, 2)`` [rad/s]."""
+        """When each arc begins [s], and the wheel speeds that drive it ``(K, W)`` [rad/s]."""
         paths = [leg.guided for leg in self.record.legs]
         times = np.concatenate([self._seconds(each.stamps[:-1]) for each in paths])
         twists = np.concatenate([each.twists[:-1] for each in paths])

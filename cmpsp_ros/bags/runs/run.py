@@ -15,7 +15,7 @@ from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots.arcs import arc_ends, plain
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -41,7 +41,7 @@ class Driven:
     Attributes:
         stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
         poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: Speed and turn rate from each on, shape ``(K + 1, 2)`` [m/s, rad/s].
+        twists: From each on, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
     """
 
     stamps: Stamps
@@ -82,8 +82,8 @@ class Run:
         driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape ``(W,
-            2)`` [rad/s].
+        wheel_speeds: Of all wheels, driven or, without a simulator, commanded; shape
+            ``(W, wheels)`` [rad/s].
     """
 
     decisions: tuple[DecisionRecord, ...]
@@ -146,14 +146,14 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
         # Of two at one instant the later counts: a command took effect there.
         pose, twist = message.pose.pose, message.twist.twist
         place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
-        rows[stamp_of(message)] = place, [twist.linear.x, twist.angular.z]
+        rows[stamp_of(message)] = place, [twist.linear.x, twist.linear.y, twist.angular.z]
     if len(rows) < 2:
         raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
     return Driven(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),
         np.array([pose for _, (pose, _) in ordered]),
-        np.array([twist for _, (_, twist) in ordered]),
+        plain(np.array([twist for _, (_, twist) in ordered])),
     )
 
 
@@ -171,4 +171,4 @@ def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
 def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
     rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
+    return stamps, np.array([speeds for _, speeds in rows]).reshape(len(rows), -1)

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -24,12 +23,15 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SCREENING, SEEN, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
+
+# What parts of an obstacle that is a grid are parts of.
+_WORDS = {SEEN: 'what is seen', MAP: 'the map'}
 
 # New plans are made every control step if the one followed is not admissible, else ever less often.
 _LONGEST_PAUSE = 7
@@ -62,26 +64,29 @@ class PlanSelector:
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self.see(settings, audit)
+        self._audit = audit
+        self.see(settings)
         self.forget()
 
-    def see(self, settings: GuidanceSettings, audit: Audit) -> None:
+    def see(self, settings: GuidanceSettings) -> None:
         """Take settings that differ in what an obstacle is like, not in how many there are.
 
         The plan that is followed goes on; alternatives were of what was known before.
 
         Args:
             settings: As at first.
-            audit: As at first.
         """
-        self._settings, self._audit = settings, audit
+        self._settings = settings
         self._formulation.see(settings)
         self._pool.forget()
         self._names = [obstacle.name for obstacle in settings.obstacles]
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
-        whole = 'what is seen' if settings.sight.sensors else 'the map'
-        self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        self._island_names = [
+            f'{_WORDS.get(grid.name, grid.name)} at ({x:.1f}, {y:.1f})'
+            for grid in space.grids
+            for x, y in grid.islands.tolist()
+        ]
         if settings.map_search is not None:
             for goal in settings.goals:
                 settings.map_search.prepare(goal.position)
@@ -164,7 +169,7 @@ class PlanSelector:
         best = self._better(warm, context.center_line_guess, context)
         if best.admissible or not context.at_rest:
             return best
-        return self._better(best, _zero_controls(context.horizon), context)
+        return self._better(best, _zero_controls(context), context)
 
     def _better(self, known: Candidate, guess: Array, context: PlanningContext) -> Candidate:
         """A plan, or one from another guess, if that is better."""
@@ -243,7 +248,7 @@ class PlanSelector:
         if any(each.candidate.admissible for each in every):
             return fresh
         # Or it may come too close at first: zero controls do not.
-        return [*fresh, self._new(_zero_controls(context.horizon), context)]
+        return [*fresh, self._new(_zero_controls(context), context)]
 
     def _new_ones(self, guesses: list[Array], context: PlanningContext) -> list[Alternative]:
         """New plans, as many as there is work left for."""
@@ -318,6 +323,6 @@ class PlanSelector:
         return Candidate.of(result, verdict, context.goal)
 
 
-def _zero_controls(horizon: Horizon) -> Array:
-    """Wheel speeds of a robot at rest, shape ``(N + 1, 2)`` [rad/s]."""
-    return np.zeros((len(horizon.edges), 2))
+def _zero_controls(context: PlanningContext) -> Array:
+    """Controls of a robot at rest, shape ``(N + 1, r)``."""
+    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))

@@ -29,6 +29,10 @@ class Fallback:
         self._audit, self._max_change = audit, settings.max_wheel_change
         self._margin_audit = Audit(settings, with_margin=True)
 
+    def see(self, settings: GuidanceSettings) -> None:
+        """As `Audit.see`."""
+        self._margin_audit.see(settings)
+
     def shifted(
         self,
         plan: Plan | None,
@@ -50,7 +54,11 @@ class Fallback:
             return None
         controls = shift(plan.controls, plan.horizon, horizon)
         controls = within_ramp(
-            controls, horizon.durations, start.previous_control, self._max_change
+            controls,
+            horizon.durations,
+            start.previous_control,
+            self._max_change,
+            start.robot.wheels,
         )
         verdict = self._audit.check(start, controls, horizon.durations, pending)
         if not verdict.passed:

@@ -25,7 +25,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.world.free_space import FreeSpace
@@ -48,7 +48,7 @@ class Recipe(Enum):
 class SquaredConstraints(GuidanceProblem):
     """The same problem with the squared distances of (92) and (93)."""
 
-    def __init__(self, robot: DifferentialDrive, space: FreeSpace, *rest: Any) -> None:
+    def __init__(self, robot: Robot, space: FreeSpace, *rest: Any) -> None:
         """Set the problem up; arguments as of `GuidanceProblem`."""
         super().__init__(robot, space, *rest)
         edges = space.annulus

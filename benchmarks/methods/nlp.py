@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.families.task import Task
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -113,7 +113,7 @@ def unpack(w: Array, last: Array) -> Array:
     return np.vstack([w[:-STATES].reshape(-1, STAGE)[:, STATES:], last])
 
 
-def moved(robot: DifferentialDrive, x: Any, u: Any, duration: Any) -> Any:
+def moved(robot: Robot, x: Any, u: Any, duration: Any) -> Any:
     """Where constant wheel speeds lead, (91) solved exactly, as an expression."""
     length = (u[0] + u[1]) * robot.wheel_radius / 2.0 * duration
     turn = (u[0] - u[1]) * robot.wheel_radius / (2.0 * robot.half_track) * duration

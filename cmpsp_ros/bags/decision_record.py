@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.key_values import MOVING, present_keys
+from cmpsp_ros.guidance.key_values import MOVING, WHEELS, present_keys
 from cmpsp_ros.guidance.messages.tracks import read_keys
 
 Array = NDArray[np.float64]
@@ -90,8 +90,17 @@ def triple(text: str) -> tuple[float, float, float]:
     Raises:
         ValueError: It is something else.
     """
-    x, y, heading = map(float, text.split(' '))
+    x, y, heading = numbers(text)
     return x, y, heading
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Numbers with spaces between them.
+
+    Raises:
+        ValueError: It is something else.
+    """
+    return tuple(map(float, text.split(' ')))
 
 
 def status_of(message: Any) -> Any:
@@ -119,7 +128,8 @@ class DecisionRecord:
         received: Time of reception [ns].
         reason: Its reason, in words.
         entries: All other entries of its message, as text by key.
-        command: Speed and turn rate on the command's topic [m/s, rad/s]; None where not recorded.
+        command: Forward, to the left and turning on the command's topic [m/s, m/s, rad/s]; None
+            where not recorded.
         path: The predicted path; None where not recorded.
     """
 
@@ -127,7 +137,7 @@ class DecisionRecord:
     received: int
     reason: str
     entries: Mapping[str, str]
-    command: tuple[float, float] | None = None
+    command: tuple[float, float, float] | None = None
     path: tuple[Waypoint, ...] | None = None
 
     step = Entry(int)
@@ -136,6 +146,7 @@ class DecisionRecord:
     time_left = Entry(float, 's')
     wheel_speed_right = Entry(float, 'rad/s')
     wheel_speed_left = Entry(float, 'rad/s')
+    _all_wheels = Entry[tuple[float, ...] | None](numbers, 'rad/s', key=WHEELS, default=None)
     terminal_error = Entry(float, 'm')
     clearance = Entry(float, 'm')
     worst_clearance = Entry(float, 'm')
@@ -193,7 +204,9 @@ class DecisionRecord:
 
     @property
     def wheel_speeds(self) -> Array:
-        """Right and left wheel [rad/s], shape ``(2,)``."""
+        """Of right and left wheel, or of all there are, shape ``(W,)`` [rad/s]."""
+        if self._all_wheels is not None:
+            return np.array(self._all_wheels)
         return np.array([self.wheel_speed_right, self.wheel_speed_left])
 
     @property
@@ -229,8 +242,9 @@ def read_decisions(bag: Bag, topic: str) -> tuple[DecisionRecord, ...]:
 
 
 def wheel_speeds(decisions: Iterable[DecisionRecord]) -> Array:
-    """Right and left wheel of each, shape ``(D, 2)`` [rad/s]."""
-    return np.array([each.wheel_speeds for each in decisions]).reshape(-1, 2)
+    """Of each, shape ``(D, W)`` [rad/s]."""
+    speeds = [each.wheel_speeds for each in decisions]
+    return np.array(speeds) if speeds else np.empty((0, 2))
 
 
 def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:

@@ -8,6 +8,7 @@ from cmpsp_ros.bags.definitions import jazzy
 from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
+from cmpsp_ros.robots.arcs import with_side
 
 DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'
@@ -32,9 +33,9 @@ def decision_message(decision: Decision, name: str) -> bytes:
 
 def command_message(decision: Decision) -> bytes:
     """The command of a decision, serialised as a `TWIST`."""
-    speed, rate = decision.twist.tolist()
+    forward, left, rate = with_side(decision.twist).tolist()
     vector = jazzy().types['geometry_msgs/msg/Vector3']
-    return _raw(_make(TWIST, vector(speed, 0.0, 0.0), vector(0.0, 0.0, rate)), TWIST)
+    return _raw(_make(TWIST, vector(forward, left, 0.0), vector(0.0, 0.0, rate)), TWIST)
 
 
 def path_message(plan: Plan, frame_id: str, stamp: int) -> bytes:

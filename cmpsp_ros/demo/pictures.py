@@ -100,7 +100,7 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
 
 
 def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
-    """Speed of both wheels, with their limits."""
+    """Speeds of all wheels, with their limits."""
     first, last = window(run, settings)
     # Of two speeds at one instant the second is the one that a command has set.
     latest = np.append(np.diff(run.wheel_stamps) > 0, True)
@@ -109,7 +109,8 @@ def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
     wheel_speeds = np.vstack([run.wheel_speeds[inside], run.wheel_speeds[inside][-1:]])
     figure = Figure(figsize=(9.0, 4.5), layout='constrained')
     axes = figure.add_subplot()
-    for speeds, side, color in zip(wheel_speeds.T, ('right', 'left'), BAGS, strict=False):
+    names = settings.robot.wheel_names
+    for speeds, side, color in zip(wheel_speeds.T, names, BAGS, strict=False):
         axes.step(seconds, speeds, where='post', color=color, label=f'{side} wheel')
     limit = settings.robot.max_wheel_speed
     if math.isfinite(limit):

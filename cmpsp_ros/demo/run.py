@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
+from cmpsp_ros.guidance.key_values import is_at_rest
 from cmpsp_ros.nodes.recording.written import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
 
@@ -284,8 +285,7 @@ def guide(
         # The one that the clock has made is followed by one that judges where the robot was, and
         # that one by others until the robot is at rest.
         wanted = {'finished': 'true', 'halted': 'false'}
-        wanted |= dict.fromkeys(('wheel_speed_right', 'wheel_speed_left'), '0.0')
-        return all(wanted.items() <= each.items() for each in decisions)
+        return all(wanted.items() <= each.items() and is_at_rest(each) for each in decisions)
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

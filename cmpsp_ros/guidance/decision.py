@@ -33,7 +33,7 @@ class Plan(NamedTuple):
 
     Attributes:
         horizon: When each control is given.
-        controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
+        controls: Of the robot, shape ``(N + 1, r)``.
         poses: Predicted poses ``(N + 1, 3)`` [m, m, rad].
         delay: Time after which a control that is given takes effect [ns]; the first pose is where
             the robot will be then.
@@ -73,8 +73,9 @@ class Decision(NamedTuple):
         step: Number of the control step, from 0.
         level: The fallback level.
         reason: Why that level, in a sentence.
-        wheel_speeds: Commanded wheel speeds (right, left), shape ``(2,)`` [rad/s].
-        twist: The same as speed and turn rate, shape ``(2,)`` [m/s, rad/s].
+        wheel_speeds: Commanded wheel speeds, shape ``(W,)``; of a differential drive right and left
+            [rad/s].
+        twist: The same as the speed and turn rate of a `Robot`, shape ``(2,)`` or ``(3,)``.
         time_left: Time to the final time [s]; 0 once it has passed, infinite where there is none.
         plan: The plan followed; None when stopped.
         terminal_error: Distance of the plan's end from the goal [m]; the robot's own once stopped.

@@ -13,6 +13,11 @@ from cmpsp_ros.guidance.messages.tracks import track_keys
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""
 
+WHEELS = 'wheel_speeds'
+"""Key of the speeds of a robot with more wheels than two."""
+
+_TWO_WHEELS = 'wheel_speed_right', 'wheel_speed_left'
+
 _FORMER: Final[Mapping[str, str]] = MappingProxyType(
     {
         'rung': 'fallback_level',
@@ -35,14 +40,12 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
     Floats are written so that they read back bit for bit; times end in ``_ms``. Without slip
     nothing is said of it.
     """
-    right, left = decision.wheel_speeds.tolist()
     values: dict[str, object] = {
         'step': decision.step,
         'stamp': decision.stamp,
         'fallback_level': decision.level.name.lower(),
         'time_left': decision.time_left,
-        'wheel_speed_right': right,
-        'wheel_speed_left': left,
+        **_of_wheels(decision),
         'terminal_error': decision.terminal_error,
         'clearance': decision.clearance,
         'worst_clearance': decision.worst_clearance,
@@ -68,6 +71,19 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         **{f'{phase}_ms': time for phase, time in decision.phases.items()},
     }
     return {key: exact_repr(value) for key, value in values.items()}
+
+
+def is_at_rest(values: Mapping[str, str]) -> bool:
+    """Whether key values of a decision are those of one that stops all wheels."""
+    speeds = [values[key] for key in (*_TWO_WHEELS, WHEELS) if key in values]
+    return not any(map(float, ' '.join(speeds).split()))
+
+
+def _of_wheels(decision: Decision) -> dict[str, object]:
+    speeds = decision.wheel_speeds.tolist()
+    if len(speeds) == len(_TWO_WHEELS):
+        return dict(zip(_TWO_WHEELS, speeds, strict=True))
+    return {WHEELS: ' '.join(map(repr, speeds))}
 
 
 def _of_lag(decision: Decision) -> dict[str, object]:

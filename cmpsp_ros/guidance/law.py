@@ -150,7 +150,7 @@ class GuidanceLaw:
         decision = self._late_commands.slowed(state, decision, here, start, ramp)
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
-        state.begin_period(settings, stamp, pose, decision.wheel_speeds, self._delay)
+        state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
         return self._sent(decision, tracks)
 
     def _see(self, sighting: Sighting | None, pose: Array) -> None:
@@ -335,7 +335,7 @@ class GuidanceLaw:
     def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
         state = self._state
         state.lag.advance(decision.stamp, state.pending.latest, state.robot)
-        state.pending.add(decision.stamp, decision.wheel_speeds)
+        state.pending.add(decision.stamp, state.previous_control)
         state.commanded_at = decision.stamp
         if state.sighting is not None:
             decision = decision._replace(sighting=state.sighting.stamp)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import SightSettings
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
@@ -157,7 +157,7 @@ class GuidanceSettings:
     """All that the guidance law depends on, apart from odometry.
 
     Attributes:
-        robot: Wheel radius, half track and wheel-speed limit.
+        robot: Kinematics and limits.
         road: The road to stay inside.
         goal: Point to pass at the final time (x, y) [m].
         goal_tolerance: Miss up to which the goal counts as reached [m].
@@ -188,7 +188,7 @@ class GuidanceSettings:
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
-    robot: DifferentialDrive
+    robot: Robot
     road: Road
     goal: tuple[float, float]
     goal_tolerance: float = 0.01

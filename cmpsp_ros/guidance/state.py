@@ -21,7 +21,7 @@ from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import Sighting
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
@@ -43,6 +43,8 @@ class LawState:
         used_slip: The slip that it has.
         run: How many runs there were before.
         revision: How often the law had been given new settings before.
+        previous_control: Control commanded last, shape ``(r,)``.
+        pending: Commands that have not taken effect yet.
         start: Time stamp of the first odometry [ns]; None before it.
         now: Time of the last odometry since then [ns].
         due: When the next control step falls due [ns].
@@ -51,13 +53,11 @@ class LawState:
         failures: Failed control steps in a row.
         idle_steps: Control steps that brought the goal no nearer, since one could reach it.
         progress: Arc length of the robot along the road, NaN if not needed [m].
-        previous_control: Wheel speeds commanded last, shape ``(2,)`` [rad/s].
         commanded_at: Time stamp that this command answers [ns].
-        ramp: Commands by which it can be stopped, audited; shape ``(K, 2)`` [rad/s].
+        ramp: Commands by which it can be stopped, audited; shape ``(K, r)``.
         plan: The plan that is followed, if any.
         waiting: A plan that is improved while the robot waits.
         final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
-        pending: Commands that have not taken effect yet.
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
         sighting: What is known of the surroundings; None without sensors.
@@ -69,10 +69,12 @@ class LawState:
     goals: GoalManager
     slip: SlipEstimate
     lag: LagEstimate
-    robot: DifferentialDrive
+    robot: Robot
     used_slip: float
     run: int
     revision: int
+    previous_control: Array
+    pending: PendingCommands
     start: int | None = None
     now: int = 0
     due: int = 0
@@ -81,13 +83,11 @@ class LawState:
     failures: int = 0
     idle_steps: int = 0
     progress: float = math.nan
-    previous_control: Array = field(default_factory=lambda: np.zeros(2))
     commanded_at: int = 0
     ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
     waiting: Plan | None = None
     final_pose: Array | None = None
-    pending: PendingCommands = field(default_factory=PendingCommands)
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
     sighting: Sighting | None = None
@@ -101,9 +101,10 @@ class LawState:
         slip = SlipEstimate(settings.max_slip)
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
-        return cls(
-            GoalManager(settings), slip, LagEstimate(settings.max_lag), robot, used, run, revision
-        )
+        lag, rest = LagEstimate(settings.max_lag, robot.n_controls), robot.at_rest
+        pending = PendingCommands(robot.n_controls)
+        goals = GoalManager(settings)
+        return cls(goals, slip, lag, robot, used, run, revision, rest, pending)
 
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
@@ -118,7 +119,7 @@ class LawState:
             period: Control period [ns].
         """
         if not len(self.ramp):
-            self.previous_control = np.zeros(2)
+            self.previous_control = self.robot.at_rest
         elif stamp - self.commanded_at >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 
@@ -147,20 +148,20 @@ class LawState:
         """
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(pose, self.robot, moving, self.progress, self.previous_control)
-        wheel_speeds, durations = self.pending.until(stamp, delay)
+        controls, durations = self.pending.until(stamp, delay)
         lag, wheels = self.lag.best
         self.delay = delay + lag
         if lag:
-            wheel_speeds, durations = wheels[None], np.array([lag / NANOSECONDS])
+            controls, durations = wheels[None], np.array([lag / NANOSECONDS])
         if not len(durations):
             return here, here
-        ahead = self.robot.roll_out(pose, wheel_speeds, durations)[-1]
+        ahead = self.robot.roll_out(pose, controls, durations)[-1]
         progress = project_on_path(road, ahead, self.progress)
         later = moving.after(float(durations.sum()))
         return here, here._replace(pose=ahead, moving=later, progress=progress)
 
     def begin_period(
-        self, settings: GuidanceSettings, stamp: int, pose: Array, wheel_speeds: Array, delay: int
+        self, settings: GuidanceSettings, stamp: int, pose: Array, control: Array, delay: int
     ) -> None:
         """Record how a control period begins, for the estimate of slip.
 
@@ -168,12 +169,12 @@ class LawState:
             settings: All settings of the guidance law.
             stamp: When it begins [ns].
             pose: Where, shape ``(3,)`` [m, m, rad].
-            wheel_speeds: Commanded then, shape ``(2,)`` [rad/s].
+            control: Commanded then, shape ``(r,)``.
             delay: From a command to its effect [ns].
         """
         if settings.max_slip > 0.0:
             ahead, durations = self.pending.until(stamp, delay)
-            speeds = np.array([self.pending.in_force, *ahead, wheel_speeds])
+            speeds = np.array([self.pending.in_force, *ahead, control])
             self.slip.begin(stamp, pose, speeds, durations)
 
     def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array, delay: int) -> bool:

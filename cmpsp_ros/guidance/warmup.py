@@ -101,18 +101,20 @@ def run_kernels(settings: GuidanceSettings) -> None:
 
     Each of them is compiled once, for all kinds of road.
     """
-    pose, controls, durations = _A_ROAD.middle(), np.zeros((2, 2)), np.ones(1)
+    pose, durations = _A_ROAD.middle(), np.ones(1)
+    controls = np.zeros((2, settings.robot.n_controls))
     on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
     on_road.robot.roll_out(pose, controls, durations)
-    with_lag(np.zeros(2), controls, np.ones(2), 1.0, 1)
+    with_lag(controls[0].copy(), controls, np.ones(2), 1.0, 1)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     line = searched_line(space, pose[:2], np.array(on_road.goal))
     blocked = np.zeros((len(line), 1), dtype=bool)
     fill_blocked(blocked, NO_FIELD, 0.0, frame_along(line), np.zeros(1))
-    space.along(pose[None], controls[:1], durations)
-    _A_DISC.along(pose[None], controls[:1], durations, durations)
-    start = PlanStart(pose, on_road.robot, _A_DISC)
+    twists = on_road.robot.twist(controls[:1])
+    space.along(pose[None], twists, durations)
+    _A_DISC.along(pose[None], twists, durations, durations)
+    start = PlanStart(pose, on_road.robot, _A_DISC, previous_control=controls[0])
     Audit(on_road).check(start, controls, durations)
     along_road(on_road, start, on_road.target, durations)
     remaining_arc_length(_A_ROAD, pose[None], on_road.goal, None)
@@ -168,7 +170,7 @@ def _meet_difficulties(settings: GuidanceSettings) -> None:
     by_name = replace(settings, solver=replace(settings.solver, qp=CLARABEL))
     period, final = to_nanoseconds(settings.control_period), to_nanoseconds(settings.final_time)
     horizon, pose = remaining(0, period, final), settings.road.middle()
-    context = PlanningContext.at_pose(by_name, pose, horizon, np.zeros(2))
+    context = PlanningContext.at_pose(by_name, pose, horizon)
     Planner(OcpFormulation(by_name)).improve(context, context.center_line_guess, iterations=1)
 
 

@@ -15,13 +15,13 @@ from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.viewer_messages import (
     SERIES,
-    STEP,
     course_of,
     decision_of,
     moving_of,
     place_of,
     plan_of,
     speeds_of,
+    step_of,
 )
 from cmpsp_ros.view.access import ViewError
 from cmpsp_ros.view.server import ViewServer
@@ -133,7 +133,7 @@ class Viewer(Node):
         self._number = number
         self._state.alive()
         self._state.show('decision', decision)
-        self._state.add('steps', [decision[key] for key in STEP])
+        self._state.add('steps', step_of(decision))
 
     def _on_plan(self, message: Path) -> None:
         self._state.show('plan', plan_of(message))

@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
 from cmpsp_ros.bags.decision_record import ENTRIES, Entry, entries_of
+from cmpsp_ros.guidance.key_values import WHEELS
 
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray
@@ -20,12 +21,10 @@ if TYPE_CHECKING:
     from visualization_msgs.msg import MarkerArray
 
 SERIES: Final = ('path', 'steps')
-"""What is kept row by row: (x, y); and `STEP` of each control step."""
-
-STEP: Final = ('time_left', 'wheel_speed_right', 'wheel_speed_left', 'clearance', 'level')
-
+"""What is kept row by row: (x, y); and `step_of` each decision."""
 _MOST_MARKERS: Final = 500
 _MOST_POINTS: Final = 2000
+_MOST_WHEELS: Final = 8
 _LONGEST_TEXT: Final = 500
 _KINDS: Final = {
     Marker.LINE_STRIP: 'line',
@@ -52,6 +51,8 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     texts = {key: _short(value) for key, value in entries_of(status).items()}
     shown = {each.name: _value(each, texts.get(key)) for key, each in ENTRIES.items()}
     shown['reason'] = _short(status.message)
+    two = shown['wheel_speed_right'], shown['wheel_speed_left']
+    shown['wheels'] = list(shown[ENTRIES[WHEELS].name] or two)[:_MOST_WHEELS]
     shown['level'] = 'arrived' if shown['finished'] else shown['level']
     return shown
 
@@ -63,6 +64,11 @@ def _value(entry: Entry[Any], text: str | None) -> Any:
         return None
 
 
+def step_of(decision: dict[str, Any]) -> list[Any]:
+    """Time left, speeds of the wheels, clearance and level of a decision."""
+    return [decision['time_left'], *decision['wheels'], decision['clearance'], decision['level']]
+
+
 def plan_of(message: Path) -> list[list[float]]:
     """Points (x, y) [m] of a plan."""
     places = (each.pose.position for each in message.poses[:_MOST_POINTS])
@@ -70,8 +76,8 @@ def plan_of(message: Path) -> list[list[float]]:
 
 
 def speeds_of(message: JointState) -> list[float]:
-    """Speeds of right and left wheel [rad/s]."""
-    return list(message.velocity[:2])
+    """Speeds of all wheels [rad/s]."""
+    return list(message.velocity[:_MOST_WHEELS])
 
 
 def course_of(message: MarkerArray) -> list[dict[str, Any]]:

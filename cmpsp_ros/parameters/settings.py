@@ -31,9 +31,9 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.robots import robot_of, robot_problems
 from cmpsp_ros.parameters.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
 from cmpsp_ros.simulator.physics import Physics
 from cmpsp_ros.simulator.plant import PlantSettings
@@ -64,6 +64,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
     _raise_if_any(list(_size_problems(values)))
     goals = follow_problems if values['follow.speed'] else goal_problems
     groups = (
+        robot_problems,
         _time_problems,
         road_problems,
         obstacle_problems,
@@ -75,7 +76,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
     )
     _raise_if_any([problem for group in groups for problem in group(values)])
     return GuidanceSettings(
-        robot=_robot(values),
+        robot=robot_of(values),
         road=road_of(values),
         goal=tuple(values['goal.position']),
         goal_tolerance=values['goal.tolerance'],
@@ -123,7 +124,7 @@ def plant_settings(values: Values) -> PlantSettings:
             asked of a robot whose tyres slip by themselves.
     """
     return PlantSettings(
-        robot=_robot(values),
+        robot=robot_of(values),
         initial_pose=tuple(values['initial_pose']),
         odom_rate=values['odom_rate'],
         cmd_vel_timeout=values['cmd_vel_timeout'],
@@ -223,15 +224,6 @@ def _physics(values: Values) -> Physics | None:
 
 def _whole(seconds: float) -> int:
     return round(seconds * 1_000_000_000)
-
-
-def _robot(values: Values) -> DifferentialDrive:
-    return DifferentialDrive(
-        wheel_radius=values['robot.wheel_radius'],
-        half_track=values['robot.half_track'],
-        max_wheel_speed=values['robot.max_wheel_speed'] or math.inf,
-        max_wheel_acceleration=values['robot.max_wheel_acceleration'] or math.inf,
-    )
 
 
 def _section(values: Values, name: str) -> dict[str, Any]:

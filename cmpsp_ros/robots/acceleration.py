@@ -18,29 +18,46 @@ _REST: Final = 1e-9
 NO_RAMP: Array = np.zeros((0, 2))
 """That of a robot at rest, and of one that stops at once."""
 
+_BOTH_WHEELS: Final = np.eye(2)
+"""Of a robot whose controls are its wheel speeds."""
 
-def within_ramp(plan: Array, durations: Array, previous: Array, max_change: float) -> Array:
+
+def within_ramp(
+    plan: Array,
+    durations: Array,
+    previous: Array,
+    max_change: float,
+    wheels: Array = _BOTH_WHEELS,
+) -> Array:
     """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
 
     Args:
-        plan: Wheel speeds wanted ``(N + 1, 2)``, of which the last moves nothing [rad/s].
+        plan: Controls wanted ``(N + 1, r)``, of which the last moves nothing.
         durations: Length of its steps, shape ``(N,)`` [s].
-        previous: The command before it, shape ``(2,)`` [rad/s].
+        previous: The command before it, shape ``(r,)``.
         max_change: Largest change of a wheel from one command to the next; infinite for none
             [rad/s].
+        wheels: Wheel speeds of a control, as a matrix ``(W, r)``.
 
     Returns:
-        Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
+        Controls, shape ``(N + 1, r)``.
     """
     if max_change == math.inf:
         return plan
     commands, steps = plan.copy(), len(durations)
-    _pace(commands[:-1], plan, durations, durations, -1, previous, max_change, steps, brakes=False)
+    pace = commands[:-1], plan, durations, durations, -1, previous, wheels, max_change, steps
+    _pace(*pace, brakes=False)
     return commands
 
 
 def braking(
-    plan: Array, durations: Array, period: float, max_change: float, *, along: bool
+    plan: Array,
+    durations: Array,
+    period: float,
+    max_change: float,
+    wheels: Array = _BOTH_WHEELS,
+    *,
+    along: bool,
 ) -> Array:
     """Commands that bring a robot to rest once the first command of a plan has been held.
 
@@ -49,29 +66,34 @@ def braking(
         durations: See `plan`.
         period: How long each command of the result is held [s].
         max_change: Largest change of a wheel from one command to the next [rad/s].
+        wheels: As in `within_ramp`.
         along: Whether to brake along the plan, as far as the wheels can follow it so; else along
             the curvature of its first command.
 
     Returns:
-        Shape ``(K, 2)`` [rad/s]; the last is 0, and there is none for a robot at rest.
+        Shape ``(K, r)``; the last is 0, and there is none for a robot at rest.
     """
-    fastest = math.ceil(float(np.abs(plan).max()) / max_change)
+    fastest = math.ceil(float(np.abs(plan @ wheels.T).max()) / max_change)
     following = 2 * fastest if along else 0
-    ramp = np.zeros((following + fastest + 1, 2))
+    ramp = np.zeros((following + fastest + 1, plan.shape[1]))
     held = np.full(len(ramp), period)
-    count = _pace(ramp, plan, durations, held, 0, plan[0], max_change, following, brakes=True)
+    pace = ramp, plan, durations, held, 0, plan[0], wheels, max_change, following
+    count = _pace(*pace, brakes=True)
     return ramp[:count]
 
 
-def least_scale(command: Array, previous: Array, max_change: float) -> float:
+def least_scale(
+    command: Array, previous: Array, max_change: float, matrix: Array = _BOTH_WHEELS
+) -> float:
     """The least factor of a command that the wheels can follow, which could follow it itself.
 
     Args:
-        command: Wheel speeds, shape ``(2,)`` [rad/s].
-        previous: The command before it, shape ``(2,)`` [rad/s].
+        command: Control, shape ``(r,)``.
+        previous: The command before it, shape ``(r,)``.
         max_change: As in `within_ramp`.
+        matrix: As `wheels` of `within_ramp`.
     """
-    wheels = zip(command.tolist(), previous.tolist(), strict=True)
+    wheels = zip((matrix @ command).tolist(), (matrix @ previous).tolist(), strict=True)
     least = [
         (math.copysign(before, before * to) - max_change) / abs(to) for to, before in wheels if to
     ]
@@ -79,38 +101,38 @@ def least_scale(command: Array, previous: Array, max_change: float) -> float:
 
 
 def with_lag(
-    wheels: Array, commands: Array, held: Array, time_constant: float, slices: int
+    controls: Array, commands: Array, held: Array, time_constant: float, slices: int
 ) -> tuple[Array, Array]:
     """What wheels do that follow commands with a first-order lag, in slices of constant speeds.
 
     Args:
-        wheels: Their speeds at first, shape ``(2,)`` [rad/s]; those in the end are written here.
-        commands: Shape ``(K, 2)`` [rad/s].
+        controls: In effect at first, shape ``(r,)``; those in the end are written here.
+        commands: Shape ``(K, r)``.
         held: How long each holds, shape ``(K,)`` [s].
         time_constant: Of the lag, positive [s].
         slices: How many there are of each.
 
     Returns:
-        Wheel speeds, shape ``(K * slices, 2)`` [rad/s], and how long each pair holds [s].
+        Controls in effect, shape ``(K * slices, r)``, and how long each holds [s].
     """
-    means = np.empty((len(commands) * slices, 2))
-    _lag(means, wheels, np.ascontiguousarray(commands), held, time_constant, slices)
+    means = np.empty((len(commands) * slices, commands.shape[1]))
+    _lag(means, controls, np.ascontiguousarray(commands), held, time_constant, slices)
     return means, np.repeat(held / slices, slices)
 
 
 @allocation_free
 def _lag(
-    means: Array, wheels: Array, commands: Array, held: Array, time_constant: float, slices: int
+    means: Array, controls: Array, commands: Array, held: Array, time_constant: float, slices: int
 ) -> None:
     for k in range(commands.shape[0]):
         passed = held[k] / slices / time_constant
         left = math.exp(-passed)
         mean = (1.0 - left) / passed if passed > 0.0 else 1.0
         for i in range(slices):
-            for a in range(2):
-                behind = wheels[a] - commands[k, a]
+            for a in range(commands.shape[1]):
+                behind = controls[a] - commands[k, a]
                 means[k * slices + i, a] = commands[k, a] + mean * behind
-                wheels[a] = commands[k, a] + left * behind
+                controls[a] = commands[k, a] + left * behind
 
 
 @allocation_free
@@ -121,13 +143,14 @@ def _pace(
     held: Array,
     step: int,
     before: Array,
+    wheels: Array,
     max_change: float,
     following: int,
     brakes: bool,
 ) -> int:
     """Fill commands that follow a plan from the end of a step on, as fast as the wheels can.
 
-    Each is the plan's at the place reached, both wheels scaled by the largest factor up to 1 that
+    Each is the plan's at the place reached, all wheels scaled by the largest factor up to 1 that
     the limit allows; to brake by the least, for so many commands. Where there is none the robot
     brakes along its curvature.
 
@@ -135,27 +158,50 @@ def _pace(
         How many commands there are; fewer than fit in where the robot is at rest before.
     """
     last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
-    right, left, scale, reached = before[0], before[1], 1.0, 0.0
+    scale, reached = 1.0, 0.0
     for count in range(most):
-        if brakes and right == 0.0 and left == 0.0:
+        fastest = _fastest(wheels, before)
+        if brakes and fastest == 0.0:
             return count
         while step < last and end <= reached + 0.5 * scale * held[count]:
             step += 1
             end += durations[step]
-        low, high = _scales(plan[step, 0], right, max_change, 0.0, 1.0)
-        low, high = _scales(plan[step, 1], left, max_change, low, high)
+        low, high = 0.0, 1.0
+        for i in range(wheels.shape[0]):
+            wanted, has = _speed(wheels, i, plan[step]), _speed(wheels, i, before)
+            low, high = _scales(wanted, has, max_change, low, high)
+        now = commands[count]
         if count < following and low <= high:
             scale = low if brakes else high
-            right, left = scale * plan[step, 0], scale * plan[step, 1]
+            for a in range(plan.shape[1]):
+                now[a] = scale * plan[step, a]
         else:
-            slower = max(0.0, 1.0 - max_change / max(abs(right), abs(left)))
+            slower = max(0.0, 1.0 - max_change / fastest)
             scale *= slower
-            right, left = slower * right, slower * left
-        if brakes and max(abs(right), abs(left)) < _REST:
-            right = left = 0.0
-        commands[count, 0], commands[count, 1] = right, left
+            for a in range(plan.shape[1]):
+                now[a] = slower * before[a]
+        if brakes and _fastest(wheels, now) < _REST:
+            for a in range(plan.shape[1]):
+                now[a] = 0.0
+        before = now
         reached += scale * held[count]
     return most
+
+
+@allocation_free
+def _speed(wheels: Array, i: int, control: Array) -> float:
+    speed = 0.0
+    for a in range(control.shape[0]):
+        speed += wheels[i, a] * control[a]
+    return speed
+
+
+@allocation_free
+def _fastest(wheels: Array, control: Array) -> float:
+    fastest = 0.0
+    for i in range(wheels.shape[0]):
+        fastest = max(fastest, abs(_speed(wheels, i, control)))
+    return fastest
 
 
 @allocation_free

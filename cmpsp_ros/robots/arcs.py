@@ -22,17 +22,40 @@ def arc_ends(poses: Array, twists: Array, durations: Array) -> Array:
 
     Args:
         poses: Pose at the start of each arc, shape ``(N, 3)`` [m, m, rad].
-        twists: Speed and turn rate along it, shape ``(N, 2)`` [m/s, rad/s].
+        twists: Along it, shape ``(N, 2)`` or ``(N, 3)``; see `Robot`.
         durations: Shape ``(N,)`` [s].
 
     Returns:
         Shape ``(N, 3)``; headings are not wrapped.
     """
     x, y, heading = poses.T
-    length, turn = twists[:, 0] * durations, twists[:, 1] * durations
+    turn = twists[:, -1] * durations
     middle = heading + turn / 2.0
-    chord = length * np.sinc(turn / (2.0 * np.pi))
-    return np.column_stack([x + chord * np.cos(middle), y + chord * np.sin(middle), heading + turn])
+    chord = twists[:, 0] * durations * np.sinc(turn / (2.0 * np.pi))
+    x, y = x + chord * np.cos(middle), y + chord * np.sin(middle)
+    if twists.shape[1] == 3:
+        aside = twists[:, 1] * durations * np.sinc(turn / (2.0 * np.pi))
+        x, y = x - aside * np.sin(middle), y + aside * np.cos(middle)
+    return np.column_stack([x, y, heading + turn])
+
+
+def with_side(twists: Array) -> Array:
+    """Twists ``(..., 3)`` of twists of either form, with a speed to the left."""
+    if twists.shape[-1] == 3:
+        return twists
+    return np.stack([twists[..., 0], np.zeros(twists.shape[:-1]), twists[..., 1]], axis=-1)
+
+
+def plain(twists: Array) -> Array:
+    """Twists ``(N, 3)`` without their speeds to the left where all of these are 0."""
+    return twists if np.any(twists[:, 1]) else twists[:, ::2]
+
+
+def speeds_and_turns(twists: Array) -> Array:
+    """Speed along the path and turn rate of twists of either form, ``(..., 2)``."""
+    if twists.shape[-1] == 2:
+        return twists
+    return np.stack([np.hypot(twists[..., 0], twists[..., 1]), twists[..., 2]], axis=-1)
 
 
 class Arc(NamedTuple):
@@ -72,6 +95,17 @@ def arc_from(x: float, y: float, heading: float, length: float, turn: float) -> 
     end_x, end_y = x + chord * math.cos(middle), y + chord * math.sin(middle)
     start = math.cos(heading), math.sin(heading)
     return Arc(x, y, start[0], start[1], length, turn, end_x, end_y, math.cos(end), math.sin(end))
+
+
+@allocation_free
+def arc_under(poses: Array, twists: Array, k: int, duration: float) -> Arc:
+    """The arc from pose ``k`` under twist ``k``, of either form."""
+    x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
+    if twists.shape[1] == 2:
+        return arc_from(x, y, heading, twists[k, 0] * duration, twists[k, 1] * duration)
+    forward, left = twists[k, 0], twists[k, 1]
+    course = heading + math.atan2(left, forward)
+    return arc_from(x, y, course, math.hypot(forward, left) * duration, twists[k, 2] * duration)
 
 
 @allocation_free

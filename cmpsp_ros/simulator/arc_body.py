@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.wheel_lag import SLICE_NS, LaggedWheels
 
@@ -21,7 +21,7 @@ _NS = 1_000_000_000
 class ArcBody:
     """Wheels that follow a command with a lag, and move the robot less than they turn."""
 
-    def __init__(self, robot: DifferentialDrive, wheel_lag: float) -> None:
+    def __init__(self, robot: Robot, wheel_lag: float) -> None:
         """A robot that has not been placed yet.
 
         Args:
@@ -35,20 +35,20 @@ class ArcBody:
         """Put the robot at a pose, at rest."""
         self._from_pose, self._from_ns = pose, stamp_ns
         self._grip = np.ones(2)
-        self._turn(np.zeros(2), np.zeros(2))
+        self._turn(self._robot.at_rest, self._robot.at_rest)
 
-    def reconfigure(self, stamp_ns: int, robot: DifferentialDrive, wheel_lag: float) -> None:
+    def reconfigure(self, stamp_ns: int, robot: Robot, wheel_lag: float) -> None:
         """Go on as another robot: wheels keep their speeds and what was commanded."""
         self._begin_arc(stamp_ns)
-        speeds = self._speeds(stamp_ns)
+        controls = self._controls(stamp_ns)
         self._robot, self._wheel_lag = robot, wheel_lag
-        self._turn(speeds, self._lagged.target)
+        self._turn(controls, self._lagged.target)
 
-    def follow(self, stamp_ns: int, wheel_speeds: Array, grip: Array) -> None:
-        """Begin to follow other wheel speeds at an instant."""
+    def follow(self, stamp_ns: int, control: Array, grip: Array) -> None:
+        """Begin to follow another control at an instant."""
         self._begin_arc(stamp_ns)
-        speeds, self._grip = self._speeds(stamp_ns), grip
-        self._turn(speeds, wheel_speeds)
+        controls, self._grip = self._controls(stamp_ns), grip
+        self._turn(controls, control)
 
     def drive(self, stamp_ns: int) -> list[Motion]:
         """Drive all slices that end up to an instant, and note the beginning of each next one."""
@@ -57,19 +57,21 @@ class ArcBody:
         if last <= first:
             return []
         stamps = [self._followed_ns + k * SLICE_NS for k in range(first + 1, last + 1)]
-        speeds = self._lagged.means(first, last + 1)
+        controls = self._lagged.means(first, last + 1)
         durations = np.full(last - first, SLICE_NS / _NS)
         durations[0] = (stamps[0] - self._from_ns) / _NS
-        ground = speeds * self._grip
+        ground = self._robot.gripping(controls, self._grip)
         poses = self._robot.roll_out(self._from_pose, ground[:-1], durations)
-        self._slice, self._wheel_speeds = last, speeds[-1]
+        self._slice, self._control = last, controls[-1]
         self._from_pose, self._from_ns = poses[-1].copy(), stamps[-1]
-        return list(map(Motion, stamps, poses[1:], speeds[1:], self._robot.twist(ground)[1:]))
+        speeds, twists = self._robot.speeds_of(controls), self._robot.twist(ground)
+        return list(map(Motion, stamps, poses[1:], speeds[1:], twists[1:]))
 
     def motion(self, stamp_ns: int) -> Motion:
         """Pose and speeds on the arc under way."""
-        twist = self._robot.twist(self._wheel_speeds * self._grip)
-        return Motion(stamp_ns, self._pose(stamp_ns), self._wheel_speeds.copy(), twist)
+        twist = self._robot.twist(self._robot.gripping(self._control, self._grip))
+        speeds = self._robot.speeds_of(self._control.copy())
+        return Motion(stamp_ns, self._pose(stamp_ns), speeds, twist)
 
     def odometry(self, stamp_ns: int) -> Array:
         """The true pose."""
@@ -78,17 +80,17 @@ class ArcBody:
     def _begin_arc(self, stamp_ns: int) -> None:
         self._from_pose, self._from_ns = self._pose(stamp_ns), stamp_ns
 
-    def _turn(self, speeds: Array, target: Array) -> None:
-        """Let the wheels go from their speeds to others, from the arc's beginning on."""
-        self._lagged = LaggedWheels(speeds, target, self._wheel_lag)
+    def _turn(self, control: Array, target: Array) -> None:
+        """Let the wheels go from one control to another, from the arc's beginning on."""
+        self._lagged = LaggedWheels(control, target, self._wheel_lag)
         self._followed_ns, self._slice = self._from_ns, 0
-        self._wheel_speeds = self._lagged.means(0, 1)[0]
+        self._control = self._lagged.means(0, 1)[0]
 
-    def _speeds(self, stamp_ns: int) -> Array:
+    def _controls(self, stamp_ns: int) -> Array:
         return self._lagged.at((stamp_ns - self._followed_ns) / _NS)
 
     def _pose(self, stamp_ns: int) -> Array:
         duration = (stamp_ns - self._from_ns) / _NS
-        ground = (self._wheel_speeds * self._grip)[None]
+        ground = self._robot.gripping(self._control, self._grip)[None]
         pose: Array = self._robot.roll_out(self._from_pose, ground, np.array([duration]))[1]
         return pose

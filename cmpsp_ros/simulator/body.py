@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -20,8 +20,8 @@ class Motion:
     Attributes:
         stamp_ns: The instant [ns].
         pose: Shape ``(3,)`` [m, m, rad]; the heading is not wrapped.
-        wheel_speeds: At which right and left wheel turn, shape ``(2,)`` [rad/s].
-        twist: At which the robot moves, shape ``(2,)`` [m/s, rad/s].
+        wheel_speeds: At which the wheels turn, shape ``(W,)`` [rad/s].
+        twist: At which the robot moves, as of a `Robot`.
     """
 
     stamp_ns: int
@@ -36,16 +36,16 @@ class Body(Protocol):
     def place(self, stamp_ns: int, pose: Array) -> None:
         """Put the robot at a pose, shape ``(3,)`` [m, m, rad], at rest."""
 
-    def reconfigure(self, stamp_ns: int, /, robot: DifferentialDrive, wheel_lag: float) -> None:
+    def reconfigure(self, stamp_ns: int, /, robot: Robot, wheel_lag: float) -> None:
         """Go on as another robot, or with another lag of its wheels [s]."""
 
-    def follow(self, stamp_ns: int, wheel_speeds: Array, grip: Array, /) -> None:
+    def follow(self, stamp_ns: int, control: Array, grip: Array, /) -> None:
         """Obey from an instant on, which has been reached by `drive`.
 
         Args:
             stamp_ns: The instant [ns].
-            wheel_speeds: Commanded, shape ``(2,)`` [rad/s].
-            grip: Part of each wheel's turning that moves the robot, shape ``(2,)``.
+            control: Commanded, shape ``(r,)``.
+            grip: Part of its turning by which a wheel moves the robot, right and left.
         """
 
     def drive(self, stamp_ns: int) -> list[Motion]:

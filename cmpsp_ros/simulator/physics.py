@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 
 TIMESTEP_NS: Final = 1_000_000
 """Step of the integration [ns]."""
@@ -36,7 +36,7 @@ class Physics:
     encoders: bool = False
 
 
-def mjcf(robot: DifferentialDrive, physics: Physics, wheel_lag: float) -> str:
+def mjcf(robot: Robot, physics: Physics, wheel_lag: float) -> str:
     """The robot on an endless floor, in MuJoCo's own format (MJCF).
 
     Two driven wheels that touch the floor in one point each, and two castors without friction

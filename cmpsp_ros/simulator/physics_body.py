@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.physics import TIMESTEP_NS, Physics, PhysicsError, mjcf
 
@@ -38,7 +38,7 @@ class PhysicsBody:
     bit, with the same version of MuJoCo on the same kind of processor.
     """
 
-    def __init__(self, robot: DifferentialDrive, wheel_lag: float, physics: Physics) -> None:
+    def __init__(self, robot: Robot, wheel_lag: float, physics: Physics) -> None:
         """A robot that has not been placed yet.
 
         Args:
@@ -60,7 +60,7 @@ class PhysicsBody:
         self._heading = heading
         self._reckoned = pose.copy()
 
-    def reconfigure(self, _stamp_ns: int, robot: DifferentialDrive, wheel_lag: float) -> None:
+    def reconfigure(self, _stamp_ns: int, robot: Robot, wheel_lag: float) -> None:
         """Go on as another robot, from the same pose at the same speed."""
         old = self._data
         self._build(robot, wheel_lag)
@@ -106,7 +106,7 @@ class PhysicsBody:
     def _reached_ns(self) -> int:
         return self._from_ns + self._steps * TIMESTEP_NS
 
-    def _build(self, robot: DifferentialDrive, wheel_lag: float) -> None:
+    def _build(self, robot: Robot, wheel_lag: float) -> None:
         self._robot = robot
         try:
             self._model = mujoco.MjModel.from_xml_string(mjcf(robot, self._physics, wheel_lag))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.simulator.arc_body import ArcBody
 from cmpsp_ros.simulator.body import Body, Motion
 from cmpsp_ros.simulator.measurement import Measurement, OdometryErrors
@@ -36,7 +36,7 @@ class PlantSettings:
     """All that the simulated robot depends on.
 
     Attributes:
-        robot: Wheel radius, half track and wheel-speed limit.
+        robot: Kinematics and limits.
         initial_pose: Pose at the start and after a reset (x, y, heading) [m, m, rad].
         odom_rate: Odometry messages a second [Hz].
         cmd_vel_timeout: Time for which a command holds once it has taken effect [s]; 0 means for
@@ -51,7 +51,7 @@ class PlantSettings:
         physics: Mass, friction and motors of a robot that has them; None for exact arcs.
     """
 
-    robot: DifferentialDrive
+    robot: Robot
     initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     odom_rate: float = 50.0
     cmd_vel_timeout: float = 0.5
@@ -71,12 +71,12 @@ class _Command:
 
     Attributes:
         effect_ns: When it takes effect [ns].
-        wheel_speeds: What it asks of the wheels, shape ``(2,)`` [rad/s].
-        grip: Part of each wheel's turning that moves the robot under it, shape ``(2,)``.
+        control: What it asks of the robot, shape ``(r,)``.
+        grip: Part of its turning by which a wheel moves the robot under it, right and left.
     """
 
     effect_ns: int
-    wheel_speeds: Array
+    control: Array
     grip: Array
 
 
@@ -115,12 +115,12 @@ class Plant:
 
     @property
     def wheel_speeds(self) -> Array:
-        """Speeds at which right and left wheel turn, shape ``(2,)`` [rad/s]."""
+        """Speeds at which the wheels turn, shape ``(W,)`` [rad/s]."""
         return self.motion.wheel_speeds
 
     @property
     def twist(self) -> Array:
-        """Twist driven, shape ``(2,)`` [m/s, rad/s]."""
+        """Twist driven, as of a `Robot`."""
         return self.motion.twist
 
     def reset(self) -> None:
@@ -151,7 +151,7 @@ class Plant:
         self._settings = settings
         self._body.reconfigure(self._now_ns, settings.robot, settings.wheel_lag)
 
-    def command(self, stamp_ns: int, linear: float, angular: float) -> None:
+    def command(self, stamp_ns: int, *twist: float) -> None:
         """Ask for a twist; it is driven from ``stamp_ns`` plus the actuation delay on.
 
         It takes effect in `advance`, also when there is no delay. However the delay may vary, no
@@ -159,8 +159,7 @@ class Plant:
 
         Args:
             stamp_ns: When the robot hears the command [ns], not before the time reached.
-            linear: Speed along the path [m/s].
-            angular: Yaw rate [rad/s].
+            twist: Speed and turn rate, or forward, to the left and turn rate [m/s, rad/s].
 
         Raises:
             TwistError: The twist is not finite; the last one before stays in force.
@@ -169,17 +168,21 @@ class Plant:
         earliest_ns = max(self._now_ns, self._heard_ns)
         if stamp_ns < earliest_ns:
             raise ValueError(f'command at {stamp_ns} ns: expected {earliest_ns} ns or later')
-        if not (math.isfinite(linear) and math.isfinite(angular)):
-            raise TwistError(f'twist ({linear} m/s, {angular} rad/s): expected finite numbers')
+        robot, wanted = self._settings.robot, np.array(twist)
+        *speeds, angular = twist
+        said = f'twist ({", ".join(f"{each} m/s" for each in speeds)}, {angular} rad/s)'
+        if not np.isfinite(wanted).all():
+            raise TwistError(f'{said}: expected finite numbers')
         with np.errstate(over='ignore', invalid='ignore'):
-            wheel_speeds = self._settings.robot.wheel_speeds(np.array([linear, angular]))
-        if not np.isfinite(wheel_speeds).all():
-            raise TwistError(f'twist ({linear} m/s, {angular} rad/s): too large for any wheel')
+            is_possible = np.isfinite(robot.wheel_speeds(wanted)).all()
+            control = robot.controls(wanted)
+        if not is_possible:
+            raise TwistError(f'{said}: too large for any wheel')
         self._heard_ns = stamp_ns
         effect_ns = stamp_ns + self._delay_ns()
         if self._pending:
             effect_ns = max(effect_ns, self._pending[-1].effect_ns)
-        self._pending.append(_Command(effect_ns, self._limited(wheel_speeds), self._next_grip()))
+        self._pending.append(_Command(effect_ns, robot.limited(control), self._next_grip()))
 
     def advance(self, stamp_ns: int) -> list[Motion]:
         """Let time pass.
@@ -210,10 +213,10 @@ class Plant:
             if effect_ns == next_ns:
                 command = self._pending.popleft()
                 self._grip = command.grip
-                self._body.follow(next_ns, command.wheel_speeds, command.grip)
+                self._body.follow(next_ns, command.control, command.grip)
                 self._expires_ns = self._expiry(next_ns)
             elif self._expires_ns == next_ns < stamp_ns:
-                self._body.follow(next_ns, np.zeros(2), self._grip)
+                self._body.follow(next_ns, self._settings.robot.at_rest, self._grip)
                 self._expires_ns = None
             else:
                 break
@@ -244,16 +247,6 @@ class Plant:
     def _expiry(self, stamp_ns: int) -> int | None:
         lasts = self._settings.cmd_vel_timeout
         return stamp_ns + round(lasts * _NS) if 0.0 < lasts < math.inf else None
-
-    def _limited(self, wheel_speeds: Array) -> Array:
-        fastest = float(np.abs(wheel_speeds).max())
-        limit = self._settings.robot.max_wheel_speed
-        if fastest <= limit:
-            return wheel_speeds
-        # Both wheels by one factor keeps the curvature. Divided first: the faster wheel is then
-        # exactly 1, its speed exactly the limit, and rounding cannot lift the other above it.
-        limited: Array = wheel_speeds / fastest * limit
-        return limited
 
 
 def _body(settings: PlantSettings) -> Body:

@@ -27,10 +27,10 @@ _SETTLED = 1e-9
 
 
 class LaggedWheels:
-    """Both wheels after one change of their command.
+    """A control after one change of the command.
 
     Attributes:
-        target: Command, shape ``(2,)`` [rad/s].
+        target: Command, shape ``(r,)``.
         slices: Slices until it is reached; 0 without lag.
     """
 
@@ -38,7 +38,7 @@ class LaggedWheels:
         """Begin a change.
 
         Args:
-            speeds: Of the wheels at this instant, shape ``(2,)`` [rad/s].
+            speeds: Control in effect at this instant, shape ``(r,)``.
             target: Command from now on, shape ``(2,)`` [rad/s].
             time_constant: ``T``; 0 is no lag [s].
         """
@@ -52,7 +52,7 @@ class LaggedWheels:
         self.slices = math.ceil(slices) if self._rate < math.inf else 0
 
     def at(self, elapsed: float) -> Array:
-        """Speeds at an instant, shape ``(2,)`` [rad/s].
+        """Control in effect at an instant, shape ``(r,)``.
 
         Args:
             elapsed: Time since the change [s].
@@ -70,7 +70,7 @@ class LaggedWheels:
             end: The one after the last; there is no change after slice number `slices`.
 
         Returns:
-            Shape ``(end - first, 2)`` [rad/s].
+            Shape ``(end - first, r)``.
         """
         means = np.repeat(self.target[None], end - first, axis=0)
         if self.slices == 0:

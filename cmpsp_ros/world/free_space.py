@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.arcs import arc_under
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
@@ -218,7 +218,7 @@ class FreeSpace:
 
         Args:
             poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
-            twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
+            twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
             durations: Shape ``(K,)`` [s].
             near: Progress of a place near the first pose, not a number where none is known [m].
 
@@ -270,7 +270,7 @@ def _fill_along(
         x, y, heading = poses[k, 0], poses[k, 1], poses[k, 2]
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
             place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
-        arc = arc_from(x, y, heading, twists[k, 0] * times[k], twists[k, 1] * times[k])
+        arc = arc_under(poses, twists, k, times[k])
         place, found[k, 0], found[k, 1] = road_functions.sweep(road, arc, place, math.inf, math.inf)
         end_x, end_y = arc.end_x, arc.end_y
         for j in range(first.shape[0] - 1):

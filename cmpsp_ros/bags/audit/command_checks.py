@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.commands import agreeing
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
+from cmpsp_ros.bags.audit.odometry import mean_twists
 from cmpsp_ros.bags.audit.record import AuditRecord, Leg
 from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
@@ -90,7 +90,7 @@ def acceleration(record: AuditRecord) -> Verdict:
     if not math.isfinite(limit):
         return skipped('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
     wheels = settings.robot.wheel_speeds(record.commands.twists)
-    changes = np.abs(np.diff(wheels, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
+    changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
     changes[_unplanned(record)] = 0.0
     index = int(changes.argmax())
     worst = float(changes[index])
@@ -106,9 +106,8 @@ def acceleration(record: AuditRecord) -> Verdict:
 
 def as_decided(record: AuditRecord) -> Verdict:
     """Whether the commands sent are those decided."""
-    if not record.decisions:
-        return skipped(f'The bag has no decision in {record.places.decision}.')
-    decided = record.history.epochs[0].settings.robot.twist(wheel_speeds(record.decisions))
+    robot = record.history.epochs[0].settings.robot
+    decided = robot.twist_of_wheels(wheel_speeds(record.decisions))
     pairs = record.pairs
     wrong = ~agreeing(record.commands, decided, pairs)
     count = int(wrong.sum())
@@ -121,8 +120,7 @@ def as_decided(record: AuditRecord) -> Verdict:
     return passed_if(
         False,
         f'{count} of {pairs.count} commands are not what was decided; the first is'
-        f' {sent[0]:.4g} m/s, {sent[1]:.4g} rad/s instead of'
-        f' {wanted[0]:.4g} m/s, {wanted[1]:.4g} rad/s.',
+        f' {_in_words(sent)} instead of {_in_words(wanted)}.',
         worst=float(count),
         limit=0.0,
         at=record.seconds(int(record.commands.stamps[pairs.commands + where])),
@@ -141,7 +139,7 @@ def obeyed(record: AuditRecord) -> Verdict:
         if not len(begins):
             continue
         duration = (ends - begins) / NANOSECONDS
-        driven = robot.wheel_speeds(_mean_twists(leg, begins, ends))
+        driven = robot.wheel_speeds(mean_twists(leg.odometry, begins, ends))
         off = np.abs(driven - robot.wheel_speeds(twists)).max(axis=1)
         spread = leg.odometry.spreads.max(axis=0)
         noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
@@ -282,15 +280,9 @@ def _held(
     return settled[chosen], ends[chosen], twists[:-1][chosen]
 
 
-def _mean_twists(leg: Leg, begins: NDArray[np.int64], ends: NDArray[np.int64]) -> Array:
-    """Speed and turn rate, shape ``(M, 2)``, with which the robot goes from instant to instant."""
-    first, last = (interpolated(leg.odometry, each) for each in (begins, ends))
-    chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
-    middles = first[:, 2] + turns / 2.0
-    along = chords[:, 0] * np.cos(middles) + chords[:, 1] * np.sin(middles)
-    lengths = along / np.sinc(turns / (2.0 * np.pi))
-    twists: Array = np.column_stack([lengths, turns]) * NANOSECONDS / (ends - begins)[:, None]
-    return twists
+def _in_words(twist: Array) -> str:
+    *speeds, turn_rate = twist
+    return ', '.join([*(f'{each:.4g} m/s' for each in speeds), f'{turn_rate:.4g} rad/s'])
 
 
 def _drops_out(leg: Leg, begin: int, gap: float, limit: float) -> bool:

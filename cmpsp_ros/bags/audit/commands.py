@@ -13,6 +13,7 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.robots.arcs import plain, with_side
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -31,7 +32,7 @@ class Commands:
     Attributes:
         received: Time of reception [ns], shape ``(C,)``.
         stamps: Stamp of the odometry that each is based on [ns], ``(C,)``; see `timed`.
-        twists: Speed and turn rate, shape ``(C, 2)`` [m/s, rad/s].
+        twists: Shape ``(C, 2)`` or ``(C, 3)``; see `Robot`.
         stamped: Whether the messages carried these stamps themselves.
     """
 
@@ -87,14 +88,14 @@ def read_commands(bag: Bag, topic: str) -> Commands:
         stamp, twist = received, message
         if found == _STAMPED:
             stamp, twist = stamp_of(message), message.twist
-        rows.append((received, stamp, (twist.linear.x, twist.angular.z)))
+        rows.append((received, stamp, (twist.linear.x, twist.linear.y, twist.angular.z)))
     if not rows:
         raise BagError(f'{bag.path}: found no message in {topic}, wanted commands (--cmd-vel)')
     received_all, stamps, twists = zip(*rows, strict=True)
     return Commands(
         np.array(received_all, dtype=np.int64),
         np.array(stamps, dtype=np.int64),
-        np.array(twists, dtype=np.float64),
+        plain(np.array(twists, dtype=np.float64)),
         # Who leaves the stamp empty says nothing by it.
         found == _STAMPED and min(stamps) > 0,
     )
@@ -108,7 +109,7 @@ def pair(commands: Commands, decided: Array) -> Pairs:
 
     Args:
         commands: What was sent.
-        decided: What the decisions are, shape ``(D, 2)`` [m/s, rad/s].
+        decided: What the decisions are, shape ``(D, 2)`` or ``(D, 3)``.
     """
     surplus = len(commands.twists) - len(decided)
     ends = [
@@ -120,8 +121,8 @@ def pair(commands: Commands, decided: Array) -> Pairs:
 
 def agreeing(commands: Commands, decided: Array, pairs: Pairs) -> Flags:
     """Whether each command equals that of its decision, shape ``(count,)``."""
-    sent = commands.twists[pairs.commands :][: pairs.count]
-    wanted = decided[pairs.decisions :][: pairs.count]
+    sent = with_side(commands.twists)[pairs.commands :][: pairs.count]
+    wanted = with_side(decided)[pairs.decisions :][: pairs.count]
     agree: Flags = np.all(np.abs(sent - wanted) <= _SAME, axis=1)
     return agree
 

@@ -119,6 +119,24 @@ def interpolated(odometry: OdometrySeries, stamps: Stamps) -> Array:
     return np.column_stack([np.interp(wanted, times, each) for each in columns])
 
 
+def mean_twists(odometry: OdometrySeries, begins: Stamps, ends: Stamps) -> Array:
+    """Twists, shape ``(M, 3)``, with which the robot goes from instant to instant on an arc.
+
+    Args:
+        odometry: Where it is.
+        begins: Of the arcs ``(M,)`` [ns].
+        ends: See `begins`.
+    """
+    first, last = (interpolated(odometry, each) for each in (begins, ends))
+    chords, turns = last[:, :2] - first[:, :2], wrapped(last[:, 2] - first[:, 2])
+    middles = first[:, 2] + turns / 2.0
+    cosines, sines, curved = np.cos(middles), np.sin(middles), np.sinc(turns / (2.0 * np.pi))
+    ahead = (chords[:, 0] * cosines + chords[:, 1] * sines) / curved
+    aside = (chords[:, 1] * cosines - chords[:, 0] * sines) / curved
+    twists: Array = np.column_stack([ahead, aside, turns]) * NANOSECONDS / (ends - begins)[:, None]
+    return twists
+
+
 def wrapped(angles: Array) -> Array:
     """Angles [rad] between -pi and pi."""
     turned: Array = np.mod(angles + np.pi, 2.0 * np.pi) - np.pi

@@ -49,11 +49,14 @@ class Table:
 
 _WHERE = (Column('received', 'int', 'ns'), Column('topic', 'text'), Column('stamp', 'int', 'ns'))
 _POSE = (Column('x', 'float', 'm'), Column('y', 'float', 'm'), Column('heading', 'float', 'rad'))
-_TWIST = (Column('speed', 'float', 'm/s'), Column('turn_rate', 'float', 'rad/s'))
+_TWIST = (
+    Column('speed', 'float', 'm/s'),
+    Column('turn_rate', 'float', 'rad/s'),
+    Column('side_speed', 'float', 'm/s'),
+)
 
 _ODOMETRY = (*_WHERE, Column('frame', 'text'), *_POSE, *_TWIST)
 _COMMANDS = (*_WHERE, *_TWIST)
-_WHEELS = (*_WHERE, Column('right', 'float', 'rad/s'), Column('left', 'float', 'rad/s'))
 _GOALS = (*_WHERE, Column('frame', 'text'), *_POSE)
 _MOVING = (
     *_WHERE,
@@ -79,6 +82,8 @@ _BEFORE_ENTRIES = (
     Column('topic', 'text'),
     Column('reason', 'text'),
 )
+
+_TWO_WHEELS = 'right', 'left'
 
 _OF_DECISIONS = ('diagnostic_msgs/msg/DiagnosticArray', 'diagnostic_msgs/msg/DiagnosticStatus')
 """As they are published, and as they were before."""
@@ -107,8 +112,14 @@ def tables(bag: Bag) -> list[Table]:
             _COMMANDS,
             _commands,
         ),
-        ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _WHEELS, _wheels),
-        ('decisions', _OF_DECISIONS, '/decision', (), _decisions),
+        (
+            'wheel_speeds',
+            ('sensor_msgs/msg/JointState',),
+            '/wheel_speeds',
+            _wheel_columns,
+            _wheels,
+        ),
+        ('decisions', _OF_DECISIONS, '/decision', _decision_columns, _decisions),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
         ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
         ('moving', ('sensor_msgs/msg/PointCloud2',), '/moving_obstacles', _MOVING, _moving),
@@ -120,7 +131,7 @@ def tables(bag: Bag) -> list[Table]:
             if about.msgtype in types and topic.endswith(ending)
         ]
         if topics:
-            wide = columns or _decision_columns(bag, topics)
+            wide = columns(bag, topics) if callable(columns) else columns
             found.append(Table(name, wide, _reading(bag, topics, wide, rows)))
     if not found:
         there = ', '.join(sorted(bag.topics)) or 'no topic at all'
@@ -152,22 +163,34 @@ def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
         stamp_of(message),
         message.header.frame_id,
         *_pose(message.pose.pose),
-        twist.linear.x,
-        twist.angular.z,
+        *_twist(twist),
     )
 
 
 def _commands(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     stamped = hasattr(message, 'header')
     twist = message.twist if stamped else message
-    yield stamp_of(message) if stamped else None, twist.linear.x, twist.angular.z
+    yield stamp_of(message) if stamped else None, *_twist(twist)
 
 
-def _wheels(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
-    if len(message.velocity) != 2:
-        raise ValueError(f'found {len(message.velocity)} wheel speeds, wanted right and left')
-    right, left = map(float, message.velocity)
-    yield stamp_of(message), right, left
+def _twist(twist: Any) -> tuple[float, float, float]:
+    return twist.linear.x, twist.angular.z, twist.linear.y
+
+
+def _wheels(message: Any, columns: tuple[Column, ...]) -> Iterator[Row]:
+    names = [each.name for each in columns[len(_WHERE) :]]
+    if len(message.velocity) != len(names):
+        found = f'{len(message.velocity)} wheel speeds'
+        raise ValueError(f'found {found}, wanted {" and ".join(names)}')
+    yield stamp_of(message), *map(float, message.velocity)
+
+
+def _wheel_columns(bag: Bag, topics: list[str]) -> tuple[Column, ...]:
+    """Right and left, or the joints of a robot with more wheels."""
+    _, _, message = next(bag.together(topics), (None, None, None))
+    names = [] if message is None else list(message.name)
+    names = names if len(names) > len(_TWO_WHEELS) else list(_TWO_WHEELS)
+    return (*_WHERE, *(Column(each, 'float', 'rad/s') for each in names))
 
 
 def _plan(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
@@ -226,7 +249,7 @@ def _entry_column(key: str) -> Column:
         return Column(f'{key.removesuffix("_ms")}_time', 'float', 'ms')
     if key not in ENTRIES:
         return Column(key, 'text')
-    return Column(key, _KINDS[ENTRIES[key].parse], ENTRIES[key].unit)
+    return Column(key, _KINDS.get(ENTRIES[key].parse, 'text'), ENTRIES[key].unit)
 
 
 def _key(column: Column) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.key_values import MOVING, decision_to_key_values, waypoints
+from cmpsp_ros.robots.arcs import with_side
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 
@@ -87,8 +88,9 @@ def _pairs(recorded: DecisionRecord, decision: Decision) -> Pairs:
             yield key, recorded.entries.get(key), now.get(key)
     yield 'reason', recorded.reason, decision.reason
     if recorded.command is not None:
-        names = ('command.linear.x', 'command.angular.z')
-        for name, one, other in zip(names, recorded.command, decision.twist.tolist(), strict=True):
+        names = ('command.linear.x', 'command.linear.y', 'command.angular.z')
+        twist = with_side(decision.twist).tolist()
+        for name, one, other in zip(names, recorded.command, twist, strict=True):
             yield name, repr(one), repr(other)
     if recorded.path is not None:
         yield from _waypoint_pairs(recorded, decision)

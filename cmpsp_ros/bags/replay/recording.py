@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
 from cmpsp_ros.guidance.goals import Goal, GoalError
@@ -36,47 +37,6 @@ _MOST = 10_000
 
 _MOST_TRACKS = 100_000
 """Sightings of obstacles that move, of all of them, that are kept."""
-
-
-@dataclass(frozen=True)
-class Names:
-    """Topics and node of a recorded guidance node, by full name."""
-
-    odom: str
-    cmd_vel: str
-    node: str
-
-    @classmethod
-    def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
-        """The names in a namespace, without remapping of odometry and commands."""
-        prefix = namespace.rstrip('/')
-        return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
-
-    @property
-    def decision(self) -> str:
-        """Topic of the decisions."""
-        return f'{self.node}/decision'
-
-    @property
-    def path(self) -> str:
-        """Topic of the predicted paths."""
-        return f'{self.node}/predicted_path'
-
-    @property
-    def moving(self) -> str:
-        """Topic of the obstacles that move."""
-        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
-
-    @property
-    def sighting(self) -> str:
-        """Topic of what was known of the surroundings."""
-        return f'{self.node}/sighting'
-
-    def others(self, namespaces: Iterable[str]) -> dict[str, str]:
-        """Namespaces of other robots by the topics of their plans; without this node's own."""
-        plans = {plan_topic(each): each for each in namespaces}
-        plans.pop(self.path, None)
-        return plans
 
 
 @dataclass(frozen=True)
@@ -137,7 +97,7 @@ class Recording:
         self.unusable = ''
         self.changes: deque[tuple[int, dict[str, Any]]] = deque()
         self.goals: deque[tuple[int, int, Goal]] = deque(maxlen=_MOST)
-        self._commands: deque[tuple[int, tuple[float, float]]] = deque(maxlen=_MOST)
+        self._commands: deque[tuple[int, tuple[float, float, float]]] = deque(maxlen=_MOST)
         self._paths: dict[int, tuple[Waypoint, ...]] = {}
         self._tracks: dict[tuple[int | str, int], Seen] = {}
         self._sightings: dict[int, Sighting] = {}
@@ -213,7 +173,8 @@ class Recording:
                 self.odometry.append(OdometrySample(received, stamp_of(message), pose))
         elif topic == self._names.cmd_vel:
             twist = getattr(message, 'twist', message)
-            self._commands.append((received, (twist.linear.x, twist.angular.z)))
+            command = twist.linear.x, twist.linear.y, twist.angular.z
+            self._commands.append((received, command))
         elif topic in self._moving:
             with suppress(TrackError):
                 self._note(tracks_of(message, self._frame_id))
@@ -255,7 +216,7 @@ class Recording:
         path = None if decision.halted else self._paths.pop(decision.stamp, None)
         return replace(decision, command=self._command_of(decision), path=path)
 
-    def _command_of(self, decision: DecisionRecord) -> tuple[float, float] | None:
+    def _command_of(self, decision: DecisionRecord) -> tuple[float, float, float] | None:
         """The command sent just before a decision was published."""
         if decision.late or not self._commands or self._commands[0][0] > decision.received + _LATE:
             return None

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.replay.what_if import WhatIf
+from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.view.drawing import draw_obstacles, draw_road, show
 from cmpsp_ros.view.palette import BAGS, GOAL
 
@@ -39,11 +40,10 @@ def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
     begin = result.recorded[0].stamp
     before = np.array([each.stamp - begin for each in commanded]) / 1e9
     changed = np.array([each.stamp - begin for _, each in result.decisions]) / 1e9
-    recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 2)
-    twists = np.array([each.twist for _, each in result.decisions]).reshape(-1, 2)
-    for index, (one, name) in enumerate(
-        zip(axes, ('speed [m/s]', 'turn rate [rad/s]'), strict=True)
-    ):
+    recorded_twists = np.array([each.command for each in commanded]).reshape(-1, 3)
+    decided = [with_side(each.twist) for _, each in result.decisions]
+    twists = np.array(decided).reshape(-1, 3)
+    for one, index, name in zip(axes, (0, 2), ('speed [m/s]', 'turn rate [rad/s]'), strict=True):
         one.step(before, recorded_twists[:, index], where='post', color=_RECORDED, label='recorded')
         one.step(changed, twists[:, index], where='post', color=_CHANGED, ls='--', label='changed')
         one.set_ylabel(name)

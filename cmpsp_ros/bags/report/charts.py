@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,9 @@ def levels(views: Sequence[View]) -> Figure:
     return figure
 
 
+_DASHES = 'solid', 'dash', 'dashdot', 'dot'
+
+
 def wheel_speeds(views: Sequence[View]) -> Figure:
     """Commanded wheel speeds with their limits; driven ones can be switched on."""
     traces = []
@@ -61,8 +65,8 @@ def wheel_speeds(views: Sequence[View]) -> Figure:
             (view.commands, 'commanded', True),
             (view.driven, 'driven', 'legendonly'),
         ):
-            for side, dash in ((0, 'solid'), (1, 'dash')):
-                name = f'{("right", "left")[side]} wheel, {kind}'
+            for side, (of, dash) in enumerate(zip(view.settings.robot.wheel_names, cycle(_DASHES))):
+                name = f'{of} wheel, {kind}'
                 line = {
                     'color': bag_color(number),
                     'dash': dash if kind == 'commanded' else 'dot',

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -84,10 +85,14 @@ def _draw_levels(axes: Axes, views: Sequence[View]) -> None:
     axes.invert_yaxis()
 
 
+_STYLES = '-', '--', '-.', ':'
+
+
 def _draw_wheels(axes: Axes, views: Sequence[View]) -> None:
     for number, view in enumerate(views):
         times, speeds = view.commands
-        for column, (side, style) in enumerate((('right', '-'), ('left', '--'))):
+        names = zip(view.settings.robot.wheel_names, cycle(_STYLES))
+        for column, (side, style) in enumerate(names):
             name = f'{side} wheel' if not number else None
             axes.step(
                 times, speeds[:, column], style, where='post', color=bag_color(number), label=name

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from cmpsp_ros.bags.runs.tracks import read_tracks
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots.arcs import arc_ends, plain
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -42,7 +41,7 @@ class Driven:
     Attributes:
         stamps: Beginning of each arc, and the end of the last [ns], shape ``(K + 1,)``.
         poses: Pose at each, shape ``(K + 1, 3)`` [m, m, rad].
-        twists: Speed and turn rate from each on, shape ``(K + 1, 2)`` [m/s, rad/s].
+        twists: From each on, shape ``(K + 1, 2)`` or ``(K + 1, 3)``; see `Robot`.
     """
 
     stamps: Stamps
@@ -83,8 +82,8 @@ class Run:
         driven: The driven path, from `read_driven`.
         tracks: Moving obstacles as received, by id and time.
         wheel_stamps: Stamps of the wheel speeds [ns], shape ``(W,)``.
-        wheel_speeds: Right and left wheel, driven or, without a simulator, commanded; shape ``(W,
-            2)`` [rad/s].
+        wheel_speeds: Of all wheels, driven or, without a simulator, commanded; shape
+            ``(W, wheels)`` [rad/s].
     """
 
     decisions: tuple[DecisionRecord, ...]
@@ -112,9 +111,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
             found = 'no decision in' if decided in bag.topics else 'no topic'
             there = ', '.join(sorted(bag.topics)) or 'no topic at all'
             raise BagError(f'{path}: {found} {decided}; there is {there}')
-        plans: tuple[Planned, ...] = ()
-        if f'{namespace}/guidance/predicted_path' in bag.topics:
-            plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
+        plans = plans_in(bag, f'{namespace}/guidance/predicted_path')
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
@@ -149,26 +146,29 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
         # Of two at one instant the later counts: a command took effect there.
         pose, twist = message.pose.pose, message.twist.twist
         place = [pose.position.x, pose.position.y, heading_of(pose.orientation)]
-        rows[stamp_of(message)] = place, [twist.linear.x, twist.angular.z]
+        rows[stamp_of(message)] = place, [twist.linear.x, twist.linear.y, twist.angular.z]
     if len(rows) < 2:
         raise BagError(f'{bag.path}: found {len(rows)} messages in {topic}, wanted at least 2')
     ordered = sorted(rows.items())
     return Driven(
         np.array([stamp for stamp, _ in ordered], dtype=np.int64),
         np.array([pose for _, (pose, _) in ordered]),
-        np.array([twist for _, (_, twist) in ordered]),
+        plain(np.array([twist for _, (_, twist) in ordered])),
     )
 
 
-def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
-    for _, message in bag.messages(topic):
+def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
+    """The plans that a bag has in a topic; none if it has no such topic."""
+    plans = []
+    for _, message in bag.messages(topic) if topic in bag.topics else ():
         points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
         # One pose is where the robot stands.
         if len(points) > 1:
-            yield Planned(stamp_of(message), np.array(points))
+            plans.append(Planned(stamp_of(message), np.array(points)))
+    return tuple(plans)
 
 
 def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:
     rows = [(stamp_of(message), message.velocity) for _, message in bag.messages(topic)]
     stamps = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-    return stamps, np.array([speeds for _, speeds in rows]).reshape(-1, 2)
+    return stamps, np.array([speeds for _, speeds in rows]).reshape(len(rows), -1)

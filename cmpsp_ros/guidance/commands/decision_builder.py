@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
+from cmpsp_ros.robots.arcs import speeds_and_turns
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
@@ -65,7 +66,7 @@ class DecisionBuilder:
             step=state.step,
             level=level,
             reason=reason,
-            wheel_speeds=controls,
+            wheel_speeds=self._robot.speeds_of(controls),
             twist=self._robot.twist(controls),
             time_left=_time_left(state, state.now),
             plan=plan,
@@ -109,7 +110,7 @@ class DecisionBuilder:
         state.brake(stamp, self._period)
         twist = self._robot.twist(state.previous_control)
         if np.any(twist) and 'halted' not in flags:
-            reason += f' It brakes to {abs(twist[0]):.3g} m/s.'
+            reason += f' It brakes to {abs(speeds_and_turns(twist)[0]):.3g} m/s.'
         clearance = float(self._audit.clearance_at(pose, moving, state.progress).min())
         error, heading_error = state.goals.target.errors(pose)
         return Decision(
@@ -117,7 +118,7 @@ class DecisionBuilder:
             step=state.step,
             level=FallbackLevel.STOP,
             reason=reason,
-            wheel_speeds=state.previous_control,
+            wheel_speeds=self._robot.speeds_of(state.previous_control),
             twist=twist,
             time_left=_time_left(state, 0 if state.start is None else stamp - state.start),
             plan=None,

@@ -80,11 +80,11 @@ class LateCommands:
             decision: What is decided.
             here: Where the robot is.
             start: Where the plan begins.
-            ramp: By which the robot could be stopped instead, audited, shape ``(K, 2)`` [rad/s].
+            ramp: By which the robot could be stopped instead, audited, shape ``(K, r)``.
         """
         settings, audit = self._settings, self._audit
         latest = max(state.lateness.expected, settings.max_command_delay)
-        plan, commanded, previous = decision.plan, decision.wheel_speeds, state.pending.latest
+        plan, commanded, previous = decision.plan, state.previous_control, state.pending.latest
         if plan is None or latest <= settings.command_delay:
             return decision
         next_step = (state.due - state.now) / NANOSECONDS
@@ -101,5 +101,6 @@ class LateCommands:
             )
         state.previous_control, state.ramp = controls[0], checked.ramp
         reason = f'{decision.reason} Slowed to {fraction:.3g} of the speed: commands may be late.'
+        wheel_speeds = settings.robot.speeds_of(controls[0])
         twist = settings.robot.twist(controls[0])
-        return decision._replace(wheel_speeds=controls[0], twist=twist, reason=reason)
+        return decision._replace(wheel_speeds=wheel_speeds, twist=twist, reason=reason)

@@ -29,7 +29,7 @@ from cmpsp_ros.mpsp.problem import (
 )
 from cmpsp_ros.mpsp.qp.active_set.fill import derivatives_in
 from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Cost:
         road_center: ``q``, on the squared distance to the centre line [1/m^2].
         control_change: ``R``, on the squared change between iterations [s^2/rad^2]; it enters the
             Hessian alone, since at the trajectory that is linearised nothing has changed.
-        control_effort: On the squared wheel speeds [s^2/rad^2].
+        control_effort: On the squared controls [s^2/rad^2].
     """
 
     road_center: float
@@ -60,8 +60,8 @@ class Cost:
 class GuidanceProblem(OptimalControlProblem):
     """Pass the goal at the end of the horizon, inside the road, clear of obstacles.
 
-    States are poses ``(x, y, heading)``, controls wheel speeds ``(right, left)``; the last control
-    ``U_N`` moves nothing. Constraints are distances, not their squares as in (92) and (93): their
+    States are poses ``(x, y, heading)``, controls those of the robot; the last one ``U_N`` moves
+    nothing. Constraints are distances, not their squares as in (92) and (93): their
     linearisation then errs on the safe side of every convex obstacle.
 
     Attributes:
@@ -72,7 +72,7 @@ class GuidanceProblem(OptimalControlProblem):
 
     def __init__(
         self,
-        robot: DifferentialDrive,
+        robot: Robot,
         space: FreeSpace,
         cost: Cost,
         pose: Array,
@@ -99,11 +99,11 @@ class GuidanceProblem(OptimalControlProblem):
         self.size = Dimensions(
             horizon=steps,
             state=3,
-            control=2,
+            control=robot.n_controls,
             output=outputs,
-            path=N_EDGE_CONSTRAINTS + len(space.first) - 1,
+            path=N_EDGE_CONSTRAINTS + len(space.first) - 1 + robot.limit_rows,
         )
-        self.control_upper = np.full((steps + 1, 2), robot.max_wheel_speed)
+        self.control_upper = np.tile(robot.bounds, (steps + 1, 1))
         self.control_lower = -self.control_upper
         self.target = target_of(goal, heading, outputs)
         self.data = guidance_data(
@@ -135,7 +135,7 @@ class GuidanceProblem(OptimalControlProblem):
 
 
 def guidance_data(
-    robot: DifferentialDrive,
+    robot: Robot,
     space: FreeSpace,
     cost: Cost,
     pose: Array,
@@ -151,6 +151,8 @@ def guidance_data(
         progress=float(progress),
         durations=durations,
         parameters=np.zeros(1, PARAMETERS),
+        robot=robot.kinematics,
+        wheel_rows=robot.limit_rows,
         road=space.road,
         fields=space.fields,
         corners=np.ascontiguousarray(space.corners),
@@ -161,8 +163,6 @@ def guidance_data(
         data,
         goal=goal,
         heading=heading,
-        wheel_radius=robot.wheel_radius,
-        half_track=robot.half_track,
         road_center=cost.road_center,
         control_change=cost.control_change,
         control_effort=cost.control_effort,

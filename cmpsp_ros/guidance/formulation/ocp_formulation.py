@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.models.control_rate import rate_rows
+from cmpsp_ros.robots.arcs import speeds_and_turns
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.inter_sample_margin import at_ends
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
@@ -35,7 +36,7 @@ class OcpFormulation:
         settings: All settings of the guidance law.
         cost: Weights of the cost.
         penalty_path: Weight of each path constraint, shape ``(2 + M + S + R,)`` [1/m]: edges first,
-            then static obstacles, the slots of moving ones, and the limit of acceleration.
+            then static obstacles, the slots of moving ones, and limits of wheels.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
@@ -47,12 +48,12 @@ class OcpFormulation:
         self.cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
-        # What exceeds its acceleration the robot cannot do: that is never relaxed.
-        changes = rate_rows(settings.max_wheel_change, 2)
+        # What exceeds its limits the robot cannot do: that is never relaxed.
+        changes = rate_rows(settings.max_wheel_change, settings.robot.wheels)
         self.penalty_path = np.array(
             [PENALTIES['edge']] * N_EDGE_CONSTRAINTS
             + [PENALTIES['obstacle']] * obstacles
-            + [math.inf] * changes
+            + [math.inf] * (settings.robot.limit_rows + changes)
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
         self.remembers_control = weights.control_rate > 0.0 or changes > 0
@@ -72,7 +73,7 @@ class OcpFormulation:
         """Space to keep to at the samples without moving obstacles; arguments as of `space`."""
         period = self.settings.control_period
         if self._by_guess:
-            twists = _RESERVE * self.settings.robot.twist(guess[:-1])
+            twists = _RESERVE * speeds_and_turns(self.settings.robot.twist(guess[:-1]))
             longest = max(period, _rounded_up(float(durations.max())))
             return self._static(period).for_samples_of(twists, longest)
         space = self._static(period)
@@ -114,7 +115,7 @@ class OcpFormulation:
         """Space to keep to at the samples.
 
         Args:
-            guess: Controls that the plan begins with, shape ``(N + 1, 2)`` [rad/s].
+            guess: Controls that the plan begins with, shape ``(N + 1, r)``.
             durations: Length of every step, shape ``(N,)`` [s]. Only the first and the last may be
                 longer than a control period.
             target: What is to be met at the end.
@@ -141,7 +142,7 @@ class OcpFormulation:
         period = max(settings.control_period, _rounded_up(float(durations.max())))
         discs = moving.grown(distance + settings.safety.margin)
         if self._by_guess:
-            twists = _RESERVE * settings.robot.twist(guess[:-1])
+            twists = _RESERVE * speeds_and_turns(settings.robot.twist(guess[:-1]))
             found = discs.for_samples_of(times, twists, period)
         else:
             limits = settings.robot.twist_limits() if settings.safety.between_samples else None

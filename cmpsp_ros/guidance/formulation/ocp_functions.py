@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.differential_drive import drive, gradients
+from cmpsp_ros.robots.kinematics import Kinematics
+from cmpsp_ros.robots.robot_functions import drive, put_gradients
 from cmpsp_ros.world.grids.field_functions import Fields
 from cmpsp_ros.world.obstacles.shape_functions import away_from
 from cmpsp_ros.world.roads import road_functions
@@ -21,7 +22,11 @@ Indices = NDArray[np.int64]
 Records = NDArray[np.void]
 
 N_EDGE_CONSTRAINTS = 2
-"""Path constraints of the road, one an edge; the obstacles' follow."""
+"""Path constraints of the road, one an edge; the obstacles' and those of wheel speeds follow."""
+
+WHEEL_ROUNDING: Final = 1e-6
+"""What plans keep from a limit of the wheels that is a constraint, for what a solver leaves over
+[rad/s]."""
 
 GAUSS_NEWTON, PROJECTED, EXACT = 0, 1, 2
 """Which Hessian of the cost."""
@@ -46,11 +51,8 @@ PARAMETERS: Final = np.dtype(
         # Heading to pass it with, where there are three outputs. Where there is one it is the line
         # through the goal across this direction that is to be passed [rad].
         ('heading', np.float64),
-        # The paper's r and L [m].
-        ('wheel_radius', np.float64),
-        ('half_track', np.float64),
         # Weights: q, on the squared distance to the centre line [1/m^2]; R, on the squared change
-        # between iterations, and the weight of the squared wheel speeds [s^2/rad^2].
+        # between iterations, and the weight of the squared controls [s^2/rad^2].
         ('road_center', np.float64),
         ('control_change', np.float64),
         ('control_effort', np.float64),
@@ -72,6 +74,9 @@ class GuidanceData(NamedTuple):
         progress: Arc length along the road of a place near the pose, NaN if unknown [m].
         durations: Length of every step, shape ``(N,)`` [s].
         parameters: One record of `PARAMETERS`, shape ``(1,)``, which is never written to.
+        robot: The robot.
+        wheel_rows: How many path constraints limit its wheel speeds; the last ones of a stage, but
+            for those of a control rate.
         road: Where on the road the robot's centre may be.
         fields: The distance fields of obstacles without corners.
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
@@ -84,6 +89,8 @@ class GuidanceData(NamedTuple):
     progress: float
     durations: Array
     parameters: Records
+    robot: Kinematics
+    wheel_rows: int
     road: RoadSpace
     fields: Fields
     corners: Array
@@ -97,14 +104,13 @@ def predict(data: GuidanceData, U: Array, X: Array) -> None:
 
     Args:
         data: The problem.
-        U: Controls, shape ``(N + 1, 2)``; this array and all below may be longer than that.
+        U: Controls, shape ``(N + 1, r)``; this array and all below may be longer than that.
         X: Filled with the poses, shape ``(N + 1, n)``.
     """
-    p = data.parameters[0]
     for i in range(3):
         X[0, i] = data.pose[i]
     for k in range(data.durations.shape[0]):
-        drive(X, U, k, data.durations[k], p.wheel_radius, p.half_track)
+        drive(X, U, k, data.durations[k], data.robot)
 
 
 @allocation_free
@@ -114,7 +120,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     Args:
         data: The problem.
         X: States, shape ``(N + 1, n)``.
-        U: Controls, shape ``(N + 1, 2)``.
+        U: Controls, shape ``(N + 1, r)``.
         output_error: Filled with ``Y_N - Y_N*``, shape ``(m,)``.
         g: Filled with the path constraints, ``-inf`` where one does not apply; ``(N + 1, l)``.
 
@@ -135,8 +141,13 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
                 data.fields, data.corners, data.first, there, j, X[k, 0], X[k, 1]
             )
             g[k, N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
+        for i in range(data.wheel_rows):
+            g[k, N_EDGE_CONSTRAINTS + data.radii.shape[1] + i] = _over_limit(data, U, k, i)
+        squared = 0.0
+        for a in range(U.shape[1]):
+            squared += U[k, a] * U[k, a]
         cost += p.road_center * off_center * off_center
-        cost += p.control_effort * (U[k, 0] * U[k, 0] + U[k, 1] * U[k, 1])
+        cost += p.control_effort * squared
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
     for j in range(outputs):
         output_error[j] = errors[j]
@@ -158,7 +169,7 @@ def linearise(
     Args:
         data: The problem.
         X: States, shape ``(N + 1, n)``.
-        U: Controls, shape ``(N + 1, 2)``.
+        U: Controls, shape ``(N + 1, r)``.
         stages: Records of `layout.stage_type`, shape ``(N + 1,)``.
         path: Path constraints, records of `layout.row_type`, shape ``(N + 1, l)``.
         terminal: Terminal constraints, records of `layout.row_type`, shape ``(m,)``.
@@ -189,7 +200,7 @@ def linearise(
         L_XX[0, 1] = q * (x * y - along * x * y)
         L_XX[1, 0] = L_XX[0, 1]
         L_XX[1, 1] = q * (y * y + along * x * x)
-        for a in range(2):
+        for a in range(U.shape[1]):
             stage.L_U[a] = p.control_effort * U[k, a]
             stage.L_UU[a, a] = curvature
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
@@ -200,6 +211,11 @@ def linearise(
             )
             row.value = _keep_away(distance, data.radii[at, j], k)
             row.X[0], row.X[1] = -x, -y
+        for i in range(data.wheel_rows):
+            row = path[k, N_EDGE_CONSTRAINTS + data.radii.shape[1] + i]
+            row.value = _over_limit(data, U, k, i)
+            for a in range(U.shape[1]):
+                row.U[a] = _sign(i) * data.robot.wheels[i // 2, a]
     outputs = terminal.shape[0]
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
     for j in range(outputs):
@@ -215,15 +231,24 @@ def linearise(
 @allocation_free
 def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -> None:
     """Fill `A` and `B`, in a loop of its own: together with the rest both take longer."""
-    p = data.parameters[0]
     for k in range(data.durations.shape[0]):
-        A, B = stages[k].A, stages[k].B
-        A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = gradients(
-            X[k, 2], U[k, 0], U[k, 1], data.durations[k], p.wheel_radius, p.half_track
-        )
-        for i in range(3):
-            A[i, i] = 1.0
-        B[2, 0], B[2, 1] = turn, -turn
+        put_gradients(stages[k].A, stages[k].B, X[k, 2], U, k, data.durations[k], data.robot)
+
+
+@allocation_free
+def _over_limit(data: GuidanceData, U: Array, k: int, i: int) -> float:
+    """Constraint of a wheel in one direction of its turning: two for each, one after the other."""
+    if k == data.durations.shape[0]:
+        return -math.inf
+    wheels, speed = data.robot.wheels, 0.0
+    for a in range(U.shape[1]):
+        speed += wheels[i // 2, a] * U[k, a]
+    return _sign(i) * speed - (data.robot.max_wheel_speed - WHEEL_ROUNDING)
+
+
+@allocation_free
+def _sign(i: int) -> float:
+    return 1.0 if i % 2 == 0 else -1.0
 
 
 @allocation_free

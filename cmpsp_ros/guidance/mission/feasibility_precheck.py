@@ -75,13 +75,15 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
     aside = road.width / 2.0 - settings.kept
     shortest = max(road.lap - aside * float(np.abs(turns).sum()), 0.0)
     wanted = abs(follow.speed)
-    largest = robot.max_speed * road.lap / (shortest + robot.half_track * abs(float(turns.sum())))
+    # A robot that drives sideways need not turn.
+    arm = 0.0 if robot.drives_sideways else robot.half_track
+    largest = robot.max_speed * road.lap / (shortest + arm * abs(float(turns.sum())))
     if wanted > largest:
         yield (
             f'follow.speed is out of reach: round this road the wheels allow {largest:.3g} m/s at'
             f' most, and {wanted:.3g} m/s are wanted.'
         )
-    gain = robot.wheel_radius * robot.max_wheel_acceleration
+    gain = robot.max_acceleration
     if gain == math.inf:
         return
     time = min(follow.horizon, robot.max_speed / gain)

@@ -1,7 +1,7 @@
 """The return to a goal from which the robot was moved: turn towards it, drive, turn to its heading.
 
 A robot at rest beside its goal gets nowhere by driving along the road, and a linearisation says
-nothing of sideways motion at rest. A robot with two driven wheels turns where it stands.
+nothing of sideways motion at rest. It turns where it stands.
 """
 
 from __future__ import annotations
@@ -58,13 +58,12 @@ def return_to_goal(
         delay: From a command to its effect [ns].
     """
     robot, durations, k = settings.robot, horizon.durations, 0
-    controls = np.zeros((len(durations) + 1, 2))
+    controls = np.zeros((len(durations) + 1, robot.n_controls))
     for steps, length, turn in _parts(settings, target, start.pose):
         inside = slice(k, min(k + steps, len(durations)))
         time = float(durations[inside].sum())
         if time > 0.0:
-            rim = turn * robot.half_track
-            controls[inside] = np.array([length + rim, length - rim]) / time / robot.wheel_radius
+            controls[inside] = robot.straight_or_turning(length, turn, time)
         k += steps
     poses = start.robot.roll_out(start.pose, controls, durations)
     return Plan(horizon, controls, poses, delay)

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class Guesses:
-    """Makes control histories, each of shape ``(N + 1, 2)`` [rad/s]."""
+    """Makes control histories, each of shape ``(N + 1, r)``."""
 
     def __init__(self, formulation: OcpFormulation, limit: int) -> None:
         """Take the problem.
@@ -60,8 +60,11 @@ class Guesses:
     def turning(self, context: PlanningContext) -> list[Array]:
         """Of the most promising homotopy classes, but each begins with a turn on the spot.
 
-        A searched path is among them: a way may lead on where a robot could not follow it.
+        A searched path is among them: a way may lead on where a robot could not follow it. One that
+        drives sideways needs none.
         """
+        if context.start.robot.drives_sideways:
+            return []
         paths = self._paths(context, guide_paths, self._limit)
         paths += self._paths(context, searched_paths)
         return [

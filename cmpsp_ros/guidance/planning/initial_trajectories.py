@@ -12,7 +12,8 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.differential_drive import drive
+from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
@@ -35,7 +36,7 @@ def initial_guess(
         durations: Length of every step, shape ``(N,)`` [s].
 
     Returns:
-        Wheel speeds ``(N + 1, 2)`` [rad/s].
+        Controls ``(N + 1, r)``.
     """
     if settings.initial_guess.type == 'constant':
         controls = np.empty((len(durations) + 1, 2))
@@ -51,9 +52,7 @@ def along_road(
 
     Arguments and result as in `initial_guess`.
     """
-    robot = start.robot
-    controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
-    poses[0] = start.pose
+    controls, poses = guess_arrays(start, durations)
     _follow_road(
         controls,
         poses,
@@ -61,13 +60,27 @@ def along_road(
         settings.road.space(0.0),
         target.position,
         math.nan if target.heading is None else target.heading,
-        robot.wheel_radius,
-        robot.half_track,
-        robot.max_wheel_speed,
+        start.robot.kinematics,
         largest_turn(settings),
+        free_turn_rate(start, target, durations),
         float(start.progress),
     )
     return controls
+
+
+def guess_arrays(start: PlanStart, durations: Array) -> tuple[Array, Array]:
+    """Room for the controls ``(N + 1, r)`` of a guess, and for its poses, of which the first is."""
+    controls = np.empty((len(durations) + 1, start.robot.n_controls))
+    poses = np.empty((len(durations) + 1, 3))
+    poses[0] = start.pose
+    return controls, poses
+
+
+def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
+    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s]."""
+    if target.heading is None or target.is_line or not start.robot.drives_sideways:
+        return 0.0
+    return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
 
 
 def largest_turn(settings: GuidanceSettings) -> float:
@@ -83,10 +96,9 @@ def _follow_road(
     road: RoadSpace,
     goal: tuple[float, float],
     goal_heading: float,
-    wheel_radius: float,
-    half_track: float,
-    max_wheel_speed: float,
+    robot: Kinematics,
     max_turn: float,
+    free_turn_rate: float,
     progress: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
@@ -96,11 +108,12 @@ def _follow_road(
         left += durations[k]
     progress = road_functions.project(road, poses[0, 0], poses[0, 1], poses[0, 2], progress)
     at_goal = road_functions.project(road, goal[0], goal[1], goal_heading, math.nan)
-    top_speed = wheel_radius * max_wheel_speed
     for k in range(steps):
         x, y = poses[k, 0], poses[k, 1]
         progress = road_functions.lateral_error(road, 0, x, y, progress)[0]
-        target_x, target_y, speed = _lookahead(road, x, y, progress, goal, at_goal, left, top_speed)
+        target_x, target_y, speed = _lookahead(
+            road, x, y, progress, goal, at_goal, left, robot.max_speed
+        )
         steer(
             controls,
             poses,
@@ -109,13 +122,13 @@ def _follow_road(
             target_x - x,
             target_y - y,
             speed,
-            wheel_radius,
-            half_track,
-            max_wheel_speed,
+            robot,
             max_turn,
+            free_turn_rate,
         )
         left -= durations[k]
-    controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
+    for a in range(controls.shape[1]):
+        controls[steps, a] = controls[steps - 1, a]
 
 
 @allocation_free
@@ -151,37 +164,43 @@ def steer(
     offset_x: float,
     offset_y: float,
     speed: float,
-    wheel_radius: float,
-    half_track: float,
-    max_wheel_speed: float,
+    robot: Kinematics,
     max_turn: float,
+    free_turn_rate: float,
 ) -> None:
     """Fill control ``k`` and the pose after it: the arc from pose ``k`` through a target.
 
     Args:
-        controls: Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
+        controls: Shape ``(N + 1, r)``.
         poses: Shape ``(N + 1, 3)`` [m, m, rad].
         k: Number of the step.
         duration: Of the step [s].
         offset_x: Of the target from the pose [m].
         offset_y: See `offset_x`.
         speed: Along the arc [m/s].
-        wheel_radius: Of the robot [m].
-        half_track: Of the robot [m].
-        max_wheel_speed: Of the robot [rad/s].
+        robot: The robot.
         max_turn: Largest turn in the step [rad].
+        free_turn_rate: Turn rate of a robot that drives sideways [rad/s].
     """
     distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
     angle = wrapped(math.atan2(offset_y, offset_x) - poses[k, 2])
-    bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
-    turn_rate = 2.0 * speed * bend / distance
     trusted = max_turn / duration
-    rim = min(max(turn_rate, -trusted), trusted) * half_track
-    right, left = (speed + rim) / wheel_radius, (speed - rim) / wheel_radius
-    # Both wheels are slowed alike where one would exceed its limit.
-    slowed = min(1.0, max_wheel_speed / max(abs(right), abs(left), 1e-12))
-    controls[k, 0], controls[k, 1] = right * slowed, left * slowed
-    drive(poses, controls, k, duration, wheel_radius, half_track)
+    if robot.model == OMNIDIRECTIONAL:
+        turn_rate = min(max(free_turn_rate, -trusted), trusted) / robot.gain
+        course = angle - turn_rate * robot.gain * duration / 2.0
+        controls[k, 0] = speed / robot.gain * math.cos(course)
+        controls[k, 1] = speed / robot.gain * math.sin(course)
+        controls[k, 2] = turn_rate
+    else:
+        bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
+        turn_rate = 2.0 * speed * bend / distance
+        rim = min(max(turn_rate, -trusted), trusted) * robot.arm
+        controls[k, 0], controls[k, 1] = (speed + rim) / robot.gain, (speed - rim) / robot.gain
+    # All wheels are slowed alike where one would exceed its limit.
+    slowed = min(1.0, robot.max_wheel_speed / max(fastest_wheel(controls, k, robot), 1e-12))
+    for a in range(controls.shape[1]):
+        controls[k, a] *= slowed
+    drive(poses, controls, k, duration, robot)
 
 
 @allocation_free

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
 from cmpsp_ros.guidance.planning.candidate import Candidate
@@ -170,7 +169,7 @@ class PlanSelector:
         best = self._better(warm, context.center_line_guess, context)
         if best.admissible or not context.at_rest:
             return best
-        return self._better(best, _zero_controls(context.horizon), context)
+        return self._better(best, _zero_controls(context), context)
 
     def _better(self, known: Candidate, guess: Array, context: PlanningContext) -> Candidate:
         """A plan, or one from another guess, if that is better."""
@@ -249,7 +248,7 @@ class PlanSelector:
         if any(each.candidate.admissible for each in every):
             return fresh
         # Or it may come too close at first: zero controls do not.
-        return [*fresh, self._new(_zero_controls(context.horizon), context)]
+        return [*fresh, self._new(_zero_controls(context), context)]
 
     def _new_ones(self, guesses: list[Array], context: PlanningContext) -> list[Alternative]:
         """New plans, as many as there is work left for."""
@@ -324,6 +323,6 @@ class PlanSelector:
         return Candidate.of(result, verdict, context.goal)
 
 
-def _zero_controls(horizon: Horizon) -> Array:
-    """Wheel speeds of a robot at rest, shape ``(N + 1, 2)`` [rad/s]."""
-    return np.zeros((len(horizon.edges), 2))
+def _zero_controls(context: PlanningContext) -> Array:
+    """Controls of a robot at rest, shape ``(N + 1, r)``."""
+    return np.zeros((len(context.horizon.edges), context.start.robot.n_controls))

@@ -20,7 +20,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     terminal_constraint,
     terminal_penalty,
 )
-from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
+from cmpsp_ros.guidance.formulation.ocp_functions import WHEEL_ROUNDING, GuidanceData
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
@@ -35,7 +35,7 @@ from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
 from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
 from cmpsp_ros.robots.acceleration import within_ramp
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
@@ -68,7 +68,7 @@ class Planner:
         solver = settings.solver
         self._compiled = solver.qp == RICCATI_ACTIVE_SET and solver.hessian != 'exact'
         self._rate, self._max_change = settings.weights.control_rate, settings.max_wheel_change
-        self._known: tuple[FreeSpace, Target, DifferentialDrive] | None = None
+        self._known: tuple[FreeSpace, Target, Robot] | None = None
         self._given: GuidanceData
         self._horizon: Horizon | None = None
         # Addresses of the functions that `CONTROL_RATE` calls.
@@ -81,7 +81,7 @@ class Planner:
         self._others: dict[int, Driver] = {}
         self._target = settings.target
         self._use_driver(len(longest.durations))
-        nothing = np.zeros((len(longest.edges), 2))
+        nothing = np.zeros((len(longest.edges), settings.robot.n_controls))
         context = PlanningContext.at_pose(settings, np.zeros(3), longest)
         data = self._data(context, nothing)
         if isinstance(data, ControlRateData):
@@ -106,7 +106,7 @@ class Planner:
 
         Args:
             context: What the plan is for.
-            guess: Controls to start from, shape ``(N + 1, 2)`` [rad/s].
+            guess: Controls to start from, shape ``(N + 1, r)``.
             iterations: How many, at most; without, as many as at a control step.
             work_limit: Visits of a stage after which a subproblem is given up.
         """
@@ -118,7 +118,10 @@ class Planner:
         begun, self._horizon = self._horizon, horizon
         over = 0 if begun is None else steps_over(begun, horizon)
         durations, previous = horizon.durations, context.start.previous_control
-        guess = within_ramp(guess, durations, previous, self._max_change)
+        robot = context.start.robot
+        if robot.limit_rows:
+            guess = robot.all_limited(guess, WHEEL_ROUNDING)
+        guess = within_ramp(guess, durations, previous, self._max_change, robot.wheels)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
         data = self._data(context, guess)
@@ -168,8 +171,15 @@ class Planner:
         data = begun_at(self._given, pose, durations, progress)
         if formulation.remembers_control:
             previous = np.ascontiguousarray(previous, dtype=np.float64)
-            limit = self._max_change
-            return ControlRateData(data, len(durations), self._rate, previous, limit, self._inner)
+            return ControlRateData(
+                data,
+                len(durations),
+                self._rate,
+                previous,
+                self._max_change,
+                robot.wheels,
+                self._inner,
+            )
         return data
 
     def _use_driver(self, steps: int) -> None:
@@ -191,15 +201,16 @@ class Planner:
     def _make_driver(self, steps: int, outputs: int, *, by_name: bool) -> Driver:
         formulation = self._formulation
         settings = formulation.settings
-        states = 5 if formulation.remembers_control else 3
+        controls = settings.robot.n_controls
+        states = 3 + controls if formulation.remembers_control else 3
         penalty_path = formulation.penalty_path
-        size = Dimensions(steps, states, 2, outputs, len(penalty_path))
+        size = Dimensions(steps, states, controls, outputs, len(penalty_path))
         trust_radius = np.full(states, math.inf)
         trust_radius[2] = formulation.heading_trust_region
         back_end = (settings.solver.qp, settings.solver.hessian) if by_name else None
         penalty_terminal = terminal_penalty(outputs)
-        driver = Driver(size, penalty_terminal, penalty_path, trust_radius, back_end)
-        driver.ws.upper[:] = settings.robot.max_wheel_speed
+        driver = Driver(size, penalty_terminal, penalty_path, trust_radius, back_end, exact=True)
+        driver.ws.upper[:] = settings.robot.bounds
         driver.ws.lower[:] = -driver.ws.upper
         return driver
 

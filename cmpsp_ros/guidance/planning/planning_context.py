@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, road_frame
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.prediction.plan_start import AT_REST, PlanStart
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -78,10 +78,11 @@ class PlanningContext:
         settings: GuidanceSettings,
         pose: Array,
         horizon: Horizon,
-        previous_control: Array = AT_REST,
+        previous_control: Array | None = None,
     ) -> PlanningContext:
         """To plan from a pose to the goal of the settings, without a plan or pending commands."""
-        start = PlanStart(pose, settings.robot, previous_control=previous_control)
+        previous = settings.robot.at_rest if previous_control is None else previous_control
+        start = PlanStart(pose, settings.robot, previous_control=previous)
         return cls(settings, start, settings.target, horizon)
 
     @cached_property
@@ -99,7 +100,7 @@ class PlanningContext:
 
     @cached_property
     def center_line_guess(self) -> Array:
-        """Controls along the centre line, shape ``(N + 1, 2)`` [rad/s]."""
+        """Controls along the centre line, shape ``(N + 1, r)``."""
         return along_road(self.settings, self.start, self.target, self.horizon.durations)
 
     @cached_property

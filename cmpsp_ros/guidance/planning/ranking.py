@@ -15,6 +15,8 @@ from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.kinematics import Kinematics
+from cmpsp_ros.robots.robot_functions import fastest_wheel
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import RoadSpace
@@ -118,7 +120,7 @@ class Ranking:
 
         Args:
             candidate: The plan, improved and audited.
-            previous_control: Wheel speeds commanded until now, shape ``(2,)`` [rad/s].
+            previous_control: Control commanded until now, shape ``(r,)``.
         """
         result, verdict, road = candidate.result, candidate.verdict, self._road
         if road is None:
@@ -154,9 +156,10 @@ class Ranking:
         A disturbance costs time, and nothing in the cost keeps any.
         """
         edges = plan.horizon.edges
-        needed = _turned(plan.controls, plan.horizon.durations)
+        robot = self._settings.robot.kinematics
+        needed = _turned(plan.controls, plan.horizon.durations, robot)
         left = (edges.item(-1) - edges.item(0)) / NANOSECONDS
-        return 1.0 - needed / self._settings.robot.max_wheel_speed / left
+        return 1.0 - needed / robot.max_wheel_speed / left
 
     def _cost(self, plan: Plan, previous_control: Array, off_center: float) -> float:
         controls, weights = plan.controls, self._settings.weights
@@ -175,11 +178,11 @@ def _turns(winding: float) -> int:
 
 
 @allocation_free
-def _turned(controls: Array, durations: Array) -> float:
-    """Angle that the faster wheel of each step turns, in all [rad]."""
+def _turned(controls: Array, durations: Array, robot: Kinematics) -> float:
+    """Angle that the fastest wheel of each step turns, in all [rad]."""
     total = 0.0
     for k in range(durations.shape[0]):
-        total += max(abs(controls[k, 0]), abs(controls[k, 1])) * durations[k]
+        total += fastest_wheel(controls, k, robot) * durations[k]
     return total
 
 

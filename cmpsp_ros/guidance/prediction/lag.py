@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.robots.acceleration import with_lag
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -40,13 +40,14 @@ _DEVIATIONS: Final = 5.0
 class LagEstimate:
     """The lag of one run, seen at its control steps."""
 
-    def __init__(self, max_lag: float) -> None:
+    def __init__(self, max_lag: float, n_controls: int = 2) -> None:
         """Begin at rest, with any lag possible.
 
         Args:
             max_lag: The longest [s]; 0 where none is considered.
+            n_controls: Number of controls of the robot.
         """
-        self._wheels, self._poses = np.zeros((_COUNT, 2)), np.zeros((_COUNT, 3))
+        self._wheels, self._poses = np.zeros((_COUNT, n_controls)), np.zeros((_COUNT, 3))
         self._at = 0
         self.reconfigure(max_lag)
 
@@ -93,12 +94,12 @@ class LagEstimate:
         chosen = sorted({first, (first + last + 1) // 2, last})
         return [(self._lags[k], self._wheels[k]) for k in chosen]
 
-    def advance(self, stamp: int, command: Array, robot: DifferentialDrive) -> None:
+    def advance(self, stamp: int, command: Array, robot: Robot) -> None:
         """Let the wheels follow a command until an instant.
 
         Args:
             stamp: The instant [ns].
-            command: Since the one before, shape ``(2,)`` [rad/s].
+            command: Since the one before, shape ``(r,)``.
             robot: Kinematics.
         """
         held, self._at = (stamp - self._at) / NANOSECONDS, stamp

@@ -24,36 +24,40 @@ _KEPT = 8
 class PendingCommands:
     """The commands of one run, as far as they still matter."""
 
-    def __init__(self) -> None:
-        """Begin with a robot that stands still."""
+    def __init__(self, n_controls: int = 2) -> None:
+        """Begin with a robot that stands still.
+
+        Args:
+            n_controls: Number of its controls.
+        """
         self._given: deque[tuple[int, Array]] = deque()
-        self._in_force = np.zeros(2)
+        self._in_force = np.zeros(n_controls)
         self._in_effect: deque[tuple[int, Array]] = deque(maxlen=_KEPT)
 
     @property
     def in_force(self) -> Array:
-        """What the wheels do at the instant last asked for, shape ``(2,)`` [rad/s]."""
+        """The control in effect at the instant last asked for, shape ``(r,)``."""
         return self._in_force
 
     @property
     def latest(self) -> Array:
-        """The last command, shape ``(2,)`` [rad/s]."""
+        """The last command, shape ``(r,)``."""
         return self._given[-1][1] if self._given else self._in_force
 
-    def add(self, stamp: int, wheel_speeds: Array) -> None:
+    def add(self, stamp: int, control: Array) -> None:
         """Remember a command.
 
         Args:
             stamp: Time that it answers [ns]; one before the last one's is taken for that one's,
                 for no command overtakes another.
-            wheel_speeds: Right and left, shape ``(2,)`` [rad/s].
+            control: The command, shape ``(r,)``.
         """
         if self._given:
             stamp = max(stamp, self._given[-1][0])
-        self._given.append((stamp, wheel_speeds))
+        self._given.append((stamp, control))
 
     def take_back(self) -> Array:
-        """Forget the last command, which was never sent; the one before it, shape ``(2,)``."""
+        """Forget the last command, which was never sent; the one before it, shape ``(r,)``."""
         self._given.pop()
         return self.latest
 
@@ -67,14 +71,13 @@ class PendingCommands:
             delay: Time from a command's stamp to its effect [ns].
 
         Returns:
-            Wheel speeds ``(K, 2)`` [rad/s], and for how long each pair holds ``(K,)`` [s]; nothing
-            without a delay.
+            Controls ``(K, r)``, and for how long each holds ``(K,)`` [s]; nothing without a delay.
         """
         while self._given and self._given[0][0] + delay <= stamp:
             at, self._in_force = self._given.popleft()
             self._in_effect.append((at + delay, self._in_force))
         if not delay:
-            return np.empty((0, 2)), np.empty(0)
+            return np.empty((0, len(self._in_force))), np.empty(0)
         ahead = [(at + delay, speeds) for at, speeds in self._given if at < stamp]
         speeds = np.array([self._in_force, *(each for _, each in ahead)])
         edges = np.array([stamp, *(at for at, _ in ahead), stamp + delay], dtype=np.int64)
@@ -91,7 +94,7 @@ class PendingCommands:
             delay: Time from a command's stamp to its effect [ns].
 
         Returns:
-            Wheel speeds ``(K, 2)`` [rad/s], and for how long each pair held ``(K,)`` [s].
+            Controls ``(K, r)``, and for how long each held ``(K,)`` [s].
         """
         self.until(end, delay)
         speeds, lengths = [], []
@@ -100,4 +103,4 @@ class PendingCommands:
                 speeds.append(each)
                 lengths.append((end - max(at, begin)) / NANOSECONDS)
                 end = min(end, max(at, begin))
-        return np.array(speeds).reshape(-1, 2), np.array(lengths)
+        return np.array(speeds).reshape(-1, len(self._in_force)), np.array(lengths)

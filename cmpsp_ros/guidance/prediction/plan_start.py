@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 AT_REST: Final = np.zeros(2)
@@ -22,11 +22,11 @@ class PlanStart(NamedTuple):
         robot: Kinematics, with the slip that is estimated.
         moving: Moving obstacles, from then on.
         progress: Arc length along the road of a place near the pose, NaN if not needed [m].
-        previous_control: Wheel speeds commanded until then, shape ``(2,)`` [rad/s].
+        previous_control: Control commanded until then, shape ``(r,)``.
     """
 
     pose: NDArray[np.float64]
-    robot: DifferentialDrive
+    robot: Robot
     moving: MovingDiscs = NOTHING_MOVES
     progress: float = math.nan
     previous_control: NDArray[np.float64] = AT_REST

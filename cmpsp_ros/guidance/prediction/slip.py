@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -61,19 +61,19 @@ class SlipEstimate:
         """The estimate in use: a fraction, a multiple of half a per cent."""
         return self._in_use
 
-    def begin(self, stamp: int, pose: Array, wheel_speeds: Array, durations: Array) -> None:
+    def begin(self, stamp: int, pose: Array, controls: Array, durations: Array) -> None:
         """Record how a control period begins, and what the wheels are to do in it.
 
         Args:
             stamp: When it begins [ns].
             pose: Where, shape ``(3,)`` [m, m, rad].
-            wheel_speeds: Commands as they take effect, the one in force until now first and the
-                newest last, shape ``(K + 2, 2)`` [rad/s].
+            controls: Commands as they take effect, the one in force until now first and the
+                newest last, shape ``(K + 2, r)``.
             durations: How long those between hold, shape ``(K,)`` [s].
         """
-        self._began = (stamp, pose, wheel_speeds, durations)
+        self._began = (stamp, pose, controls, durations)
 
-    def end(self, stamp: int, pose: Array, robot: DifferentialDrive, max_estimate: float) -> bool:
+    def end(self, stamp: int, pose: Array, robot: Robot, max_estimate: float) -> bool:
         """Update the estimate by how far the robot has come in the control period.
 
         Args:
@@ -87,14 +87,15 @@ class SlipEstimate:
         """
         if self._began is None:
             return False
-        began, before, wheel_speeds, durations = self._began
+        began, before, controls, durations = self._began
         self._began = None
         rest = (stamp - began) / NANOSECONDS - float(durations.sum())
+        wheel_speeds = robot.speeds_of(controls)
         fastest = float(np.abs(wheel_speeds).max())
         if rest <= 0.0 or float(np.ptp(wheel_speeds, axis=0).max()) > _STEADY * fastest:
             return False
         held = np.append(durations, rest)
-        x, y, _ = (robot.roll_out(before, wheel_speeds[1:], held)[-1] - before).tolist()
+        x, y, _ = (robot.roll_out(before, controls[1:], held)[-1] - before).tolist()
         length = math.hypot(x, y)
         if length == 0.0:
             return False

@@ -19,6 +19,7 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
+from cmpsp_ros.robots.arcs import speeds_and_turns
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
@@ -125,7 +126,7 @@ class Approach:
         what = int(np.where(hits[step], swept[step], np.inf).argmin())
         # As near as it came to it before, it is at least as far away where that arc begins.
         before = begins[what] if step == 0 else swept[step - 1, what]
-        lengths = np.abs(twists[:step, 0]) * durations[:step]
+        lengths = np.abs(speeds_and_turns(twists[:step])[:, 0]) * durations[:step]
         distance = float(lengths.sum()) + max(float(before), 0.0)
         return Contact(names[what], distance, self._speed(distance, float(durations[0])))
 
@@ -186,20 +187,21 @@ class Approach:
         return (*calm, remark)
 
     def _speed_of(self, plan: Plan) -> float:
-        return abs(float(self._settings.robot.twist(plan.controls[0])[0]))
+        return _speed(self._settings.robot.twist(plan.controls[0]))
 
     def slowed(self, plan: Plan, start: PlanStart, speed: float) -> Plan | None:
         """A plan with all its commands scaled alike to a speed, as far as the wheels can follow.
 
         Its first arc is a part of the one before; None where the plan is no faster.
         """
-        driven = abs(float(start.robot.twist(plan.controls[0])[0]))
+        driven = _speed(start.robot.twist(plan.controls[0]))
         return None if driven <= speed else self.scaled(plan, start, speed / driven)
 
     def scaled(self, plan: Plan, start: PlanStart, scale: float) -> Plan:
         """A plan with all its commands scaled alike, as far as the wheels can follow."""
         limit = self._settings.max_wheel_change
-        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit))
+        wheels = start.robot.wheels
+        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit, wheels))
         controls = scale * plan.controls
         poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
         return plan._replace(controls=controls, poses=poses)
@@ -266,7 +268,8 @@ class Approach:
         if limit == math.inf:
             return controls, durations
         late = np.array([self._settings.safety.stopping_time])
-        ramp = braking(plan.controls[-2:], late, period, limit, along=False)
+        wheels = self._settings.robot.wheels
+        ramp = braking(plan.controls[-2:], late, period, limit, wheels, along=False)
         held = np.full(len(ramp), period)
         return np.vstack([controls, controls[-1:], ramp]), np.concatenate([durations, late, held])
 
@@ -275,6 +278,10 @@ class Approach:
         settings, robot = self._settings, self._settings.robot
         time = period + settings.safety.stopping_time
         room = max(distance - settings.safety.margin, 0.0)
-        braking = robot.wheel_radius * robot.max_wheel_acceleration
+        braking = robot.braking
         # The root of speed * time + speed^2 / (2 * braking) = room.
         return 2.0 * room / (time + math.sqrt(time * time + 2.0 * room / braking))
+
+
+def _speed(twist: Array) -> float:
+    return abs(float(speeds_and_turns(twist)[0]))

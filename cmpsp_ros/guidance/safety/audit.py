@@ -48,7 +48,7 @@ class Verdict(NamedTuple):
         nearest: What the whole plan comes nearest to.
         edge_margin: Least clearance of the whole plan from the road's edges [m].
         obstacle_margin: The same from obstacles, moving ones too; infinite without any [m].
-        ramp: Commands by which the robot can stop after the first one, shape ``(K, 2)`` [rad/s];
+        ramp: Commands by which the robot can stop after the first one, shape ``(K, r)``;
             none where it stops at once.
     """
 
@@ -104,7 +104,8 @@ class Audit:
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._found, self._scratch = np.empty(FOUND), np.empty((2, len(self._names)))
         start = PlanStart(np.zeros(3), settings.robot)
-        self._sweep = entry_for(sweep_plan, *self._arguments(start, np.zeros((2, 2)), np.ones(1)))
+        rest = np.zeros((2, settings.robot.n_controls))
+        self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
 
     def see(self, settings: GuidanceSettings) -> None:
         """Take settings that differ in what an obstacle is like, not in how many there are."""
@@ -124,7 +125,7 @@ class Audit:
 
         Args:
             start: Where it begins.
-            controls: Wheel speeds ``(N + 1, 2)`` [rad/s].
+            controls: Shape ``(N + 1, r)``.
             durations: Length of every step, shape ``(N,)`` [s].
             pending: Verdict on the path to its beginning, which must have passed as well.
         """
@@ -157,7 +158,8 @@ class Audit:
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
         commands = np.vstack([start.previous_control, controls[: len(durations)]])
-        change = float(np.abs(np.diff(commands, axis=0)).max())
+        wheels = start.robot.wheels
+        change = float(np.abs(np.diff(commands, axis=0) @ wheels.T).max())
         if not change <= self._max_change + CHANGE_ROUNDING:
             reason = (
                 f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
@@ -166,7 +168,7 @@ class Audit:
             return reason, NO_RAMP
         reason = ''
         for along in (True, False):
-            ramp = braking(controls, durations, self._period, self._max_change, along=along)
+            ramp = braking(controls, durations, self._period, self._max_change, wheels, along=along)
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])
             found = self._swept(start, path, held, len(held))
@@ -189,7 +191,8 @@ class Audit:
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])
-        ramp = braking(held, np.array([self._period]), self._period, self._max_change, along=False)
+        period, wheels = np.array([self._period]), start.robot.wheels
+        ramp = braking(held, period, self._period, self._max_change, wheels, along=False)
         shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
         return NO_RAMP if shortfall > _ROUNDING else ramp
 
@@ -201,36 +204,37 @@ class Audit:
         Args:
             start: Where the plan begins.
             plan: The plan.
-            ramp: Commands after its first, shape ``(K, 2)`` [rad/s].
-            wheels: Speeds of the wheels at first, shape ``(2,)`` [rad/s].
+            ramp: Commands after its first, shape ``(K, r)``.
+            wheels: Control in effect at first, shape ``(r,)``.
             lag: Time constant of the wheels [s].
         """
-        commands = np.vstack([plan.controls[:1], ramp, np.zeros((1, 2))])
+        ramp = ramp.reshape(-1, plan.controls.shape[1])
+        commands = np.vstack([plan.controls[:1], ramp, start.robot.at_rest[None]])
         held = np.full(len(commands), self._period)
         held[0], held[-1] = plan.horizon.durations[0], _TO_REST * lag
         path = with_lag(wheels.copy(), commands, held, lag, _SLICES)
         return not self._swept(start, *path, len(path[1]))[4] > _ROUNDING
 
-    def check_pending(self, start: PlanStart, wheel_speeds: Array, durations: Array) -> Verdict:
+    def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.
 
         All of it is swept like the first command of a plan; wheel speeds are not checked again.
 
         Args:
             start: Where it begins.
-            wheel_speeds: Along it ``(K, 2)`` [rad/s], at least one pair.
-            durations: For how long each pair holds, shape ``(K,)`` [s].
+            controls: Along it ``(K, r)``, at least one.
+            durations: For how long each holds, shape ``(K,)`` [s].
         """
-        poses = start.robot.roll_out(start.pose, wheel_speeds, durations)
+        poses = start.robot.roll_out(start.pose, controls, durations)
         begins = np.cumsum(durations) - durations
         arcs = []
         for k, begin in enumerate(begins.tolist()):
             at = start._replace(pose=poses[k], moving=start.moving.after(begin))
-            arcs.append(self._check_arc(at, wheel_speeds[k : k + 1], durations[k : k + 1]))
+            arcs.append(self._check_arc(at, controls[k : k + 1], durations[k : k + 1]))
         return reduce(Verdict.followed_by, arcs)
 
-    def _check_arc(self, start: PlanStart, wheel_speeds: Array, duration: Array) -> Verdict:
-        found = self._swept(start, wheel_speeds, duration)
+    def _check_arc(self, start: PlanStart, controls: Array, duration: Array) -> Verdict:
+        found = self._swept(start, controls, duration)
         _, margin, _, nearest, shortfall, short, tightest, edges, others = found
         if not math.isfinite(margin):
             return _refused('The way under the commands given before is not finite.')
@@ -265,8 +269,7 @@ class Audit:
             np.ascontiguousarray(pose, np.float64),
             np.ascontiguousarray(controls, np.float64),
             np.ascontiguousarray(durations, np.float64),
-            robot.wheel_radius,
-            robot.half_track,
+            robot.kinematics,
             committed,
             self._between,
             space.road,

@@ -66,7 +66,7 @@ def clear_fraction(
     audit: Audit,
     here: PlanStart,
     previous: Array,
-    wheel_speeds: Array,
+    control: Array,
     next_step: float,
     latest: float,
 ) -> float:
@@ -78,8 +78,8 @@ def clear_fraction(
     Args:
         audit: For what the path must be clear of.
         here: Where the robot is.
-        previous: The command before, shape ``(2,)`` [rad/s].
-        wheel_speeds: The command, shape ``(2,)`` [rad/s].
+        previous: The command before, shape ``(r,)``.
+        control: The command, shape ``(r,)``.
         next_step: Time until the next control step [s].
         latest: Longest time that a command takes to come into effect [s].
     """
@@ -87,7 +87,7 @@ def clear_fraction(
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)
     held = np.stack([instants, next_step + latest - instants], axis=1)
     for fraction in _SPEEDS:
-        commands = np.stack([previous, fraction * wheel_speeds])
+        commands = np.stack([previous, fraction * control])
         if all(audit.check_pending(here, commands, each).passed for each in held):
             return fraction
     return 0.0

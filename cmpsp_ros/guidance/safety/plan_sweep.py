@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.kinematics import Kinematics
+from cmpsp_ros.robots.robot_functions import arc_of, fastest_wheel
 from cmpsp_ros.world.grids.field_functions import Fields
 from cmpsp_ros.world.obstacles.moving_discs import RADIUS, VELOCITY_X, VELOCITY_Y, X, Y
 from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
@@ -36,8 +38,7 @@ def sweep_plan(
     pose: Array,
     controls: Array,
     durations: Array,
-    wheel_radius: float,
-    half_track: float,
+    robot: Kinematics,
     committed: int,
     between: bool,
     road: RoadSpace,
@@ -58,10 +59,9 @@ def sweep_plan(
             clearance of the whole plan from the road's edges, and from all else. Shape ``(9,)``.
         scratch: Shape ``(2, 2 + M + D)``.
         pose: Where it begins.
-        controls: Wheel speeds.
+        controls: Of the robot.
         durations: Of the steps.
-        wheel_radius: Of the robot.
-        half_track: Of the robot.
+        robot: The robot.
         committed: How many steps must be clear.
         between: Whether the path between samples counts.
         road: Where on it the robot's centre may be.
@@ -75,9 +75,9 @@ def sweep_plan(
     """
     fastest = 0.0
     for k in range(controls.shape[0]):
-        for a in range(2):
-            # `max` drops NaN, a sum propagates it.
-            fastest = max(fastest, abs(controls[k, a])) + 0.0 * controls[k, a]
+        # `max` drops NaN, a sum propagates it.
+        speed = fastest_wheel(controls, k, robot)
+        fastest = max(fastest, speed) + 0.0 * speed
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
@@ -99,11 +99,8 @@ def sweep_plan(
             _clearance_at_rest(moving, j, growth, x, y, standing, between) - ROUGHNESS
         )
     for k in range(durations.shape[0]):
-        right, left = controls[k, 0] * wheel_radius, controls[k, 1] * wheel_radius
-        length = (right + left) / 2.0 * durations[k]
-        turn = (right - left) / (2.0 * half_track) * durations[k]
-        arc = arc_from(x, y, heading, length, turn)
-        x, y, heading = arc.end_x, arc.end_y, heading + turn
+        arc = arc_of(x, y, heading, controls, k, durations[k], robot)
+        x, y, heading = arc.end_x, arc.end_y, heading + arc.turn
         if not between:
             # Only the arc's end counts.
             arc = arc_from(x, y, heading, 0.0, 0.0)

@@ -37,8 +37,9 @@ class ControlRateData(NamedTuple):
         steps: ``N``.
         weight: ``w`` of the cost ``w/2 sum |U_k - U_(k-1)|^2``.
         previous: Control held before the horizon begins, shape ``(r,)``.
-        max_change: Largest change of each control at the stages ``0 ... N - 1``; infinite where
-            there is no such constraint. ``U_N`` moves nothing.
+        max_change: Largest change of each row of `rows` at the stages ``0 ... N - 1``; infinite
+            where there is no such constraint. ``U_N`` moves nothing.
+        rows: What the limit is of, as linear functions of the control, shape ``(q, r)``.
         functions: `Functions.addresses` of the problem without them.
     """
 
@@ -46,17 +47,14 @@ class ControlRateData(NamedTuple):
     steps: int
     weight: float
     previous: Array
-    max_change: float = math.inf
+    max_change: float
+    rows: Array
     functions: Indices | None = None
 
-    def rows(self) -> int:
-        """How many path constraints a stage has for it, after those of the inner problem."""
-        return rate_rows(self.max_change, len(self.previous))
 
-
-def rate_rows(max_change: float, controls: int) -> int:
-    """How many path constraints limit the change: two a control, none without a limit."""
-    return 2 * controls if max_change < math.inf else 0
+def rate_rows(max_change: float, rows: Array) -> int:
+    """How many path constraints limit the change: two for each row, none without a limit."""
+    return 2 * len(rows) if max_change < math.inf else 0
 
 
 @allocation_free
@@ -68,7 +66,7 @@ def _predict(data: Any, U: Array, X: Array) -> None:
 @allocation_free
 def _evaluate(data: Any, X: Array, U: Array, output_error: Array, g: Array) -> float:
     cost: float = call_for_float(data.functions[1], (data.inner, X, U, output_error, g))
-    return cost + _evaluate_changes(data.weight, data.max_change, data.steps, X, U, g)
+    return cost + _evaluate_changes(data.weight, data.max_change, data.rows, data.steps, X, U, g)
 
 
 @allocation_free
@@ -76,7 +74,7 @@ def _linearise(
     data: Any, X: Array, U: Array, stages: Records, path: Records, terminal: Records
 ) -> None:
     call(data.functions[2], (data.inner, X, U, stages, path, terminal))
-    _add_derivatives(data.weight, data.max_change, data.steps, X, U, stages, path)
+    _add_derivatives(data.weight, data.max_change, data.rows, data.steps, X, U, stages, path)
 
 
 CONTROL_RATE: Final = Functions(_predict, _evaluate, _linearise)
@@ -95,6 +93,7 @@ class ControlRateProblem(OptimalControlProblem):
         weight: float,
         previous: Array,
         max_change: float = math.inf,
+        rows: Array | None = None,
     ) -> None:
         """Wrap a problem.
 
@@ -103,6 +102,7 @@ class ControlRateProblem(OptimalControlProblem):
             weight: As in `ControlRateData`, not negative.
             previous: See `weight`; shape ``(r,)``.
             max_change: See `weight`; positive.
+            rows: See `weight`; None for the controls themselves.
 
         Raises:
             ProblemError: The weight or the limit is out of range, or ``previous`` has the wrong
@@ -115,13 +115,14 @@ class ControlRateProblem(OptimalControlProblem):
             raise ProblemError(f'max_change: found {max_change}, wanted a number > 0')
         if previous.shape != (inner.control,):
             raise ProblemError(f'previous: found shape {previous.shape}, wanted {(inner.control,)}')
-        self._data = ControlRateData(problem, inner.horizon, weight, previous, max_change)
+        rows = np.eye(inner.control) if rows is None else rows
+        self._data = ControlRateData(problem, inner.horizon, weight, previous, max_change, rows)
         self.size = Dimensions(
             inner.horizon,
             inner.state + inner.control,
             inner.control,
             inner.output,
-            inner.path + self._data.rows(),
+            inner.path + rate_rows(max_change, rows),
         )
         self.control_lower = problem.control_lower
         self.control_upper = problem.control_upper
@@ -137,24 +138,24 @@ class ControlRateProblem(OptimalControlProblem):
 
     def evaluate(self, X: Array, U: Array) -> Evaluation:
         """Value of the inner problem and the cost of its changes of control."""
-        _, steps, weight, _, max_change, _ = self._data
+        _, steps, weight, _, max_change, rows, _ = self._data
         inner = self._inner.evaluate(X[:, : self._inner.size.state], U)
         g = np.empty((steps + 1, self.size.path))
         g[:, : self._inner.size.path] = inner.g
         X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
-        cost = _evaluate_changes(weight, max_change, steps, X, U, g)
+        cost = _evaluate_changes(weight, max_change, rows, steps, X, U, g)
         return Evaluation(inner.cost + cost, inner.output_error, g)
 
     def linearise(self, X: Array, U: Array, hessian: Hessian = 'gauss_newton') -> Linearisation:
         """Derivatives of the inner problem, with those of what is added."""
-        size, (_, steps, weight, _, max_change, _) = self.size, self._data
+        size, (_, steps, weight, _, max_change, rows, _) = self.size, self._data
         row = row_type(size.state, size.control)
         stages = np.zeros(steps + 1, stage_type(size.state, size.control))
         path, terminal = np.zeros((steps + 1, size.path), row), np.zeros(size.output, row)
         inner = self._inner.linearise(X[:, : self._inner.size.state], U, hessian)
         put_derivatives(stages, path[:, : self._inner.size.path], terminal, inner)
         X, U = np.ascontiguousarray(X), np.ascontiguousarray(U)
-        _add_derivatives(weight, max_change, steps, X, U, stages, path)
+        _add_derivatives(weight, max_change, rows, steps, X, U, stages, path)
         return derivatives_in(stages, path, terminal, size)
 
     def constraint_curvature(
@@ -182,48 +183,59 @@ def _put_previous(previous: Array, steps: int, U: Array, X: Array) -> None:
 
 @allocation_free
 def _evaluate_changes(
-    weight: float, max_change: float, steps: int, X: Array, U: Array, g: Array
+    weight: float, max_change: float, rows: Array, steps: int, X: Array, U: Array, g: Array
 ) -> float:
     """Cost of the changes; the limit's path constraints are filled in."""
-    r = U.shape[1]
-    n, first = X.shape[1] - r, g.shape[1] - 2 * r
+    r, limited = U.shape[1], rows.shape[0] if max_change < math.inf else 0
+    n, first = X.shape[1] - r, g.shape[1] - 2 * limited
     total = 0.0
     for k in range(steps + 1):
         for a in range(r):
-            change = U[k, a] - X[k, n + a]
-            total += change**2
-            if max_change < math.inf:
-                g[k, first + 2 * a] = change - max_change if k < steps else -math.inf
-                g[k, first + 2 * a + 1] = -change - max_change if k < steps else -math.inf
+            total += (U[k, a] - X[k, n + a]) ** 2
+        for i in range(limited):
+            change = _change(rows, i, U, X, k)
+            g[k, first + 2 * i] = change - max_change if k < steps else -math.inf
+            g[k, first + 2 * i + 1] = -change - max_change if k < steps else -math.inf
     return 0.5 * weight * total
+
+
+@allocation_free
+def _change(rows: Array, i: int, U: Array, X: Array, k: int) -> float:
+    """Change of a row from the control before."""
+    change, n = 0.0, X.shape[1] - U.shape[1]
+    for a in range(U.shape[1]):
+        change += rows[i, a] * (U[k, a] - X[k, n + a])
+    return change
 
 
 @allocation_free
 def _add_derivatives(
     weight: float,
     max_change: float,
+    rows: Array,
     steps: int,
     X: Array,
     U: Array,
     stages: Records,
     path: Records,
 ) -> None:
-    r = U.shape[1]
-    n, first = X.shape[1] - r, path.shape[1] - 2 * r
+    r, limited = U.shape[1], rows.shape[0] if max_change < math.inf else 0
+    n, first = X.shape[1] - r, path.shape[1] - 2 * limited
     for k in range(steps + 1):
         stage = stages[k]
         for a in range(r):
-            change = U[k, a] - X[k, n + a]
-            slope = weight * change
+            slope = weight * (U[k, a] - X[k, n + a])
             stage.L_X[n + a] = -slope
             stage.L_U[a] += slope
             stage.L_XX[n + a, n + a] = weight
             stage.L_UX[a, n + a] = -weight
             stage.L_UU[a, a] += weight
             stage.B[n + a, a] = 1.0
-            if max_change < math.inf:
-                above, below = path[k, first + 2 * a], path[k, first + 2 * a + 1]
-                above.value = change - max_change if k < steps else -math.inf
-                below.value = -change - max_change if k < steps else -math.inf
-                above.U[a], above.X[n + a] = 1.0, -1.0
-                below.U[a], below.X[n + a] = -1.0, 1.0
+        for i in range(limited):
+            above, below = path[k, first + 2 * i], path[k, first + 2 * i + 1]
+            change = _change(rows, i, U, X, k)
+            above.value = change - max_change if k < steps else -math.inf
+            below.value = -change - max_change if k < steps else -math.inf
+            for a in range(r):
+                above.U[a], above.X[n + a] = rows[i, a], -rows[i, a]
+                below.U[a], below.X[n + a] = -rows[i, a], rows[i, a]

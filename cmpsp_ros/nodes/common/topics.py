@@ -102,7 +102,8 @@ COMMAND = Topic(
     'out',
     'cmd_vel',
     Twist,
-    '`linear.x` [m/s], `angular.z` [rad/s]; one per control step; the last is a zero twist',
+    '`linear.x` [m/s], `angular.z` [rad/s], `linear.y` of a robot that drives sideways; one per '
+    'control step; the last is a zero twist',
     depth=1,
 )
 STAMPED_COMMAND = Topic('guidance', 'out', 'cmd_vel', TwistStamped, _STAMPED, depth=1)
@@ -111,7 +112,7 @@ WHEELS = Topic(
     'out',
     '~/wheel_speeds',
     JointState,
-    'commanded speed of right and left wheel [rad/s]; names from `robot.joint_names`',
+    'commanded wheel speeds [rad/s]; names from `robot.joint_names`',
     depth=OF_A_RUN,
 )
 DECISION = Topic(

@@ -38,6 +38,7 @@ from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
 from cmpsp_ros.parameters.table import is_of_ros
 from cmpsp_ros.quick_exit import quick_exit
+from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.simulator.plant import Plant, TwistError
 
 try:
@@ -87,6 +88,7 @@ class SimNode(Node):
         self.period_ns = round(_NS / settings.odom_rate)
         self.next_ns = 0 if has_clock else time.time_ns()
         self.plant = Plant(settings, self.next_ns)
+        self._drives_sideways = settings.robot.drives_sideways
         self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
@@ -116,7 +118,8 @@ class SimNode(Node):
         stamp_ns = self.plant.stamp_ns
         self._traffic.begin(stamp_ns)
         try:
-            self.plant.command(stamp_ns, twist.linear.x, twist.angular.z)
+            wanted = twist.linear.x, twist.linear.y, twist.angular.z
+            self.plant.command(stamp_ns, *(wanted if self._drives_sideways else wanted[::2]))
         except TwistError as error:
             self.get_logger().warning(f'cmd_vel refused: {error}', throttle_duration_sec=2.0)
         self._drive_to(stamp_ns)
@@ -182,7 +185,9 @@ class SimNode(Node):
         message.pose.pose.orientation = Quaternion(
             x=0.0, y=0.0, z=math.sin(heading / 2.0), w=math.cos(heading / 2.0)
         )
-        message.twist.twist.linear.x, message.twist.twist.angular.z = twist.tolist()
+        forward, left, turn_rate = with_side(twist).tolist()
+        message.twist.twist.linear.x, message.twist.twist.linear.y = forward, left
+        message.twist.twist.angular.z = turn_rate
         return message
 
     def _transforms_of(self, message: Odometry) -> list[TransformStamped]:

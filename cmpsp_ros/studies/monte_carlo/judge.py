@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
@@ -117,7 +117,7 @@ def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
         raise StudyError(f'{beside}: {error.strerror or error}') from error
 
 
-def _slowed(task: Task) -> DifferentialDrive:
+def _slowed(task: Task) -> Robot:
     robot = task.settings.robot
     driven = farthest(task)
     if not math.isfinite(driven):

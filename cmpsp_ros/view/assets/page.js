@@ -20,9 +20,9 @@ const element = (id) => document.getElementById(id);
 const isNumber = (value) => typeof value === 'number';
 const fixed = (value, digits, unit) => (isNumber(value) ? `${value.toFixed(digits)} ${unit}` : '–');
 const signed = (value) => (isNumber(value) && value >= 0 ? '+' : '') + fixed(value, 3, 'm');
-const pair = (values, unit) =>
-  Array.isArray(values) && values.every(isNumber) && values.length === 2
-    ? `${values[0].toFixed(2)}  ${values[1].toFixed(2)} ${unit}` : '–';
+const several = (values, unit) =>
+  Array.isArray(values) && values.every(isNumber) && values.length
+    ? `${values.map((value) => value.toFixed(2)).join('  ')} ${unit}` : '–';
 
 function say(id, text) {
   const place = element(id);
@@ -87,8 +87,8 @@ function show() {
   say('worst_clearance', signed(decision.worst_clearance));
   const error = decision.terminal_error;
   say('terminal_error', isNumber(error) ? `${error.toExponential(1)} m` : '–');
-  say('commanded', pair([decision.wheel_speed_right, decision.wheel_speed_left], 'rad/s'));
-  say('driven', pair(latest.driven, 'rad/s'));
+  say('commanded', several(decision.wheels, 'rad/s'));
+  say('driven', several(latest.driven, 'rad/s'));
   say('step_ms', fixed(decision.step_ms, 2, 'ms'));
   drawCourse();
   drawStrips();
@@ -254,13 +254,19 @@ function drawRobot(pen, place, to, scale) {
   pen.restore();
 }
 
-// A step is (time left, right wheel, left wheel, clearance, fallback level).
+const WHEELS = ['#0072b2', '#d55e00', '#009e73', '#cc79a7'];
+
+// A step is (time left, wheel speeds, clearance, fallback level): its last two places count from
+// its end.
 function drawStrips() {
   const steps = known.series.steps;
   const limit = (latest.robot || {})['robot.max_wheel_speed'];
-  const column = (index) => steps.map((step) => [step[0], step[index]]);
-  drawStrip('wheels', [[column(1), '#0072b2'], [column(2), '#d55e00']], limit ? [limit] : []);
-  drawStrip('clearance', [[column(3), '#009e73']], [0]);
+  const column = (index) => steps.map((step) => [step[0], step.at(index)]);
+  const wheels = steps.length ? steps[0].slice(1, -2) : [];
+  document.querySelector('.wheels').hidden = wheels.length !== 2;
+  const lines = wheels.map((_, wheel) => [column(wheel + 1), WHEELS[wheel % WHEELS.length]]);
+  drawStrip('wheels', lines, limit ? [limit] : []);
+  drawStrip('clearance', [[column(-2), '#009e73']], [0]);
 }
 
 function drawStrip(id, lines, marks) {

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.arcs import arc_under
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
@@ -157,7 +157,7 @@ class MovingDiscs:
 
         Args:
             poses: Pose at the start of each arc, shape ``(K, 3)`` [m, m, rad].
-            twists: Speed and turn rate along it, shape ``(K, 2)`` [m/s, rad/s].
+            twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
             durations: Shape ``(K,)`` [s].
             times: When each begins, from now on, shape ``(K,)`` [s].
 
@@ -219,8 +219,7 @@ def _along(
     times: Array,
 ) -> None:
     for k in range(durations.shape[0]):
-        length, turn = twists[k, 0] * durations[k], twists[k, 1] * durations[k]
-        arc = arc_from(poses[k, 0], poses[k, 1], poses[k, 2], length, turn)
+        arc = arc_under(poses, twists, k, durations[k])
         for j in range(states.shape[0]):
             u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
             x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v

@@ -35,8 +35,10 @@ def drive(start_demo, tmp_path):
     return drive
 
 
-# A road that crosses itself; a thousand points and ten obstacles; shapes on open floor.
-@pytest.mark.parametrize(('preset', 'steps'), [('corridor', 100), ('mapped', 50), ('floor', 40)])
+# A road that crosses itself; a thousand points and ten obstacles; shapes on open floor; sideways.
+@pytest.mark.parametrize(
+    ('preset', 'steps'), [('corridor', 100), ('mapped', 50), ('floor', 40), ('omni_aisle', 70)]
+)
 def test_what_stands_still_in_lockstep(drive, judge, preset, steps):
     folder, summary = drive(preset, steps)
     assert summary['miss_m'] < 1e-6

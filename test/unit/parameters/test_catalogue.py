@@ -23,7 +23,8 @@ def test_what_needs_a_restart():
     assert {row.name for row in TABLE if not row.reconfigurable} == {
         'frame_id', 'robot_frame', 'control_period', 'final_time',
         'goal.wait', 'waypoints.names', 'waypoints.<name>.time',
-        'follow.speed', 'follow.horizon', 'robot.max_wheel_acceleration', 'robot.joint_names',
+        'follow.speed', 'follow.horizon', 'robot.model', 'robot.max_wheel_acceleration',
+        'robot.joint_names',
         'road.type', 'road.source',
         'map.unknown_is_free', 'map.topic', 'map.lethal', 'map.timeout',
         'weights.control_rate', 'solver.qp',

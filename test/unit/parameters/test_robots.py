@@ -12,9 +12,10 @@ from cmpsp_ros.parameters.presets import (
 )
 from cmpsp_ros.parameters.settings import check_start, guidance_settings
 
-# The makers' figures: speed [m/s], distance of the wheels [m].
+# The makers' figures: speed [m/s], distance of the wheels [m]; of mecanum wheels of both axes.
 MAKERS = {
     'jackal': (2.0, 0.37559 * 1.5),
+    'mecanum': (0.8, (0.27 + 0.17) * 0.95),
     'turtlebot3_burger': (0.22, 0.160),
     'turtlebot3_waffle': (0.26, 0.287),
     'turtlebot4': (0.306, 0.233),
@@ -53,7 +54,7 @@ def test_every_figure_of_a_robot_has_its_source_in_a_comment(name):
     lines = (config_directory() / 'robots' / f'{name}.yaml').read_text().splitlines()
     commented = False
     for line in map(str.strip, lines[lines.index('    robot:') + 1 :]):
-        if line.startswith(('half_track', 'type')):
+        if line.startswith(('half_track', 'type', 'model')):
             continue
         assert line.startswith('#') or commented, line
         commented = line.startswith('#')

@@ -14,7 +14,7 @@ from cmpsp_ros.simulator.physics import Physics, PhysicsError
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 
 MS = 1_000_000
-ROBOT = DifferentialDrive(0.035, 0.055, 51.0)
+ROBOT = DifferentialDrive(max_wheel_speed=51.0)
 SETTINGS = PlantSettings(ROBOT, (1.0, -2.0, 0.5), cmd_vel_timeout=0.0, physics=Physics())
 
 

@@ -13,12 +13,14 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
 )
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
+    guess_arrays,
     largest_turn,
     steer,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.kinematics import Kinematics
 
 Array = NDArray[np.float64]
 
@@ -80,7 +82,12 @@ def _relax(profiles: Array, low: Array, high: Array, pull: Array, drift: Array) 
 
 
 def follow_profile(
-    settings: GuidanceSettings, start: PlanStart, durations: Array, frame: RoadFrame, profile: Array
+    settings: GuidanceSettings,
+    start: PlanStart,
+    durations: Array,
+    frame: RoadFrame,
+    profile: Array,
+    free_turn_rate: float = 0.0,
 ) -> Array:
     """Pursuit of a point ahead on a path, so paced as to be at its end in time.
 
@@ -90,14 +97,14 @@ def follow_profile(
         durations: Length of every step, shape ``(N,)`` [s].
         frame: Road coordinates.
         profile: Lateral positions at its stations, shape ``(K,)`` [m].
+        free_turn_rate: As in `steer` [rad/s].
 
     Returns:
-        Wheel speeds ``(N + 1, 2)`` [rad/s].
+        Controls ``(N + 1, r)``.
     """
-    robot, left = start.robot, np.zeros(len(profile))
+    left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
-    controls, poses = np.empty((len(durations) + 1, 2)), np.empty((len(durations) + 1, 3))
-    poses[0] = start.pose
+    controls, poses = guess_arrays(start, durations)
     _follow(
         controls,
         poses,
@@ -105,10 +112,9 @@ def follow_profile(
         frame,
         np.ascontiguousarray(profile),
         left,
-        robot.wheel_radius,
-        robot.half_track,
-        robot.max_wheel_speed,
+        start.robot.kinematics,
         largest_turn(settings),
+        free_turn_rate,
     )
     return controls
 
@@ -138,10 +144,9 @@ def _follow(
     frame: RoadFrame,
     profile: Array,
     left_from: Array,
-    wheel_radius: float,
-    half_track: float,
-    max_wheel_speed: float,
+    robot: Kinematics,
     max_turn: float,
+    free_turn_rate: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
     steps, end = durations.shape[0], frame.step * (profile.shape[0] - 1)
@@ -150,9 +155,7 @@ def _follow(
     for k in range(steps):
         left += durations[k]
     for k in range(steps):
-        speed = min(
-            max(_interpolate(left_from, frame.step, at), 0.0) / left, max_wheel_speed * wheel_radius
-        )
+        speed = min(max(_interpolate(left_from, frame.step, at), 0.0) / left, robot.max_speed)
         ahead = max(_LOOKAHEAD * speed, SHORTEST_LOOKAHEAD)
         stretch = stretch_at(frame, at, _interpolate(profile, frame.step, at))
         there = at + ahead / max(stretch, SHORTEST_LOOKAHEAD)
@@ -166,14 +169,14 @@ def _follow(
             x - poses[k, 0],
             y - poses[k, 1],
             speed,
-            wheel_radius,
-            half_track,
-            max_wheel_speed,
+            robot,
             max_turn,
+            free_turn_rate,
         )
         at, _, bearing = locate(frame, poses[k + 1, 0], poses[k + 1, 1], at, bearing)
         left = max(left - durations[k], 1e-9)
-    controls[steps, 0], controls[steps, 1] = controls[steps - 1, 0], controls[steps - 1, 1]
+    for a in range(controls.shape[1]):
+        controls[steps, a] = controls[steps - 1, a]
 
 
 @allocation_free

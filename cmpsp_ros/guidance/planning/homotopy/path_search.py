@@ -35,12 +35,13 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
 from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
+    free_turn_rate,
     largest_turn,
     wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
@@ -61,7 +62,7 @@ class GuidePath:
 
     Attributes:
         homotopy_class: On which side it passes each obstacle.
-        guess: Wheel speeds that follow it, shape ``(N + 1, 2)`` [rad/s].
+        guess: Controls that follow it, shape ``(N + 1, r)``.
         frame: Road coordinates of its way.
         profile: Its lateral positions at their stations, shape ``(K,)`` [m].
         cost: Squared distance to the centre line along it, and what it is too long even as the
@@ -133,11 +134,12 @@ def guide_paths(
         profiles[scarce] = shortest_path(frame, low[scarce], high[scarce], ends)
     costs = _costs(frame, profiles, reach)
     wanted = [i for i, each in enumerate(trails) if each.sides not in without]
+    turn_rate = free_turn_rate(start, target, durations)
     wanted.sort(key=lambda i: (costs[i], trails[i].sides))
     return [
         GuidePath(
             trails[i].sides,
-            follow_profile(settings, start, durations, frame, profiles[i]),
+            follow_profile(settings, start, durations, frame, profiles[i], turn_rate),
             frame,
             profiles[i],
             costs[i],
@@ -164,7 +166,14 @@ def searched_paths(
         return []
     poses = np.column_stack([points, np.zeros(len(points))])
     homotopy_class = class_of(frame, frame.coordinates(space.landmarks), poses)
-    guess = follow_profile(settings, start, durations, line, profile)
+    guess = follow_profile(
+        settings,
+        start,
+        durations,
+        line,
+        profile,
+        free_turn_rate(start, target, durations),
+    )
     return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 
 
@@ -200,7 +209,7 @@ def turning_first(
     return np.concatenate([np.tile([rim, -rim], (steps, 1)), rest])
 
 
-def _straddled(settings: GuidanceSettings, robot: DifferentialDrive) -> float:
+def _straddled(settings: GuidanceSettings, robot: Robot) -> float:
     """How far from the nearest sample a path may pass an obstacle: it may do so between two [m]."""
     if not settings.safety.between_samples or math.isinf(robot.max_speed):
         return 0.0

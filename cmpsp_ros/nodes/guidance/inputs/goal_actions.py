@@ -15,6 +15,7 @@ from rclpy.task import Future
 from cmpsp_ros.guidance.goals import Goal, GoalError
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.transforms import TransformError
+from cmpsp_ros.robots.arcs import speeds_and_turns
 
 try:
     from nav2_msgs.action import FollowPath, NavigateToPose
@@ -168,7 +169,9 @@ class GoalActions:
         self, running: _Running, decision: Decision, pose: Sequence[float], far: float
     ) -> Any:
         if running.name == FOLLOW:
-            return FollowPath.Feedback(distance_to_goal=far, speed=float(decision.twist[0]))
+            return FollowPath.Feedback(
+                distance_to_goal=far, speed=float(speeds_and_turns(decision.twist)[0])
+            )
         here, now = PoseStamped(), self._node.get_clock().now()
         here.header.frame_id, here.header.stamp = self._frame_id, now.to_msg()
         x, y, heading = pose

@@ -11,6 +11,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.robots.arcs import with_side
 
 if TYPE_CHECKING:
     from cmpsp_ros.guidance.decision import Decision
@@ -45,5 +46,5 @@ def frame_bytes(frame_id: str) -> bytes:
 
 
 def _twist(decision: Decision) -> bytes:
-    speed, turn_rate = decision.twist.tolist()
-    return _TWIST.pack(speed, 0.0, 0.0, 0.0, 0.0, turn_rate)
+    forward, left, turn_rate = with_side(decision.twist).tolist()
+    return _TWIST.pack(forward, left, 0.0, 0.0, 0.0, turn_rate)

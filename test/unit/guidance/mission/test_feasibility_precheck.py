@@ -21,7 +21,7 @@ ROCK = Obstacle('rock', (8.0, -6.0), 0.7)
 
 
 def settings(**changes):
-    robot = DifferentialDrive(0.035, 0.055, 51.0)
+    robot = DifferentialDrive(max_wheel_speed=51.0)
     return GuidanceSettings(robot=robot, road=Annulus(), goal=(10.0, 0.0), **changes)
 
 
@@ -34,7 +34,7 @@ def test_the_shortest_time_is_that_of_a_taut_string_at_full_speed():
 
 def test_a_wider_robot_goes_a_longer_way_and_one_without_limit_needs_no_time():
     assert shortest_time(settings(robot_radius=0.2), START) > shortest_time(settings(), START)
-    unlimited = replace(settings(), robot=DifferentialDrive(0.035, 0.055))
+    unlimited = replace(settings(), robot=DifferentialDrive())
     assert shortest_time(unlimited, START) == 0.0
     assert infeasibility_warnings(unlimited, START) == []
 

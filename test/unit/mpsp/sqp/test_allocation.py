@@ -15,7 +15,11 @@ from cmpsp_ros.guidance.planning.planner import FUNCTIONS
 from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati
-from cmpsp_ros.robots import differential_drive
+from cmpsp_ros.robots import (
+    differential_drive_functions,
+    omnidirectional_functions,
+    robot_functions,
+)
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')
@@ -33,7 +37,8 @@ def test_a_kernel_that_would_make_an_array_is_refused():
 
 
 def test_every_kernel_is_compiled_to_make_none():
-    modules, kernels = [differential_drive, ocp_functions], 0
+    robots = [differential_drive_functions, omnidirectional_functions, robot_functions]
+    modules, kernels = [*robots, ocp_functions], 0
     for package in (sqp, active_set, riccati):
         modules += [
             import_module(f'{package.__name__}.{each.name}')

@@ -235,7 +235,7 @@ def test_a_cost_and_a_limit_on_changes_of_control(limit):
     """Five states, and functions that wrap the compiled ones."""
     previous, inner = np.array([45.0, 44.0]), robot_problem(20)
     problem = ControlRateProblem(inner, 0.7, previous, limit)
-    data = ControlRateData(inner.data, 20, 0.7, previous, limit)
+    data = ControlRateData(inner.data, 20, 0.7, previous, limit, np.eye(2))
     options, guess = robot_options(problem), guesses(20, 3.0)
     if limit < np.inf:
         hard = np.append(options.penalty_path[:-4], np.full(4, np.inf))

@@ -1,0 +1,88 @@
+"""The robot that parameters describe: the one list of its models."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from cmpsp_ros.parameters.errors import Problem, describe
+from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.omnidirectional import mecanum, on_omni_wheels
+from cmpsp_ros.robots.robot import Robot
+
+_FEWEST_WHEELS: Final = 3
+_SINGULAR: Final = 1e-6
+
+
+def robot_of(values: Values) -> Robot:
+    """The robot, of the model that `robot.model` names."""
+    return MODELS[values['robot.model']](values)
+
+
+def robot_problems(values: Values) -> Iterator[Problem]:
+    """What the model that is chosen cannot do without, and what it cannot do."""
+    model = values['robot.model']
+    names, wheels = values['robot.joint_names'], _n_wheels(values)
+    if len(names) != wheels:
+        yield Problem('robot.joint_names', describe(names), f'{wheels} names, one a wheel')
+    if model == 'mecanum' and values['robot.half_wheel_base'] == 0.0:
+        yield Problem('robot.half_wheel_base', '0.0 m', 'a distance above 0 for a mecanum robot')
+    if model == 'omni_wheels':
+        yield from _bearing_problems(values['robot.wheel_bearings'])
+    if model == 'differential_drive':
+        return
+    if values['initial_guess.type'] == 'constant':
+        wanted = f'road, for the wheel speeds of constant are not those of robot.model {model}'
+        yield Problem('initial_guess.type', "'constant'", wanted)
+    if values['plant'] == 'mujoco':
+        yield Problem('plant', "'mujoco'", f'kinematic for robot.model {model}')
+
+
+def _n_wheels(values: Values) -> int:
+    bearings = values['robot.wheel_bearings']
+    return {'mecanum': 4, 'omni_wheels': len(bearings)}.get(values['robot.model'], 2)
+
+
+def _bearing_problems(bearings: list[float]) -> Iterator[Problem]:
+    rows = [(-math.sin(each), math.cos(each), 1.0) for each in bearings]
+    if len(rows) < _FEWEST_WHEELS or np.linalg.svd(rows, compute_uv=False)[-1] < _SINGULAR:
+        wanted = 'three or more directions, of which three differ'
+        yield Problem('robot.wheel_bearings', describe(bearings), wanted)
+
+
+def _of_wheels(values: Values) -> dict[str, float]:
+    speed, acceleration = values['robot.max_wheel_speed'], values['robot.max_wheel_acceleration']
+    return {
+        'wheel_radius': values['robot.wheel_radius'],
+        'max_wheel_speed': speed or math.inf,
+        'max_wheel_acceleration': acceleration or math.inf,
+    }
+
+
+def _differential_drive(values: Values) -> Robot:
+    return DifferentialDrive(half_track=values['robot.half_track'], **_of_wheels(values))
+
+
+def _mecanum(values: Values) -> Robot:
+    half_track, half_wheel_base = values['robot.half_track'], values['robot.half_wheel_base']
+    return mecanum(half_track, half_wheel_base, **_of_wheels(values))
+
+
+def _omni_wheels(values: Values) -> Robot:
+    distance, bearings = values['robot.half_track'], values['robot.wheel_bearings']
+    return on_omni_wheels(distance, bearings, **_of_wheels(values))
+
+
+MODELS: Final[Mapping[str, Callable[[Values], Robot]]] = MappingProxyType(
+    {
+        'differential_drive': _differential_drive,
+        'mecanum': _mecanum,
+        'omni_wheels': _omni_wheels,
+    }
+)
+"""All models of robots by their names in `robot.model`."""

@@ -1,0 +1,188 @@
+"""Robots that drive in every direction: on mecanum wheels, or on three or more omni wheels."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import combinations, product
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots.twist_limits import TwistLimits
+
+Array = NDArray[np.float64]
+
+Rim = tuple[float, float, float]
+
+_SINGULAR: Final = 1e-9
+"""Below it three wheels leave a direction free, and a robot goes straight."""
+
+_MECANUM: Final = 'front left', 'front right', 'rear right', 'rear left'
+
+_ALL: Final = 1.0 + 1e-9
+"""By which a bound is larger than rounding can make what it bounds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Omnidirectional(Robot):
+    """A robot whose controls are its twist, forward, to the left and turning.
+
+    Attributes:
+        rims: For each wheel, the speed of its rim for a unit of forward speed, of speed to the
+            left, and of turn rate, the last one in metres.
+        grip: Fraction of its twist that slip leaves.
+    """
+
+    n_controls: ClassVar[int] = 3
+    drives_sideways: ClassVar[bool] = True
+
+    rims: tuple[Rim, ...]
+    grip: float = 1.0
+
+    @property
+    def wheel_names(self) -> tuple[str, ...]:
+        """What pictures call the wheels."""
+        count = len(self.rims)
+        return _MECANUM if self.rims[0][0] else tuple(f'{k + 1}.' for k in range(count))
+
+    @property
+    def half_track(self) -> float:
+        """Largest speed of a rim for a unit turn rate [m]."""
+        return max(abs(turning) for _, _, turning in self.rims)
+
+    @property
+    def max_speed(self) -> float:
+        """Largest speed of all directions [m/s]."""
+        return self.grip * self.wheel_radius * self.max_wheel_speed * self._reach[0]
+
+    @property
+    def max_acceleration(self) -> float:
+        """Largest acceleration of all directions [m/s^2]."""
+        return self.grip * self.wheel_radius * self.max_wheel_acceleration * self._reach[0]
+
+    @property
+    def braking(self) -> float:
+        """Deceleration in the direction in which it is least [m/s^2]."""
+        steepest = max(math.hypot(forward, left) for forward, left, _ in self.rims)
+        return self.grip * self.wheel_radius * self.max_wheel_acceleration / steepest
+
+    @cached_property
+    def kinematics(self) -> Kinematics:
+        """The robot for compiled code."""
+        return Kinematics(
+            OMNIDIRECTIONAL,
+            float(self.grip),
+            float(self.half_track),
+            np.array(self.rims) / self.wheel_radius,
+            float(self.max_wheel_speed),
+            float(self.max_speed),
+        )
+
+    @property
+    def limit_rows(self) -> int:
+        """Two for each wheel, where there is a limit."""
+        return 2 * len(self.rims) if self.max_wheel_speed < math.inf else 0
+
+    @property
+    def bounds(self) -> Array:
+        """None: limits of the wheels are constraints."""
+        return np.full(3, np.inf)
+
+    def slipping(self, slip: float) -> Omnidirectional:
+        """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
+        return replace(self, grip=(1.0 - slip) * self.grip) if slip else self
+
+    def twist_limits(self) -> TwistLimits:
+        """Twists that the wheel-speed limit allows, and some more.
+
+        Raises:
+            ValueError: There is no wheel-speed limit.
+        """
+        speed, turn_rate, arm = self._reach
+        rim = _ALL * self.grip * self.wheel_radius * self.max_wheel_speed
+        return TwistLimits(speed * rim, turn_rate * rim, arm)
+
+    def twist(self, controls: Array) -> Array:
+        """The controls, as far as there is grip."""
+        return controls * self.grip
+
+    def controls(self, twist: Array) -> Array:
+        """The twist, ``(..., 3)``."""
+        return with_side(twist)
+
+    def wheel_speeds(self, twist: Array) -> Array:
+        """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
+        speeds: Array = with_side(twist) @ self.wheels.T
+        return speeds
+
+    def twist_of_wheels(self, wheel_speeds: Array) -> Array:
+        """Twists ``(..., 3)`` that fit wheel speeds ``(..., W)`` [rad/s] best."""
+        twists: Array = wheel_speeds @ np.linalg.pinv(self.wheels).T
+        return twists
+
+    def gripping(self, controls: Array, grip: Array) -> Array:
+        """The twist, as far as the wheels grip on average."""
+        return controls * float(np.mean(grip))
+
+    def limited(self, controls: Array) -> Array:
+        """A twist, slowed down along its arc until no wheel exceeds its limit by a bit."""
+        slowed = super().limited(controls)
+        while float(np.abs(self.speeds_of(slowed)).max()) > self.max_wheel_speed:
+            slowed = slowed * (1.0 - np.finfo(float).eps)
+        return slowed
+
+    @cached_property
+    def _reach(self) -> tuple[float, float, float]:
+        """Of rims with a speed of at most 1: largest speed, turn rate, and arm of the limits.
+
+        The twists are those inside a polyhedron; a speed is largest in one of its corners, and so
+        is what a turn rate takes from it.
+        """
+        rims, corners = np.array(self.rims), []
+        signs = [np.array(each) for each in product((1.0, -1.0), repeat=3)]
+        for three, each in product(combinations(rims, 3), signs):
+            if abs(np.linalg.det(three)) > _SINGULAR * self.half_track:
+                corner = np.linalg.solve(three, each)
+                if np.abs(rims @ corner).max() <= _ALL:
+                    corners.append((math.hypot(corner[0], corner[1]), abs(float(corner[2]))))
+        speed = max(corner[0] for corner in corners)
+        turn_rate = max(corner[1] for corner in corners)
+        arms = [(speed - moving) / turning for moving, turning in corners if turning > _SINGULAR]
+        return speed, turn_rate, max(min(arms), 0.0)
+
+
+def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Omnidirectional:
+    """A robot on four mecanum wheels with rollers at 45 degrees, as `mecanum_drive_controller`.
+
+    Args:
+        half_track: Half the distance between right and left wheels [m].
+        half_wheel_base: Half the distance between front and rear wheels [m].
+        of_wheels: Radius and limits, as of a `Robot`.
+
+    Returns:
+        Its wheels are front left, front right, rear right, rear left.
+    """
+    arm = half_track + half_wheel_base
+    rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
+    return Omnidirectional(rims=rims, **of_wheels)
+
+
+def on_omni_wheels(
+    distance: float, bearings: Iterable[float], **of_wheels: float
+) -> Omnidirectional:
+    """A robot on omni wheels, each of which rolls around the robot's centre.
+
+    Args:
+        distance: Of every wheel from the robot's centre [m].
+        bearings: Where the wheels are, from ahead to the left, three or more [rad].
+        of_wheels: Radius and limits, as of a `Robot`.
+    """
+    rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
+    return Omnidirectional(rims=rims, **of_wheels)

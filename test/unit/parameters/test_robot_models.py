@@ -1,0 +1,69 @@
+"""`robot.model`: which robots there are, and what each of them cannot do without."""
+
+import pytest
+
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.robots import MODELS
+from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+
+MECANUM = {
+    'robot.model': 'mecanum',
+    'robot.half_wheel_base': 0.08,
+    'robot.joint_names': ['a', 'b', 'c', 'd'],
+    'initial_guess.type': 'road',
+}
+THREE = MECANUM | {
+    'robot.model': 'omni_wheels',
+    'robot.joint_names': ['a', 'b', 'c'],
+    'robot.wheel_bearings': [1.0, 3.1, 5.2],
+}
+
+
+def made(**changes):
+    return guidance_settings(TABLE.resolve(load_parameter_file('case3') | changes))
+
+
+def refusal(**changes):
+    with pytest.raises(ParameterError) as caught:
+        made(**changes)
+    return str(caught.value)
+
+
+def test_a_robot_without_a_model_is_the_differential_drive():
+    assert isinstance(made().robot, DifferentialDrive)
+
+
+def test_a_name_that_is_none_is_refused_with_those_there_are():
+    said = refusal(**{'robot.model': 'tank'})
+    assert said.startswith("robot.model: found 'tank', wanted ")
+    assert all(name in said for name in MODELS)
+
+
+@pytest.mark.parametrize(('given', 'wheels'), [(MECANUM, 4), (THREE, 3)])
+def test_robots_that_drive_sideways(given, wheels):
+    robot = made(**given).robot
+    assert robot.drives_sideways
+    assert robot.wheels.shape == (wheels, 3)
+    assert robot.max_wheel_speed == 51.0
+    assert plant_settings(TABLE.resolve(load_parameter_file('case3') | given)).robot == robot
+
+
+@pytest.mark.parametrize(
+    ('given', 'changes', 'key'),
+    [
+        (MECANUM, {'robot.half_wheel_base': 0.0}, 'robot.half_wheel_base'),
+        (MECANUM, {'robot.joint_names': ['a', 'b']}, 'robot.joint_names'),
+        ({}, {'robot.joint_names': ['a']}, 'robot.joint_names'),
+        (MECANUM, {'initial_guess.type': 'constant'}, 'initial_guess.type'),
+        (MECANUM, {'plant': 'mujoco'}, 'plant'),
+        (THREE, {'robot.wheel_bearings': [0.0, 1.0], 'robot.joint_names': ['a', 'b']}, 'bearings'),
+        (THREE, {'robot.wheel_bearings': [1.0, 1.0, 1.0]}, 'robot.wheel_bearings'),
+        # Wheels that all roll the same way, or against it, never move the robot aside.
+        (THREE, {'robot.wheel_bearings': [0.0, 3.141592653589793, 0.0]}, 'robot.wheel_bearings'),
+    ],
+)
+def test_what_a_model_cannot_do_names_its_key(given, changes, key):
+    assert key in refusal(**(given | changes))

@@ -91,7 +91,7 @@ def bench(
 def _many_robots(count: int) -> None:
     """Drive so many robots at once; exit code 1 if one was ever late."""
     from benchmarks.errors import BenchError  # noqa: PLC0415
-    from benchmarks.families import many_robots  # noqa: PLC0415 (needs ROS)
+    from benchmarks.over_dds import many_robots  # noqa: PLC0415 (needs ROS)
 
     with exit_on(BenchError, ParameterError, code=1), progress_bar() as bar:
         task = bar.add_task(f'{count} robots', total=None)

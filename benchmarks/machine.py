@@ -1,4 +1,4 @@
-"""What the times were taken on."""
+"""What the times were taken on, and how much memory and processor time a process has had."""
 
 from __future__ import annotations
 
@@ -6,6 +6,9 @@ import os
 import platform
 from importlib.metadata import PackageNotFoundError, version
 
+import psutil
+
+from benchmarks.errors import BenchError
 from cmpsp_ros.studies.processor import cpu_model
 
 _PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'acados_template', 'rclpy')
@@ -26,3 +29,29 @@ def machine() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = 'not installed'
     return found
+
+
+def resident(pid: int | None = None) -> float:
+    """Resident set of a process [MB]; of this one without a number.
+
+    Raises:
+        BenchError: There is no such process.
+    """
+    return float(_process(pid).memory_info().rss) / 1e6
+
+
+def processor_time(pid: int) -> float:
+    """Processor time that a process has had [s].
+
+    Raises:
+        BenchError: There is no such process.
+    """
+    spent = _process(pid).cpu_times()
+    return float(spent.user + spent.system)
+
+
+def _process(pid: int | None) -> psutil.Process:
+    try:
+        return psutil.Process(pid)
+    except psutil.NoSuchProcess as error:
+        raise BenchError(f'process {pid}: {error.msg}') from error

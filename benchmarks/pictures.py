@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from itertools import cycle
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from benchmarks.families.latency import Latency
 from benchmarks.results import Results
 from cmpsp_ros.studies.plot_style import WIDTH
+
+if TYPE_CHECKING:
+    from benchmarks.over_dds.latency import Latency
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.families.general import General
 from benchmarks.families.hard_cases import HardCase
 from benchmarks.families.horizons import HORIZONS, Growth
-from benchmarks.families.latency import Latency
 from benchmarks.families.long_horizons import LONG_HORIZONS, LongHorizons
 from benchmarks.families.many_plans import Plans
 from benchmarks.families.presets import PresetTiming
@@ -18,6 +18,9 @@ from benchmarks.families.robot_drives import RobotDrive
 from benchmarks.families.tail import Tail
 from benchmarks.families.timing import Comparison
 from cmpsp_ros.parameters.presets import robot_names
+
+if TYPE_CHECKING:
+    from benchmarks.over_dds.latency import Latency
 
 COMPARED_STEPS = 50
 """Steps of Case 3."""

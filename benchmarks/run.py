@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from benchmarks.errors import BenchError
 from benchmarks.families import (
@@ -14,17 +15,18 @@ from benchmarks.families import (
     robot_drives,
 )
 from benchmarks.families.horizons import grow
-from benchmarks.families.latency import Latency
-from benchmarks.families.memory import resident
 from benchmarks.families.tail import loops, tails
 from benchmarks.families.task import Task
 from benchmarks.families.timing import compare
-from benchmarks.machine import machine
+from benchmarks.machine import machine, resident
 from benchmarks.methods.method import Method
 from benchmarks.methods.ours import OURS
 from benchmarks.methods.peers import peers
 from benchmarks.report import check_output, write
 from benchmarks.results import Order, Results
+
+if TYPE_CHECKING:
+    from benchmarks.over_dds.latency import Latency
 
 _LATENCY_RUNS = 3
 """Runs in real time, ten seconds each: enough for a 99th percentile."""
@@ -98,7 +100,7 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
 
 def _latency(order: Order, progress: Progress) -> Latency:
     try:
-        from benchmarks.families.over_dds import measure_latency  # noqa: PLC0415 (needs ROS)
+        from benchmarks.over_dds.latency import measure_latency  # noqa: PLC0415 (needs ROS)
     except ImportError as error:
         raise BenchError(
             f'latency: found no ROS ({error}), wanted rclpy and the messages'

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from benchmarks.families.general import PROGRAMS
-from benchmarks.families.latency import Latency
 from benchmarks.families.long_horizons import COLD, LIMIT, QP_PEERS, WARM
 from benchmarks.families.robot_drives import PRESET
 from benchmarks.families.spread import Spread
@@ -15,6 +15,9 @@ from benchmarks.families.timing import Ratios
 from benchmarks.results import Results
 from benchmarks.table import Table
 from benchmarks.targets import PIQP, PIQP_THERE, Target, pace, targets
+
+if TYPE_CHECKING:
+    from benchmarks.over_dds.latency import Latency
 
 _NONE = '–'
 

@@ -1,1 +1,1 @@
-"""What is timed: tasks that grow, tails, many plans, many robots, nodes over DDS."""
+"""What is timed: tasks that grow, tails, many plans, many obstacles."""

@@ -26,8 +26,9 @@ def record(
         Literal['mcap', 'sqlite3'], typer.Option(help='Format of the files.')
     ] = 'mcap',
     compression: Annotated[
-        Literal['none', 'zstd'], typer.Option(help='Compression of the chunks of mcap.')
-    ] = 'none',
+        Literal['none', 'zstd'] | None,
+        typer.Option(help='Compression of the chunks of mcap; zstd when absent.'),
+    ] = None,
     split_size: Annotated[
         float, typer.Option(min=0.0, metavar='MB', help='Size at which a new file is begun.')
     ] = 0.0,
@@ -57,7 +58,7 @@ def record(
         **({'topics': topics} if topics else {}),
         'own_topics': not (topics or everything),
         'storage': storage,
-        'compression': compression,
+        **({'compression': compression} if compression else {}),
         'split_size': split_size,
         'split_duration': split_duration,
         'use_sim_time': use_sim_time,
@@ -137,12 +138,17 @@ def play(
 
 
 def _unrecordable(
-    folder: Path, storage: str, compression: str, topics: list[str] | None, *, everything: bool
+    folder: Path,
+    storage: str,
+    compression: str | None,
+    topics: list[str] | None,
+    *,
+    everything: bool,
 ) -> str:
     """Why this cannot be recorded; empty if it can."""
     if folder.exists():
         return f'{folder}: exists already, a new bag needs a path that does not exist'
-    if storage != 'mcap' and compression != 'none':
+    if storage != 'mcap' and compression == 'zstd':
         return f'--compression {compression}: only mcap can be compressed, not {storage}'
     if topics and everything:
         return '--all and --topic: wanted one or the other'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnin
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.planning.seen_way import searched_with
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
@@ -55,13 +57,10 @@ class GuidanceLaw:
         self._configure(settings)
 
     def _configure(self, settings: GuidanceSettings) -> None:
-        self._take(settings)
-        self._selector = PlanSelector(self._settings, self._audit, self._timer)
-
-    def _take(self, settings: GuidanceSettings) -> None:
         """Take settings, and what is seen beside them."""
         self._given, sighting = settings, self._state.sighting
-        settings = settings if sighting is None else settings.seeing(sighting.grid)
+        if sighting is not None:
+            settings = replace(settings.seeing(sighting.grid), searched=self._state.searched)
         self._settings = settings
         self._audit = Audit(settings)
         self._fallback = Fallback(settings, self._audit)
@@ -71,6 +70,7 @@ class GuidanceLaw:
         self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
         self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
+        self._selector = PlanSelector(settings, self._audit, self._timer)
 
     def reset(self) -> None:
         """Begin again: the next odometry is time 0."""
@@ -117,7 +117,7 @@ class GuidanceLaw:
         """
         if not self.is_due(stamp):
             return None
-        self._see(sighting)
+        self._see(sighting, pose)
         state, settings = self._state, self._settings
         late = state.lateness.begin_step()
         state.start = stamp if state.start is None else state.start
@@ -153,17 +153,23 @@ class GuidanceLaw:
         state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
         return self._sent(decision, tracks)
 
-    def _see(self, sighting: Sighting | None) -> None:
+    def _see(self, sighting: Sighting | None, pose: Array) -> None:
         """Take in what has been seen since the last control step."""
         known = self._state.sighting
         if sighting is None or (known is not None and sighting.stamp == known.stamp):
             return
-        self._state.sighting, before = sighting, len(self._settings.obstacles)
-        self._take(self._given)
-        if len(self._settings.obstacles) == before:
-            self._selector.see(self._settings, self._audit)
-        else:
-            self._selector = PlanSelector(self._settings, self._audit, self._timer)
+        self._state.sighting = sighting
+        if known is None:
+            self._configure(self._given)
+        settings = replace(self._given.seeing(sighting.grid), searched=self._state.searched)
+        goal = self._state.goals.target.position
+        self._state.searched = searched_with(settings, pose[:2], goal)
+        if self._state.searched is not settings.searched:
+            settings = replace(settings, searched=self._state.searched)
+            self._selector.look_again()
+        self._settings = settings
+        for each in (self._audit, self._fallback, self._approach, self._selector):
+            each.see(settings)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.

@@ -28,6 +28,9 @@ GOAL: Final = 'goal'
 SEEN: Final = 'seen'
 """Name of the obstacle that is made of all that sensors have seen."""
 
+MAP: Final = 'map'
+"""Name of the obstacle that a map is."""
+
 SCREENING: Final = 6
 """Initial iterations after which plans are compared."""
 
@@ -181,6 +184,7 @@ class GuidanceSettings:
         max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
         start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
+        searched: What was seen when a way across the map was searched last; None for the map alone.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
@@ -213,6 +217,7 @@ class GuidanceSettings:
     max_lag: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
+    searched: GridObstacle | None = None
 
     @property
     def max_wheel_change(self) -> float:
@@ -254,6 +259,11 @@ class GuidanceSettings:
         seen = GridObstacle(SEEN, grid, unknown_is_free=True)
         return replace(self, obstacles=(*self.obstacles, seen))
 
+    def grid(self, name: str) -> GridObstacle | None:
+        """The obstacle of this name, if there is one and it is a grid."""
+        grids = (each for each in self.obstacles if isinstance(each, GridObstacle))
+        return next((each for each in grids if each.name == name), None)
+
     def towards(self, goal: Goal, begin: float = 0.0) -> GuidanceSettings:
         """The same with one goal alone.
 
@@ -274,10 +284,14 @@ class GuidanceSettings:
         """The search of a map for the way to a goal, where there is a map and no road says it."""
         if self.road.has_center_line or all(each.corners for each in self.obstacles):
             return None
+        obstacles = self.obstacles
+        if self.grid(MAP) is not None:
+            known = (each for each in obstacles if each.name != SEEN)
+            obstacles = (*known, *(() if self.searched is None else (self.searched,)))
         wanted = self.kept
         if self.safety.between_samples and math.isfinite(self.robot.max_wheel_speed):
             wanted = outside(wanted, self.robot.twist_limits(), self.control_period)
-        return MapSearch(self.obstacles, wanted, self.kept / 2.0)
+        return MapSearch(obstacles, wanted, self.kept / 2.0)
 
     @property
     def kept(self) -> float:

@@ -23,6 +23,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import Sighting
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Road
@@ -60,6 +61,7 @@ class LawState:
         tracker: Slots of moving obstacles.
         lateness: Of control steps that took too long.
         sighting: What is known of the surroundings; None without sensors.
+        searched: As of `GuidanceSettings`.
         closed_road: What closes the road to the present goal.
         foretold: What no plan of the run can do, in sentences.
     """
@@ -89,6 +91,7 @@ class LawState:
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
     sighting: Sighting | None = None
+    searched: GridObstacle | None = None
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 

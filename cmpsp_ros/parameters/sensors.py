@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cmpsp_ros.guidance.settings import SEEN
-from cmpsp_ros.parameters.courses.maps import NONE
 from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing.beams import Sensor
@@ -30,8 +29,6 @@ def sight_problems(values: Values) -> Iterator[Problem]:
         if low >= high:
             key = f'sensors.{name}.heights'
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
-    if values['sensors.names'] and values['map.cells'] != NONE:
-        yield Problem('sensors.names', 'sensors beside a map', 'either')
     if values['sensors.names'] and SEEN in values['obstacles.names']:
         yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')
 

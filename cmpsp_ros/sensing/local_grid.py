@@ -77,11 +77,15 @@ class LocalGrid:
             stamp: When [ns].
         """
         side, cell = len(self._cells), self._resolution
-        columns = (self._column + np.arange(side) + 0.5) * cell - x
-        rows = (self._row + np.arange(side) + 0.5) * cell - y
+        near = math.ceil(radius / cell) + 1
+        middle = np.array([math.floor(y / cell) - self._row, math.floor(x / cell) - self._column])
+        low, high = np.clip([middle - near, middle + near], 0, side).tolist()
+        rows = (self._row + np.arange(low[0], high[0]) + 0.5) * cell - y
+        columns = (self._column + np.arange(low[1], high[1]) + 0.5) * cell - x
         covered = np.square(columns) + np.square(rows)[:, None] <= radius * radius
-        self._cells[covered] = Cell.FREE
-        self._seen[covered] = stamp
+        around = slice(low[0], high[0]), slice(low[1], high[1])
+        self._cells[around][covered] = Cell.FREE
+        self._seen[around][covered] = stamp
 
     def at(self, stamp: int) -> OccupancyGrid:
         """What is known at a time [ns]; what was last seen too long before it is unknown."""

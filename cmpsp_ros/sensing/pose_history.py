@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from bisect import bisect_left, bisect_right
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ class PoseHistory:
             span: For how long poses are remembered [ns].
         """
         self._span = span
-        self._stamps: deque[int] = deque()
-        self._poses: deque[Array] = deque()
+        self._stamps: list[int] = []
+        self._poses: list[list[float]] = []
 
     def add(self, stamp: int, pose: Array) -> None:
         """Remember where the robot is.
@@ -36,13 +36,12 @@ class PoseHistory:
             return
         x, y, heading = pose.tolist()
         if self._poses:
-            before = float(self._poses[-1][2])
+            before = self._poses[-1][2]
             heading = before + math.remainder(heading - before, math.tau)
         self._stamps.append(stamp)
-        self._poses.append(np.array([x, y, heading]))
-        while len(self._stamps) > 1 and self._stamps[1] <= stamp - self._span:
-            self._stamps.popleft()
-            self._poses.popleft()
+        self._poses.append([x, y, heading])
+        old = max(bisect_right(self._stamps, stamp - self._span) - 1, 0)
+        del self._stamps[:old], self._poses[:old]
 
     def is_before(self, stamp: int) -> bool:
         """Whether the last pose is older than a time [ns]."""
@@ -54,9 +53,11 @@ class PoseHistory:
 
     def at(self, stamps: Indices) -> Array:
         """Poses at times between the first and the last, ``(K,)`` [ns]; ``(K, 3)`` [m, m, rad]."""
-        first = self._stamps[0]
-        known = np.array(self._stamps) - first
-        poses = np.array(self._poses)
+        low = max(bisect_right(self._stamps, stamps.min(initial=self._stamps[-1])) - 1, 0)
+        high = bisect_left(self._stamps, stamps.max(initial=self._stamps[0])) + 1
+        first = self._stamps[low]
+        known = np.array(self._stamps[low:high]) - first
+        poses = np.array(self._poses[low:high])
         return np.column_stack([np.interp(stamps - first, known, each) for each in poses.T])
 
     def forget(self) -> None:

@@ -35,7 +35,7 @@ from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.simulator.ray_casting import cast
 from cmpsp_ros.warmup.process_pool import new_pool
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.distance_field import distance_field
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2
@@ -188,7 +188,7 @@ def _scans() -> None:
     ends = np.zeros((1, 2))
     grid = LocalGrid(1.0, 0.1, 1.0)
     grid.see(Beams(0, ends, ends, np.ones(1, dtype=bool), is_sweep=True))
-    distance_field(grid.at(0), unknown_is_free=True)
+    _ = GridObstacle('seen', grid.at(0)).islands
 
 
 def _method() -> None:

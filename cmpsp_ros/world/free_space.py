@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_under
 from cmpsp_ros.robots.twist_limits import TwistLimits
-from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField
+from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
 from cmpsp_ros.world.obstacles.shape_functions import distance_from, sweep
@@ -58,14 +58,14 @@ class FreeSpace:
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
         radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
-        grid: The shape that has no corners but a distance field, if there is one.
+        grids: The shapes that have no corners but a distance field, two at most.
     """
 
     road: RoadSpace
     corners: Array
     first: Indices
     radii: Array
-    grid: GridObstacle | None = None
+    grids: tuple[GridObstacle, ...] = ()
 
     @classmethod
     def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
@@ -77,7 +77,7 @@ class FreeSpace:
             np.array(corners, dtype=float).reshape(1, -1, 2),
             np.cumsum([0, *counts], dtype=np.int64),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
-            next((each for each in obstacles if isinstance(each, GridObstacle)), None),
+            tuple(each for each in obstacles if isinstance(each, GridObstacle)),
         )
 
     @property
@@ -96,12 +96,13 @@ class FreeSpace:
     @property
     def islands(self) -> Array:
         """See `GridObstacle.islands`."""
-        return np.empty((0, 2)) if self.grid is None else self.grid.islands
+        return np.concatenate([np.empty((0, 2)), *(each.islands for each in self.grids)])
 
     @property
-    def field(self) -> DistanceField:
-        """Of the grid; one that is never asked where there is none."""
-        return NO_FIELD if self.grid is None else self.grid.field
+    def fields(self) -> Fields:
+        """Of the grids, and ones that are never asked where there are none."""
+        first, second, *_ = *(each.field for each in self.grids), NO_FIELD, NO_FIELD
+        return first, second
 
     @property
     def reaches(self) -> Array:
@@ -206,8 +207,7 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
-        _edges_at(found, self.road, poses, float(near))
-        _away_at(found, self.field, self.corners, self.first, poses)
+        _fill_at(found, self.road, self.fields, self.corners, self.first, poses, float(near))
         found[:, 2:] -= self.radii
         return found
 
@@ -225,27 +225,45 @@ class FreeSpace:
         Returns:
             As from `at`.
         """
-        edges = np.empty((len(poses), 2))
-        arguments = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _edges_along(edges, self.road, float(near), *arguments)
-        least = np.empty((len(poses), len(self.first) - 1))
-        _away_along(least, self.field, self.corners, self.first, *arguments)
-        return np.column_stack([edges, least - self.radii])
+        found = np.empty((len(poses), 1 + len(self.first)))
+        arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
+        _fill_along(found, self.road, self.fields, self.corners, self.first, float(near), *arcs)
+        found[:, 2:] -= self.radii
+        return found
 
 
 @allocation_free
-def _edges_at(clearance: Array, road: RoadSpace, poses: Array, near: float) -> None:
+def _fill_at(
+    found: Array,
+    road: RoadSpace,
+    fields: Fields,
+    corners: Array,
+    first: Indices,
+    poses: Array,
+    near: float,
+) -> None:
     for k in range(poses.shape[0]):
         x, y = poses[k, 0], poses[k, 1]
         place = road_functions.project(road, x, y, poses[k, 2], near)
         _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
-        clearance[k, 0] = min(-over, road_functions.FAR)
-        clearance[k, 1] = min(-over_other, road_functions.FAR)
+        found[k, 0] = min(-over, road_functions.FAR)
+        found[k, 1] = min(-over_other, road_functions.FAR)
+        at = min(k, corners.shape[0] - 1)
+        for j in range(first.shape[0] - 1):
+            found[k, 2 + j] = distance_from(fields, corners, first, at, j, x, y)
 
 
 @allocation_free
-def _edges_along(
-    clearance: Array, road: RoadSpace, near: float, poses: Array, twists: Array, times: Array
+def _fill_along(
+    found: Array,
+    road: RoadSpace,
+    fields: Fields,
+    corners: Array,
+    first: Indices,
+    near: float,
+    poses: Array,
+    twists: Array,
+    times: Array,
 ) -> None:
     place, end_x, end_y = 0.0, math.nan, math.nan
     for k in range(poses.shape[0]):
@@ -253,33 +271,7 @@ def _edges_along(
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
             place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
         arc = arc_under(poses, twists, k, times[k])
-        place, clearance[k, 0], clearance[k, 1] = road_functions.sweep(
-            road, arc, place, math.inf, math.inf
-        )
+        place, found[k, 0], found[k, 1] = road_functions.sweep(road, arc, place, math.inf, math.inf)
         end_x, end_y = arc.end_x, arc.end_y
-
-
-@allocation_free
-def _away_at(
-    found: Array, field: DistanceField, corners: Array, first: Indices, poses: Array
-) -> None:
-    for k in range(poses.shape[0]):
-        at = min(k, corners.shape[0] - 1)
         for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = distance_from(field, corners, first, at, j, poses[k, 0], poses[k, 1])
-
-
-@allocation_free
-def _away_along(
-    least: Array,
-    field: DistanceField,
-    corners: Array,
-    first: Indices,
-    poses: Array,
-    twists: Array,
-    times: Array,
-) -> None:
-    for k in range(poses.shape[0]):
-        arc = arc_under(poses, twists, k, times[k])
-        for j in range(least.shape[1]):
-            least[k, j] = sweep(arc, field, corners, first, j, math.inf)
+            found[k, 2 + j] = sweep(arc, fields, corners, first, j, math.inf)

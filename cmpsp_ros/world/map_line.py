@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.distance_field import node_near, node_points
-from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import (
     cells_from,
@@ -37,7 +36,7 @@ class MapSearch:
     """What lines across a map keep away from. One search is for all lines to a goal.
 
     Attributes:
-        obstacles: One of them is a grid.
+        obstacles: At least one of them is a grid.
         wanted: Distance to keep from them [m].
         least: Distance to keep where there is no other way [m].
     """
@@ -47,9 +46,9 @@ class MapSearch:
     least: float
 
     @property
-    def field(self) -> DistanceField:
-        """Of the grid."""
-        return next(each.field for each in self.obstacles if isinstance(each, GridObstacle))
+    def grid(self) -> GridObstacle:
+        """The first grid, on whose cells lines are searched."""
+        return next(each for each in self.obstacles if isinstance(each, GridObstacle))
 
     def line(self, start: Array, goal: Point, spacing: float) -> Array:
         """Points of the line from a start to a goal, evenly spaced, shape ``(K, 2)`` [m].
@@ -62,7 +61,7 @@ class MapSearch:
         Returns:
             Nothing, shape ``(0, 2)``, where no line leads.
         """
-        field = self.field
+        field = self.grid.field
         cells = cells_from(_lengths(self, goal), node_near(field, start))
         if not len(cells):
             return np.empty((0, 2))
@@ -72,7 +71,7 @@ class MapSearch:
 
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
-        field, lengths = self.field, _lengths(self, goal)
+        field, lengths = self.grid.field, _lengths(self, goal)
         nodes = np.array([node_near(field, point) for point in points])
         found: Array = lengths[tuple(nodes.T)] * field.frame['cell'][0]
         return found
@@ -84,7 +83,8 @@ class MapSearch:
 
 @lru_cache(maxsize=8)
 def _lengths(search: MapSearch, goal: Point) -> Array:
-    field, others = search.field, [each for each in search.obstacles if each.corners]
+    field = search.grid.field
+    others = [each for each in search.obstacles if each is not search.grid]
     distances = field.distances
     if others:
         nodes = np.indices(distances.shape).reshape(2, -1).T

@@ -14,8 +14,8 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
 from benchmarks.errors import BenchError
-from benchmarks.families import over_dds
-from benchmarks.families.over_dds import measure_latency
+from benchmarks.over_dds import latency
+from benchmarks.over_dds.latency import measure_latency
 from cmpsp_ros.nodes.common.topics import DECISION, SIM_ODOM
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
 
@@ -47,13 +47,14 @@ def probe(spawn, tmp_path: Path, short: Path):
         given = {'parameters': short, 'output': tmp_path / 'out.json', **parameters}
         pairs = [f'{key}:={value}' for key, value in given.items() if value]
         flags = [flag for pair in pairs for flag in ('-p', pair)]
-        return spawn([sys.executable, '-m', 'benchmarks.latency_probe', '--ros-args', *flags])
+        probe = [sys.executable, '-m', 'benchmarks.over_dds.latency_probe']
+        return spawn([*probe, '--ros-args', *flags])
 
     return start
 
 
 def test_a_whole_run_is_measured(short: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int):
-    monkeypatch.setattr(over_dds, 'use_free_domain', lambda: ros_domain)
+    monkeypatch.setattr(latency, 'use_free_domain', lambda: ros_domain)
     found = measure_latency(str(short), 1)
     assert found.runs == 1
     assert len(found.total) == len(found.own)
@@ -120,7 +121,7 @@ def test_it_refuses_to_start(probe, parameters, said):
 
 
 def test_a_preset_that_the_node_refuses(tmp_path: Path, monkeypatch, ros_domain: int):
-    monkeypatch.setattr(over_dds, 'use_free_domain', lambda: ros_domain)
+    monkeypatch.setattr(latency, 'use_free_domain', lambda: ros_domain)
     path = tmp_path / 'bad.yaml'
     write_parameter_file(path, load_parameter_file('case3') | {'goal.position': [0.0, 0.0]})
     with pytest.raises(BenchError, match='latency: '):

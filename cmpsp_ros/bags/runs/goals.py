@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.world.roads.arc_length import arc_length_to
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.world.roads.arc_length import arc_length_to
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,9 @@ def mean_speed(settings: GuidanceSettings, poses: Array, seconds: float) -> floa
     return sum(steps) / seconds
 
 
-def goals_driven_to(decisions: Sequence[DecisionRecord], settings: GuidanceSettings) -> list[tuple[int, Goal]]:
+def goals_driven_to(
+    decisions: Sequence[DecisionRecord], settings: GuidanceSettings
+) -> list[tuple[int, Goal]]:
     """Each goal with the time stamp [ns] from which it was the current one, in order.
 
     Args:

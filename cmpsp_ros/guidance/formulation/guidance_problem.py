@@ -154,7 +154,7 @@ def guidance_data(
         robot=robot.kinematics,
         wheel_rows=robot.limit_rows,
         road=space.road,
-        field=space.field,
+        fields=space.fields,
         corners=np.ascontiguousarray(space.corners),
         first=space.first,
         radii=np.atleast_2d(space.radii),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.robot_functions import drive, put_gradients
-from cmpsp_ros.world.grids.field_functions import DistanceField
+from cmpsp_ros.world.grids.field_functions import Fields
 from cmpsp_ros.world.obstacles.shape_functions import away_from
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road_space import RoadSpace
@@ -78,7 +78,7 @@ class GuidanceData(NamedTuple):
         wheel_rows: How many path constraints limit its wheel speeds; the last ones of a stage, but
             for those of a control rate.
         road: Where on the road the robot's centre may be.
-        field: The distance field of an obstacle without corners.
+        fields: The distance fields of obstacles without corners.
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
         first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
         radii: Least distances from the obstacles without their radii, ``-inf`` where there is
@@ -92,7 +92,7 @@ class GuidanceData(NamedTuple):
     robot: Kinematics
     wheel_rows: int
     road: RoadSpace
-    field: DistanceField
+    fields: Fields
     corners: Array
     first: Indices
     radii: Array
@@ -138,7 +138,7 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
             distance, _, _ = away_from(
-                data.field, data.corners, data.first, there, j, X[k, 0], X[k, 1]
+                data.fields, data.corners, data.first, there, j, X[k, 0], X[k, 1]
             )
             g[k, N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
         for i in range(data.wheel_rows):
@@ -207,7 +207,7 @@ def linearise(
         for j in range(data.radii.shape[1]):
             row = path[k, N_EDGE_CONSTRAINTS + j]
             distance, x, y = away_from(
-                data.field, data.corners, data.first, there, j, X[k, 0], X[k, 1]
+                data.fields, data.corners, data.first, there, j, X[k, 0], X[k, 1]
             )
             row.value = _keep_away(distance, data.radii[at, j], k)
             row.X[0], row.X[1] = -x, -y

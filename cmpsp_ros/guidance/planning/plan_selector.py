@@ -23,12 +23,15 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import SCREENING, GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SCREENING, SEEN, GuidanceSettings
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
 _MILLISECONDS = 1e-6
+
+# What parts of an obstacle that is a grid are parts of.
+_WORDS = {SEEN: 'what is seen', MAP: 'the map'}
 
 # New plans are made every control step if the one followed is not admissible, else ever less often.
 _LONGEST_PAUSE = 7
@@ -61,26 +64,29 @@ class PlanSelector:
         # Of all obstacles, in the road frame of the control step.
         self._places = np.empty(0), np.empty(0)
         self._work_left = 1
-        self.see(settings, audit)
+        self._audit = audit
+        self.see(settings)
         self.forget()
 
-    def see(self, settings: GuidanceSettings, audit: Audit) -> None:
+    def see(self, settings: GuidanceSettings) -> None:
         """Take settings that differ in what an obstacle is like, not in how many there are.
 
         The plan that is followed goes on; alternatives were of what was known before.
 
         Args:
             settings: As at first.
-            audit: As at first.
         """
-        self._settings, self._audit = settings, audit
+        self._settings = settings
         self._formulation.see(settings)
         self._pool.forget()
         self._names = [obstacle.name for obstacle in settings.obstacles]
         space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
         self._centers, self._islands = space.centers, space.islands
-        whole = 'what is seen' if settings.sight.sensors else 'the map'
-        self._island_names = [f'{whole} at ({x:.1f}, {y:.1f})' for x, y in self._islands.tolist()]
+        self._island_names = [
+            f'{_WORDS.get(grid.name, grid.name)} at ({x:.1f}, {y:.1f})'
+            for grid in space.grids
+            for x, y in grid.islands.tolist()
+        ]
         if settings.map_search is not None:
             for goal in settings.goals:
                 settings.map_search.prepare(goal.position)

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
-from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.robots.arcs import speeds_and_turns
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 Array = NDArray[np.float64]
@@ -35,6 +36,9 @@ little nearer to something."""
 
 STANDSTILL: Final = 0.02
 """Speed below which the robot may as well stand [m/s]."""
+
+_SOME_CELLS: Final = 4.0
+"""Cells by which the part of a grid that counts is larger than what a path can touch."""
 
 _UNSEEN: Final = 'unseen'
 """What no sensor has seen yet, among the names of what a plan may lead into."""
@@ -69,20 +73,23 @@ class Approach:
             settings: All settings of the guidance law.
             audit: What a plan that is slowed down must pass.
         """
-        self._settings, self._audit = settings, audit
+        self._audit = audit
         part = replace(settings.safety, margin=_OF_MARGIN * settings.safety.margin)
         self._lag_audit = Audit(replace(settings, safety=part), with_margin=True)
-        self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         names = (f'obstacle {each.name}' for each in settings.obstacles)
         self._names = (*settings.road.edge_names, *names)
-        self._unseen = [
-            replace(each, name=_UNSEEN, unknown_is_free=False)
-            for each in settings.obstacles
-            if isinstance(each, GridObstacle)
-            and each.name == SEEN
-            and settings.safety.stop_within_sight
-        ]
-        self._seen_space = FreeSpace.of(OpenFloor(), self._unseen, settings.robot_radius)
+        self._take(settings)
+
+    def see(self, settings: GuidanceSettings) -> None:
+        """As `Audit.see`."""
+        self._lag_audit.see(settings)
+        self._take(settings)
+
+    def _take(self, settings: GuidanceSettings) -> None:
+        self._settings = settings
+        self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        self._seen = settings.grid(SEEN) if settings.safety.stop_within_sight else None
+        self._map = settings.grid(MAP)
 
     def contact(
         self, plan: Plan, start: PlanStart, worst_margin: float = -math.inf
@@ -97,14 +104,16 @@ class Approach:
             worst_margin: Its least clearance, where it is known [m].
         """
         is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
-        if is_clear and not self._unseen:
+        if is_clear and self._seen is None:
             return None
         controls, durations = self._to_rest(plan)
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
         )
-        spaces = [self._space, self._seen_space] if self._unseen else [self._space]
+        spaces = [self._space]
+        if self._seen is not None:
+            spaces.append(self._sight(self._seen.grid, poses))
         names = (*self._names, '', '', _UNSEEN)
         begins = np.hstack([each.at(poses[:1], start.progress)[0] for each in spaces])
         swept = np.hstack(
@@ -233,6 +242,24 @@ class Approach:
             ):
                 return slower, checked
         return None
+
+    def _sight(self, grid: OccupancyGrid, poses: Array) -> FreeSpace:
+        """What is known around a path, as far as the first place on it of which nothing is.
+
+        Args:
+            grid: What has been seen; beside it, what the map says is known.
+            poses: Along the path, shape ``(K, 3)`` [m, m, rad].
+        """
+        points, radius = poses[:, :2], self._settings.robot_radius
+        known = grid.at(points)
+        if self._map is not None:
+            known = np.where(known == Cell.UNKNOWN, self._map.grid.at(points), known)
+        beyond = np.append(known != Cell.FREE, True).argmax() + 1
+        longest = float(np.hypot(*np.diff(points[:beyond], axis=0).T).max(initial=0.0))
+        near = grid.around(points[:beyond], radius + longest + _SOME_CELLS * grid.resolution)
+        if self._map is not None:
+            near = near.completed_by(self._map.grid)
+        return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius)
 
     def _to_rest(self, plan: Plan) -> tuple[Array, Array]:
         """Commands of a plan, until the robot is at rest at the latest, and their durations."""

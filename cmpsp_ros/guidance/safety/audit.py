@@ -96,7 +96,7 @@ class Audit:
         """
         self._radius = settings.robot_radius + (settings.safety.margin if with_margin else 0.0)
         self._between = settings.safety.between_samples
-        self._space = FreeSpace.of(settings.road, settings.obstacles, self._radius)
+        self.see(settings)
         self._names = (
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
@@ -106,6 +106,10 @@ class Audit:
         start = PlanStart(np.zeros(3), settings.robot)
         rest = np.zeros((2, settings.robot.n_controls))
         self._sweep = entry_for(sweep_plan, *self._arguments(start, rest, np.ones(1)))
+
+    def see(self, settings: GuidanceSettings) -> None:
+        """Take settings that differ in what an obstacle is like, not in how many there are."""
+        self._space = FreeSpace.of(settings.road, settings.obstacles, self._radius)
 
     def check(
         self,
@@ -272,7 +276,7 @@ class Audit:
             committed,
             self._between,
             space.road,
-            space.field,
+            space.fields,
             space.corners,
             space.first,
             space.radii,

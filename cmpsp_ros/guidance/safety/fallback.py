@@ -29,6 +29,10 @@ class Fallback:
         self._audit, self._max_change = audit, settings.max_wheel_change
         self._margin_audit = Audit(settings, with_margin=True)
 
+    def see(self, settings: GuidanceSettings) -> None:
+        """As `Audit.see`."""
+        self._margin_audit.see(settings)
+
     def shifted(
         self,
         plan: Plan | None,

@@ -13,7 +13,7 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import arc_from
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.robot_functions import arc_of, fastest_wheel
-from cmpsp_ros.world.grids.field_functions import DistanceField
+from cmpsp_ros.world.grids.field_functions import Fields
 from cmpsp_ros.world.obstacles.moving_discs import RADIUS, VELOCITY_X, VELOCITY_Y, X, Y
 from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
 from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, distance_from, sweep
@@ -42,7 +42,7 @@ def sweep_plan(
     committed: int,
     between: bool,
     road: RoadSpace,
-    field: DistanceField,
+    fields: Fields,
     corners: Array,
     first: Indices,
     radii: Array,
@@ -65,7 +65,7 @@ def sweep_plan(
         committed: How many steps must be clear.
         between: Whether the path between samples counts.
         road: Where on it the robot's centre may be.
-        field: The distance field of an obstacle without corners.
+        fields: The distance fields of obstacles without corners.
         corners: Of the obstacles, as `shape_functions` has them.
         first: Where the corners of each begin.
         radii: Least distances from the obstacles without theirs.
@@ -87,7 +87,7 @@ def sweep_plan(
     at_rest[0], at_rest[1] = -over, -over_other
     moved = N_EDGE_CONSTRAINTS + radii.shape[0]
     for j in range(radii.shape[0]):
-        distance = distance_from(field, corners, first, 0, j, x, y)
+        distance = distance_from(fields, corners, first, 0, j, x, y)
         at_rest[N_EDGE_CONSTRAINTS + j] = distance - radii[j]
         if first[j + 1] - first[j] != 1:
             at_rest[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
@@ -111,7 +111,7 @@ def sweep_plan(
         _record(found, worst, at_rest, k, 1, other, must, between)
         for j in range(radii.shape[0]):
             bound = worst[N_EDGE_CONSTRAINTS + j] + radii[j] if k > 0 else math.inf
-            least = sweep(arc, field, corners, first, j, bound)
+            least = sweep(arc, fields, corners, first, j, bound)
             what = N_EDGE_CONSTRAINTS + j
             _record(found, worst, at_rest, k, what, least - radii[j], must, between)
         # Where only the samples count, so does only the end of the time.

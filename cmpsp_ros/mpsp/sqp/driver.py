@@ -21,7 +21,6 @@ from cmpsp_ros.mpsp.sqp.run import run
 from cmpsp_ros.mpsp.sqp.workspace import (
     ADD_CURVATURE,
     CORRECT,
-    DONE,
     EVALUATE,
     LINEARISE,
     SOLVE_QP,
@@ -152,19 +151,11 @@ class Driver:
         at = ws.trial
         self._advance = entry_for(advance, ws)
         # Seldom needed, and never to be waited for.
-        self._correct = entry_for(correct, ws.program, self._active, at.output_error, at.g)
+        correction = address_of(None, correct, ws.program, self._active, at.output_error, at.g)
         self.back_end = None
         if back_end is None:
-            of_solve = ws.program, self._active, self._warm_hard
-            self._solve = entry_for(solve, *of_solve)
-            of_correct = ws.program, self._active, at.output_error, at.g
-            self._addresses = np.array(
-                [
-                    address_of(int, advance, ws),
-                    address_of(int, solve, *of_solve),
-                    address_of(None, correct, *of_correct),
-                ]
-            )
+            solution = address_of(int, solve, ws.program, self._active, self._warm_hard)
+            self._addresses = np.array([address_of(int, advance, ws), solution, correction])
         else:
             space = Space(size, ws.program, self._active, self._warm_hard)
             self.back_end = BackEnd(*back_end, space)
@@ -182,7 +173,8 @@ class Driver:
         Where the condensed Hessian is not positive definite the compiled solver ends.
 
         Args:
-            functions: The problem's, compiled ones by their `Functions.entries`.
+            functions: The problem's, compiled ones by their `Functions.entries`; others need a back
+                end.
             data: The problem's data.
             steps: ``N``, at most those there is room for.
             over: How many stages of the last plan's horizon are over.
@@ -204,25 +196,20 @@ class Driver:
         predict, evaluate, linearise = functions
         advance, outcome, cost = self._advance, self._outcome, self._cost
         back_end = self.back_end
+        assert back_end is not None  # noqa: S101 (functions that are not compiled have one)
         while True:
             request = advance(ws)
             if request == EVALUATE:
                 predict(data, trial.U, trial.X)
                 cost[0] = evaluate(data, trial.X, trial.U, trial.output_error, trial.g)
-            elif request == SOLVE_QP and back_end is None:
-                warm = self._warm_relaxed if self._level[0] else self._warm_hard
-                outcome[0] = self._solve(program, self._active, warm)
             elif request == LINEARISE:
                 linearise(data, now.X, now.U, program.stages, program.path, program.terminal)
-                if back_end is not None:
-                    back_end.begin()
-            elif request == CORRECT and back_end is None:
-                self._correct(program, self._active, trial.output_error, trial.g)
-            elif request == DONE or back_end is None:
-                return
+                back_end.begin()
             elif request == SOLVE_QP:
                 outcome[0] = back_end.solve(self._level[0])
             elif request == ADD_CURVATURE:
                 back_end.add_curvature()
-            else:
+            elif request == CORRECT:
                 back_end.correct(trial.output_error, trial.g)
+            else:
+                return

@@ -136,8 +136,9 @@ def topics_of_nodes(node: Node) -> frozenset[str]:
 
 def _form(node: Node) -> Form:
     storage = _declare(node, 'storage', 'mcap', 'Format of the files: mcap or sqlite3.')
+    default = 'zstd' if storage == 'mcap' else 'none'
     compression = _declare(
-        node, 'compression', 'none', 'Compression of the chunks of mcap: none or zstd.'
+        node, 'compression', default, 'Compression of the chunks of mcap: none or zstd.'
     )
     size = _declare(
         node,

@@ -6,11 +6,10 @@ import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
+from rclpy.subscription import Subscription
 
 if TYPE_CHECKING:
     from collections.abc import Container
-
-    from rclpy.subscription import Subscription
 
 _CROSSING = 2_000_000
 """Within this a message is in its queue after the middleware gave it its time [ns]."""
@@ -34,20 +33,20 @@ class Received(NamedTuple):
 
 
 class _Unattended(CallbackGroup):
-    """Keeps subscriptions out of the executor.
+    """Keeps subscriptions out of the executor, but not their events.
 
     It would wake up for every message, which costs many times more than taking the message. That
     cost determines how much processor time a recorder takes from the nodes that it records.
     """
 
-    def can_execute(self, _entity: Any) -> bool:
-        return False
+    def can_execute(self, entity: Any) -> bool:
+        return not isinstance(entity, Subscription)
 
-    def beginning_execution(self, _entity: Any) -> bool:
-        return False
+    def beginning_execution(self, entity: Any) -> bool:
+        return self.can_execute(entity)
 
     def ending_execution(self, _entity: Any) -> None:
-        """Nothing begins, so nothing ends."""
+        """Events need nothing at their end."""
 
 
 class RawSubscriptions:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.clock import ROSClock
+    from rclpy.event_handler import QoSMessageLostInfo
     from rclpy.subscription import Subscription
     from std_srvs.srv import Trigger
 
@@ -83,6 +84,7 @@ class Recorder(Node):
         self._topics: dict[str, _Recorded] = {}
         self._written: ByTopic = defaultdict(Written)
         self._left_out: set[str] = set()
+        self._lost: dict[str, int] = {}
         self._queues = RawSubscriptions()
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
@@ -126,6 +128,10 @@ class Recorder(Node):
         if self._left_out:
             level = DiagnosticStatus.WARN
             message += f' Left out, as the log says: {", ".join(sorted(self._left_out))}.'
+        if self._lost:
+            level = DiagnosticStatus.WARN
+            lost = ', '.join(f'{count} of {name}' for name, count in sorted(self._lost.items()))
+            message += f' Lost messages: {lost}.'
 
         def values() -> dict[str, object]:
             return {
@@ -182,11 +188,21 @@ class Recorder(Node):
             lambda _: None,
             hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
             callback_group=self._queues.group,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            event_callbacks=SubscriptionEventCallbacks(
+                use_default_callbacks=False, message_lost=partial(self._on_lost, name)
+            ),
             raw=True,
         )
         self._topics[name] = _Recorded(subscription, count)
         self._queues.add(name, subscription)
+
+    def _on_lost(self, name: str, what: QoSMessageLostInfo) -> None:
+        """Say which messages a publisher's queue had no room for before they were sent here."""
+        self._lost[name] = what.total_count
+        self.get_logger().warning(
+            f'{what.total_count_change} messages of {name} are not in the bag: '
+            'they were published faster than they could be received'
+        )
 
     def _check_publishers(self, name: str, subscription: Subscription) -> None:
         for each in self.get_publishers_info_by_topic(name):

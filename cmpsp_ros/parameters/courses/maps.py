@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from cmpsp_ros.guidance.settings import MAP
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
@@ -18,9 +19,6 @@ from cmpsp_ros.world.grids.occupancy_grid import Cells, GridError, OccupancyGrid
 
 NONE: Final = 'none'
 """Cells of no map."""
-
-NAME: Final = 'map'
-"""Of the obstacle that it is."""
 
 _FORM: Final = re.compile(r'(\d{1,9}) x (\d{1,9}) ([A-Za-z0-9+/=]+)', re.ASCII)
 _WANTED: Final = 'what map.file makes of a map, or none'
@@ -55,9 +53,8 @@ def _map_of(
 ) -> GridObstacle:
     try:
         grid = OccupancyGrid(origin, resolution, _cells_of(text))
-        found = GridObstacle(NAME, grid, unknown_is_free)
-        # A map in which nothing is free has none.
-        _ = found.field
+        found = GridObstacle(MAP, grid, unknown_is_free)
+        found.check_space()
     except GridError as error:
         raise ParameterError(Problem(f'map.{error.where}', error.found, error.wanted)) from error
     return found

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.parameters.courses.maps import NAME, NONE, map_of
+from cmpsp_ros.guidance.settings import MAP
+from cmpsp_ros.parameters.courses.maps import NONE, map_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
@@ -42,8 +43,8 @@ def shapes_of(values: Values, where: str) -> tuple[Shape, ...]:
 def obstacle_problems(values: Values) -> Iterator[Problem]:
     """What is wrong with each obstacle, and with the map."""
     yield from shape_problems(values, 'obstacles')
-    if NAME in values['obstacles.names'] and values['map.cells'] != NONE:
-        yield Problem('obstacles.names', repr(NAME), 'another name: it is that of the map')
+    if MAP in values['obstacles.names'] and values['map.cells'] != NONE:
+        yield Problem('obstacles.names', repr(MAP), 'another name: it is that of the map')
     try:
         map_of(values)
     except ParameterError as error:

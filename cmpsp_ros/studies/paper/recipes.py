@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.options import Options
 from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.world.free_space import FreeSpace
@@ -46,13 +48,9 @@ class Recipe(Enum):
 class SquaredConstraints(GuidanceProblem):
     """The same problem with the squared distances of (92) and (93)."""
 
-    def __init__(
-        self, settings: GuidanceSettings, space: FreeSpace, pose: Array, durations: Array
-    ) -> None:
-        """Set the problem up from where the robot is."""
-        super().__init__(
-            settings.robot, space, _cost(settings), pose, np.array(settings.goal), durations
-        )
+    def __init__(self, robot: Robot, space: FreeSpace, *rest: Any) -> None:
+        """Set the problem up; arguments as of `GuidanceProblem`."""
+        super().__init__(robot, space, *rest)
         edges = space.annulus
         self._centers = np.vstack([edges.center, edges.center, space.centers])
         self._radii = np.concatenate([edges.outer, edges.inner, space.radii])
@@ -105,13 +103,10 @@ def follow(experiment: Experiment, recipe: Recipe, *, between_samples: bool = Fa
 def _improve(
     settings: GuidanceSettings, recipe: Recipe, pose: Array, guess: Array, durations: Array
 ) -> Array:
-    space = sample_space(settings)
-    problem: GuidanceProblem
-    if recipe is Recipe.AS_WRITTEN:
-        problem = SquaredConstraints(settings, space, pose, durations)
-    else:
-        goal = np.array(settings.goal)
-        problem = GuidanceProblem(settings.robot, space, _cost(settings), pose, goal, durations)
+    weights, goal = settings.weights, np.array(settings.goal)
+    cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
+    kind = SquaredConstraints if recipe is Recipe.AS_WRITTEN else GuidanceProblem
+    problem = kind(settings.robot, sample_space(settings), cost, pose, goal, durations)
     obstacles = [PENALTIES['obstacle']] * len(settings.obstacles)
     adds = recipe is Recipe.ONE_PLAN
     options = Options(
@@ -128,12 +123,3 @@ def _improve(
     for _ in range(settings.solver.iterations_per_step):
         iterate = iteration.step(iterate)
     return iterate.U
-
-
-def _cost(settings: GuidanceSettings) -> Cost:
-    weights = settings.weights
-    return Cost(
-        weights.road_center,
-        weights.control_change,
-        weights.control_effort,
-    )

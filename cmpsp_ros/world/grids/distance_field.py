@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.world.grids.distance_transform import distances_from
+from cmpsp_ros.world.grids.distance_transform import signed_distances
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ AROUND: Final = 2
 """Cells that a field has around its grid."""
 
 _FAR: Final = 1e4
-"""Distance where nothing is occupied [cells]."""
+"""Distance where nothing is occupied, or nothing free [cells]."""
 
 
 def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> DistanceField:
@@ -28,22 +28,20 @@ def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> Dis
         grid: The grid.
         unknown_is_free: Whether cells that are unknown, and all beyond the grid, are free; else
             they are occupied.
-
-    Raises:
-        GridError: No cell is free.
     """
-    occupied = grid.cells != Cell.FREE
-    if unknown_is_free:
-        occupied = grid.cells == Cell.OCCUPIED
-    if occupied.all():
-        raise GridError('cells', 'none that is free', 'a place to drive')
-    occupied = np.pad(occupied, AROUND, constant_values=not unknown_is_free)
+    inner = grid.cells == Cell.OCCUPIED if unknown_is_free else grid.cells != Cell.FREE
+    rows, columns = inner.shape
+    occupied = np.full((rows + 2 * AROUND, columns + 2 * AROUND), not unknown_is_free)
+    occupied[AROUND:-AROUND, AROUND:-AROUND] = inner
     frame = np.zeros(1, FRAME)
     outermost = np.array(-AROUND)
     frame['x'], frame['y'] = grid.centers(outermost, outermost)
     frame['cosine'], frame['sine'] = math.cos(grid.origin[2]), math.sin(grid.origin[2])
     frame['cell'], frame['is_free_beyond'] = grid.resolution, unknown_is_free
-    return DistanceField(frame, _distances(occupied) * grid.resolution)
+    distances = signed_distances(occupied)
+    np.clip(distances, -_FAR, _FAR, out=distances)
+    distances *= grid.resolution
+    return DistanceField(frame, distances)
 
 
 def node_points(field: DistanceField, nodes: NDArray[np.int64]) -> Array:
@@ -65,10 +63,3 @@ def node_near(field: DistanceField, point: Array) -> NDArray[np.int64]:
     up = frame['cosine'] * dy - frame['sine'] * dx
     last = np.array(field.distances.shape) - 1
     return np.clip(np.round([up, along]), 0, last).astype(np.int64)
-
-
-def _distances(occupied: NDArray[np.bool_]) -> Array:
-    """Signed distances at the centres of cells, in cells."""
-    outside = np.minimum(distances_from(occupied), _FAR)
-    signed: Array = np.where(occupied, -distances_from(~occupied), outside)
-    return signed

@@ -1,4 +1,4 @@
-"""Exact distances of cells from marked ones, for compiled code (Felzenszwalb, Huttenlocher 2012).
+"""Exact signed distances from marked cells, for compiled code (Felzenszwalb, Huttenlocher 2012).
 
 A marked cell is a closed square. Seen from the centre of another cell its nearest point is on the
 lattice of centres, corners and middles of edges. Distances are in units of that lattice, of half a
@@ -15,74 +15,103 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Indices = NDArray[np.int64]
 
 
-def distances_from(marked: NDArray[np.bool_]) -> Array:
-    """Distance of the centre of each cell from the nearest marked cell, 0 in one, else infinite.
+def signed_distances(marked: Flags) -> Array:
+    """Distance of the centre of each cell from the nearest cell of the other kind.
 
     Args:
         marked: Which cells are, shape ``(rows, columns)``.
 
     Returns:
-        Shape ``(rows, columns)`` [cells].
+        Not positive in marked cells, infinite without any of the other kind; shape
+        ``(rows, columns)`` [cells].
     """
-    squared, edges = np.empty(marked.shape), marked.shape[0] + 1
+    distances, edges = np.empty(marked.shape), marked.shape[1] + 1
     work = np.empty(edges), np.empty(edges + 1), np.empty(edges, dtype=np.int64)
-    _transform(squared, np.ascontiguousarray(marked), *work)
-    return np.sqrt(squared) / 2.0
+    _transform(distances, np.ascontiguousarray(marked), *work)
+    return distances
 
 
 @allocation_free
 def _transform(
-    squared: Array, marked: NDArray[np.bool_], heights: Array, begins: Array, lowest: Indices
+    distances: Array, marked: Flags, heights: Array, begins: Array, lowest: Indices
 ) -> None:
-    """Squares of the distances, first along rows, then along columns from the edges of rows.
+    """Fill in the distances, first along columns, then along rows.
+
+    Between two cells of the other kind in a row, nothing beyond these two is nearest.
 
     Args:
-        squared: Where they go, shape ``(rows, columns)``.
+        distances: Where they go, shape ``(rows, columns)``.
         marked: Shape ``(rows, columns)``.
-        heights: To work with, shape ``(rows + 1,)``.
-        begins: To work with, shape ``(rows + 2,)``.
-        lowest: To work with, shape ``(rows + 1,)``.
+        heights: To work with, shape ``(columns + 1,)``.
+        begins: To work with, shape ``(columns + 2,)``.
+        lowest: To work with, shape ``(columns + 1,)``.
     """
+    _along_columns(distances, marked)
     rows, columns = marked.shape
     for i in range(rows):
-        _along_row(squared, marked, i)
-    for j in range(columns):
-        heights[0], heights[rows] = squared[0, j], squared[rows - 1, j]
-        for i in range(1, rows):
-            heights[i] = min(squared[i - 1, j], squared[i, j])
-        if _envelope(heights, begins, lowest) == 0:
-            continue
-        k = 0
-        for i in range(rows):
-            while begins[k + 1] < i + 0.5:
-                k += 1
-            away = 2.0 * (i - lowest[k]) + 1.0
-            squared[i, j] = min(squared[i, j], heights[lowest[k]] + away * away)
+        first = 0
+        for j in range(1, columns + 1):
+            if j == columns or marked[i, j] != marked[i, first]:
+                _along_run(distances, marked[i, first], i, first, j, heights, begins, lowest)
+                first = j
 
 
 @allocation_free
-def _along_row(squared: Array, marked: NDArray[np.bool_], i: int) -> None:
-    """Squares of the distances from the marked cells of the same row."""
-    columns = marked.shape[1]
-    away = math.inf
-    for j in range(columns):
-        away = 0.0 if marked[i, j] else away + 2.0 if away > 0.0 else 1.0
-        squared[i, j] = away * away
-    away = math.inf
-    for back in range(columns):
-        j = columns - 1 - back
-        away = 0.0 if marked[i, j] else away + 2.0 if away > 0.0 else 1.0
-        squared[i, j] = min(squared[i, j], away * away)
+def _along_columns(distances: Array, marked: Flags) -> None:
+    """Distances from the cells of the other kind in the same column [half cells]."""
+    rows, columns = marked.shape
+    distances[0] = math.inf
+    for i in range(1, rows):
+        for j in range(columns):
+            further = distances[i - 1, j] + 2.0
+            distances[i, j] = further if marked[i, j] == marked[i - 1, j] else 1.0
+    for back in range(1, rows):
+        i = rows - 1 - back
+        for j in range(columns):
+            further = distances[i + 1, j] + 2.0
+            nearer = further if marked[i, j] == marked[i + 1, j] else 1.0
+            distances[i, j] = min(distances[i, j], nearer)
 
 
 @allocation_free
-def _envelope(heights: Array, begins: Array, lowest: Indices) -> int:
+def _along_run(
+    distances: Array,
+    is_marked: bool,
+    i: int,
+    first: int,
+    end: int,
+    heights: Array,
+    begins: Array,
+    lowest: Indices,
+) -> None:
+    """Distances of a run of cells of one kind, from those in their columns [cells]."""
+    before = 0.0 if first > 0 else math.inf
+    for j in range(first, end):
+        away = distances[i, j] * distances[i, j]
+        heights[j], before = min(before, away), away
+    heights[end] = 0.0 if end < distances.shape[1] else before
+    count = _envelope(heights, first, end, begins, lowest)
+    j = first
+    for k in range(count):
+        lowest_k, height = lowest[k], heights[lowest[k]]
+        while j < end and not begins[k + 1] < j + 0.5:
+            away = 2.0 * (j - lowest_k) + 1.0
+            distances[i, j] = min(distances[i, j], math.sqrt(height + away * away))
+            j += 1
+    sign = -0.5 if is_marked else 0.5
+    for j in range(first, end):
+        distances[i, j] = sign * distances[i, j]
+
+
+@allocation_free
+def _envelope(heights: Array, first: int, end: int, begins: Array, lowest: Indices) -> int:
     """Which parabolas ``heights[p] + 4 (x - p)^2`` are lowest somewhere, and from where on."""
     count = 0
-    for p in range(heights.shape[0]):
+    for p in range(first, end + 1):
         if heights[p] == math.inf:
             continue
         begin = -math.inf

@@ -64,6 +64,9 @@ class DistanceField(NamedTuple):
 NO_FIELD: Final = DistanceField(np.ones(1, FRAME), np.full((4, 4), math.inf))
 """Stands where there is none."""
 
+Fields = tuple[DistanceField, DistanceField]
+"""Of a map, and of what sensors see."""
+
 
 @allocation_free
 def away_from(field: DistanceField, x: float, y: float) -> Any:

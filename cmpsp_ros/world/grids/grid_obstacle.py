@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.islands import islands_of
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 from cmpsp_ros.world.grids.outlines import loops
 
 Array = NDArray[np.float64]
@@ -51,6 +51,15 @@ class GridObstacle:
         """Distances from the occupied cells."""
         return distance_field(self.grid, unknown_is_free=self.unknown_is_free)
 
+    def check_space(self) -> None:
+        """Refuse a grid without a place to drive.
+
+        Raises:
+            GridError: No cell is free.
+        """
+        if not (self.field.distances[AROUND:-AROUND, AROUND:-AROUND] > 0.0).any():
+            raise GridError('cells', 'none that is free', 'a place to drive')
+
     @cached_property
     def islands(self) -> Array:
         """A point of each group of occupied cells that a way may pass on either side.
@@ -58,8 +67,7 @@ class GridObstacle:
         They are those that do not touch the rim of the grid, the largest of them, ``(I, 2)`` [m].
         """
         occupied = self.field.distances[AROUND:-AROUND, AROUND:-AROUND] <= 0.0
-        points = [self.grid.centers(*cell) for cell in islands_of(occupied)]
-        return np.array(points).reshape(-1, 2)
+        return self.grid.centers(*islands_of(occupied))
 
     def walls(self) -> list[Array]:
         """Lines around the occupied cells, each closed, shape ``(K, 2)`` [m]."""

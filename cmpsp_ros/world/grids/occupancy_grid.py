@@ -121,6 +121,28 @@ class OccupancyGrid:
         found[inside] = self.cells[rows[inside], columns[inside]]
         return found
 
+    def around(self, points: Array, reach: float) -> OccupancyGrid:
+        """The part of the grid that is near points along its axes, of one cell at least.
+
+        Args:
+            points: Shape ``(K, 2)`` [m].
+            reach: How near [m].
+        """
+        found, cells = np.array(self.indices(points)), math.ceil(reach / self.resolution)
+        last = np.array(self.cells.shape)
+        (row, column) = low = np.clip(found.min(axis=1) - cells, 0, last - 1)
+        high = np.maximum(np.clip(found.max(axis=1) + cells + 1, 0, last), low + 1)
+        x, y = self.corners(row, column).tolist()
+        part = self.cells[row : high[0], column : high[1]]
+        return OccupancyGrid((x, y, self.origin[2]), self.resolution, part)
+
+    def completed_by(self, other: OccupancyGrid) -> OccupancyGrid:
+        """The same, and where it is unknown what another grid says."""
+        rows, columns = np.nonzero(self.cells == Cell.UNKNOWN)
+        cells = self.cells.copy()
+        cells[rows, columns] = other.at(self.centers(rows, columns))
+        return OccupancyGrid(self.origin, self.resolution, cells)
+
 
 def check_size(shape: tuple[int, ...]) -> None:
     """Refuse a grid without cells, and one with more than fit into memory.

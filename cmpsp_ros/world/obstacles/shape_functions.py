@@ -3,8 +3,8 @@
 A shape is a point, a line between two points or a convex polygon, given by its corners,
 anticlockwise. Several of them lie one after the other in one array: those of shape ``j`` are
 ``corners[k, first[j]:first[j + 1]]``, where ``k`` counts samples if they move. The distance is
-that from the shape without its radius; inside a polygon it is negative. A shape without corners is
-that of a distance field.
+that from the shape without its radius; inside a polygon it is negative. The first shape without
+corners is that of the first distance field, another one that of the second.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.arcs import Arc, arc_part, reach_of
 from cmpsp_ros.world.grids import field_functions
-from cmpsp_ros.world.grids.field_functions import DistanceField
+from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -34,19 +34,19 @@ _SOME = (0.0, 1.0, 0.0)
 
 @allocation_free
 def distance_from(
-    field: DistanceField, corners: Array, first: Indices, k: int, j: int, x: float, y: float
+    fields: Fields, corners: Array, first: Indices, k: int, j: int, x: float, y: float
 ) -> float:
     """Distance of a point from a shape."""
     distance: float
     if first[j] == first[j + 1]:
-        return field_functions.distance_from(field, x, y)
-    distance, _, _ = away_from(field, corners, first, k, j, x, y)
+        return field_functions.distance_from(_field_of(fields, first, j), x, y)
+    distance, _, _ = away_from(fields, corners, first, k, j, x, y)
     return distance
 
 
 @allocation_free
 def away_from(
-    field: DistanceField, corners: Array, first: Indices, k: int, j: int, x: float, y: float
+    fields: Fields, corners: Array, first: Indices, k: int, j: int, x: float, y: float
 ) -> Any:
     """Distance of a point from a shape and its gradient, a unit vector away from it.
 
@@ -54,7 +54,7 @@ def away_from(
     """
     begin, end = first[j], first[j + 1]
     if end == begin:
-        return field_functions.away_from(field, x, y)
+        return field_functions.away_from(_field_of(fields, first, j), x, y)
     if end - begin == 1:
         dx, dy = x - corners[k, begin, 0], y - corners[k, begin, 1]
         from_point = math.sqrt(dx * dx + dy * dy)
@@ -90,9 +90,7 @@ def away_from(
 
 
 @allocation_free
-def sweep(
-    arc: Arc, field: DistanceField, corners: Array, first: Indices, j: int, enough: float
-) -> float:
+def sweep(arc: Arc, fields: Fields, corners: Array, first: Indices, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 
     Exact for a point. Else the arc is taken for chords of it, less what it strays from them: never
@@ -101,7 +99,7 @@ def sweep(
     least: float
     begin, end = first[j], first[j + 1]
     if end == begin:
-        return field_functions.sweep(field, arc, enough)
+        return field_functions.sweep(_field_of(fields, first, j), arc, enough)
     if end - begin == 1:
         least, _ = reach_of(arc, corners[0, begin, 0], corners[0, begin, 1])
         return least
@@ -116,6 +114,15 @@ def sweep(
         least = min(least, _least_on_chord(corners, begin, end, x, y, x_after, y_after))
         x, y = x_after, y_after
     return least - astray / (pieces * pieces)
+
+
+@allocation_free
+def _field_of(fields: Fields, first: Indices, j: int) -> DistanceField:
+    """The field of a shape without corners."""
+    for i in range(j):
+        if first[i] == first[i + 1]:
+            return fields[1]
+    return fields[0]
 
 
 @allocation_free

@@ -14,6 +14,7 @@ from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosReliability
+from rosbags.rosbag2.storage_mcap import McapReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
@@ -93,7 +94,7 @@ def test_command_records_everything_in_pieces(spawn, ros, tmp_path):
     said = ros.node.create_publisher(String, '/said', 1000)
     recorder = spawn(
         [
-            *(*COMMAND, 'record', '--output', 'bag', '--all', '--compression', 'zstd'),
+            *(*COMMAND, 'record', '--output', 'bag', '--all'),
             *('--split-duration', '0.2', '--split-size', '1'),
         ]
     )
@@ -109,11 +110,18 @@ def test_command_records_everything_in_pieces(spawn, ros, tmp_path):
         stamps = [stamp for each, stamp, _ in reader.messages() if each.topic == '/said']
     assert len(stamps) > 10
     assert stamps == sorted(stamps)
+    for each in files:
+        file = McapReader(each)
+        file.open()
+        assert {chunk.compression for chunk in file.chunks} == {'zstd'}
+        file.close()
 
 
 def test_full_disk_ends_the_command(spawn, ros, tmp_path):
     said = ros.node.create_publisher(String, '/said', 100)
-    recorder = spawn([*COMMAND, 'record', '--output', 'bag', '--topic', '/said'])
+    recorder = spawn(
+        [*COMMAND, 'record', '--output', 'bag', '--topic', '/said', '--compression', 'none']
+    )
     ros.spin_until(heard(said), timeout=30.0)
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (300_000, 300_000))
     text = String(data='x' * 1000)

@@ -65,6 +65,24 @@ def test_nothing_is_lost(record, spawn, bag):
         assert recorded.parameters['/recorder']['output'] == str(bag)
 
 
+def test_messages_that_came_too_fast_are_counted(record, ros, bag, wait_until):
+    publisher = ros.node.create_publisher(String, '/said', 1)
+    recorder = record('topics:=[/said]')
+    ros.spin_until(heard(publisher))
+    recorder.signal(signal.SIGSTOP)
+    said = 5000
+    for _ in range(said):
+        publisher.publish(String(data=1000 * '.'))
+    recorder.signal(signal.SIGCONT)
+    publisher.wait_for_all_acked(Duration(seconds=10.0))
+    lost = re.compile(r'(\d+) messages of /said are not in the bag')
+    wait_until(lambda: lost.search(recorder.stderr))
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait() == 0
+    with Bag(bag) as recorded:
+        assert recorded.topics['/said'].count + sum(map(int, lost.findall(recorder.stderr))) == said
+
+
 def test_flush_answers_with_what_is_in_the_bag(record, ros, bag):
     publisher = ros.node.create_publisher(String, '/said', 10)
     recorder = record('topics:=[/said]')

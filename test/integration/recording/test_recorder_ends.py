@@ -87,7 +87,7 @@ def test_wrong_form(spawn, bag, parameter, reason):
 
 
 def test_full_disk_ends_the_recording(record, ros, bag):
-    recorder = record()
+    recorder = record('compression:=none')
     publisher = ros.node.create_publisher(String, '/said', 100)
     ros.spin_until(heard(publisher))
     resource.prlimit(recorder.pid, resource.RLIMIT_FSIZE, (300_000, 300_000))

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from benchmarks.errors import BenchError
-from benchmarks.families.memory import processor_time, resident
+from benchmarks.machine import processor_time, resident
 
 
 def test_of_this_process_it_is_that_of_what_it_holds():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.errors import BenchError
-from benchmarks.families.latency import Latency
+from benchmarks.over_dds.latency import Latency
 from benchmarks.report import check_output, content, page, write
 from benchmarks.tables import tables
 

@@ -7,12 +7,12 @@ import pytest
 
 from benchmarks.families.hard_cases import HardCase
 from benchmarks.families.horizons import Growth
-from benchmarks.families.latency import Latency
 from benchmarks.families.long_horizons import LongHorizons, LongStep
 from benchmarks.families.many_plans import Plans
 from benchmarks.families.robot_drives import RobotDrive
 from benchmarks.families.tail import Tail
 from benchmarks.families.timing import Timed
+from benchmarks.over_dds.latency import Latency
 from benchmarks.tables import tables
 from benchmarks.targets import pace, targets
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.decision import Decision, FallbackLevel
+from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
@@ -23,6 +25,8 @@ FIRST = Obstacle('first', (8.0, -6.0), 0.7)
 SECOND = Obstacle('second', (10.0, -2.0), 0.5)
 PAPER = InitialGuess('constant', (45.13, 44.63))
 ROAD = InitialGuess('road')
+ON_TIME = [k * PERIOD for k in range(51)]
+SETTLED = {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
 
 
 def settings(obstacles=(), limit=math.inf, guess=PAPER, **changes):
@@ -130,3 +134,24 @@ def closed_loop(given, start=START, steps=50, before=None):
     law = GuidanceLaw(given)
     stamps = [1_000_000_007 + k * PERIOD for k in range(steps + 1)]
     return drive(law, given, stamps, start, before=before)
+
+
+def after(run, given):
+    """Where the robot is at the control instant after a run."""
+    wheels = run.decisions[-1].wheel_speeds[None]
+    return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
+
+
+def broken(monkeypatch, reason='No.'):
+    """From here on no subproblem is solved."""
+    improve = Planner.improve
+
+    def fail(*arguments, **rest):
+        return improve(*arguments, **rest)._replace(solved=False, reason=reason)
+
+    monkeypatch.setattr(Planner, 'improve', fail)
+
+
+def assert_is(fault, decision):
+    """A decision fits the row of doc/user/faults.md that names the test."""
+    fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)

@@ -9,7 +9,7 @@ import numpy as np
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import shapes_of
+from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
@@ -60,7 +60,8 @@ class Drive:
         laser, surroundings = Laser(lidar, 0), Surroundings(settings.sight, settings.robot_radius)
         laser.note(plant.motion)
         (sensor,) = settings.sight.sensors
-        shapes, self.clearance = shapes_of(values, OWN_OBSTACLES), math.inf
+        shapes = obstacles_of(values) + shapes_of(values, OWN_OBSTACLES)
+        self.clearance = math.inf
         space = FreeSpace.of(OpenFloor(), shapes, settings.robot_radius)
         there, none = (edges_of(shapes), discs_of(shapes)), (edges_of(()), discs_of(()))
         before = plant.motion

@@ -5,11 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, settings
+from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, settings
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
@@ -47,10 +46,6 @@ class Drive:
         twists = np.array([each.twist for each in self.motions[:-1]])
         durations = np.diff([each.stamp_ns for each in self.motions]) / 1e9
         return space.along(poses, twists, durations).min()
-
-
-def assert_is(fault, decision):
-    fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)
 
 
 def test_told_of_its_delay_the_robot_arrives_as_it_does_without():

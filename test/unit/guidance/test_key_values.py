@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import struct
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.key_values import (
     decision_to_key_values,
-    exact_repr,
     present_keys,
     severity,
     waypoints,
@@ -70,13 +66,6 @@ def test_what_the_law_was_told_is_in_it():
         == decision_to_key_values(decision())['finished']
         == 'false'
     )
-
-
-@given(st.floats(allow_nan=False))
-def test_floats_read_back_bit_for_bit(number):
-    for kind in (float, np.float64):
-        read = float(exact_repr(kind(number)))
-        assert struct.pack('d', read) == struct.pack('d', number)
 
 
 @pytest.mark.parametrize(

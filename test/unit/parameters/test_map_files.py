@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from cmpsp_ros.guidance.settings import MAP
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.courses.map_files import read_map
-from cmpsp_ros.parameters.courses.maps import NAME, map_of, text_of
+from cmpsp_ros.parameters.courses.maps import map_of, text_of
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -30,7 +31,7 @@ def written(folder: Path, text: str = YAML, shades: np.ndarray = SHADES, name='m
 
 
 def grid_of(settings) -> OccupancyGrid:
-    return next(each.grid for each in settings.obstacles if each.name == NAME)
+    return next(each.grid for each in settings.obstacles if each.name == MAP)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +82,7 @@ def test_a_map_beside_its_parameter_file_is_one_more_obstacle(tmp_path, monkeypa
     settings = guidance_settings(TABLE.resolve(load_parameter_file(course)))
 
     (only,) = settings.obstacles
-    assert (only.name, only.unknown_is_free) == (NAME, True)
+    assert (only.name, only.unknown_is_free) == (MAP, True)
     assert grid_of(settings).origin == (1.0, 2.0, 0.5)
 
 

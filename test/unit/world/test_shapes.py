@@ -71,7 +71,7 @@ def clear_of(shape, distance=0.0):
 @given(shape=shapes, point=points)
 def test_distance_and_gradient(shape, point):
     space = clear_of(shape)
-    found, x, y = away_from(space.field, space.corners, space.first, 0, 0, *point)
+    found, x, y = away_from(space.fields, space.corners, space.first, 0, 0, *point)
     wanted = signed(shape, np.array([point]))[0]
     assert found == pytest.approx(wanted, abs=1e-12)
     assert math.hypot(x, y) == pytest.approx(1.0)
@@ -88,9 +88,9 @@ def test_distance_and_gradient(shape, point):
 
 def test_gradient_where_there_is_none_leads_out():
     wall = clear_of(Capsule('wall', (0.0, 0.0), (2.0, 0.0), 0.1))
-    assert away_from(wall.field, wall.corners, wall.first, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
+    assert away_from(wall.fields, wall.corners, wall.first, 0, 0, 1.0, 0.0) == (0.0, 0.0, -1.0)
     point = clear_of(Capsule('point', (1.0, 1.0), (1.0, 1.0), 0.1))
-    assert away_from(point.field, point.corners, point.first, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
+    assert away_from(point.fields, point.corners, point.first, 0, 0, 1.0, 1.0) == (0.0, 1.0, 0.0)
 
 
 drives = {
@@ -116,13 +116,13 @@ def driven(wheels, period, start, heading):
 def test_sweep_past_a_shape(shape, wheels, period, start, heading):
     arc, path, error = driven(wheels, period, start, heading)
     space = clear_of(shape)
-    found = sweep(arc, space.field, space.corners, space.first, 0, math.inf)
+    found = sweep(arc, space.fields, space.corners, space.first, 0, math.inf)
     wanted = signed(shape, path).min()
     spacing = abs(arc.length) / PIECES
     assert found <= wanted + error
     assert found >= wanted - ROUGHNESS - error - spacing
     # With something nearer known already it is only said that this is no nearer.
-    assert min(sweep(arc, space.field, space.corners, space.first, 0, 0.1), 0.1) <= max(found, 0.1)
+    assert min(sweep(arc, space.fields, space.corners, space.first, 0, 0.1), 0.1) <= max(found, 0.1)
 
 
 @hypothesis_settings(max_examples=400)

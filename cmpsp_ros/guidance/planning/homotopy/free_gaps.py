@@ -62,10 +62,13 @@ def free_gaps(frame: RoadFrame, space: FreeSpace) -> tuple[list[list[Gap]], list
     if frame.polar:
         return _polar_gaps(frame, space)
     taken: list[list[Gap]] = [[] for _ in frame.stations]
+    fields = iter(space.fields)
     shapes = np.split(space.corners[0], space.first[1:-1]) if len(radii) else []
     for corners, radius in zip(shapes, radii.tolist(), strict=True):
         found = (
-            _sections(frame, corners, radius) if len(corners) else _in_field(frame, space, radius)
+            _sections(frame, corners, radius)
+            if len(corners)
+            else _in_field(frame, next(fields), radius)
         )
         for station, section in found:
             taken[station].append(section)
@@ -114,13 +117,13 @@ def _sections(frame: RoadFrame, corners: Array, radius: float) -> Iterator[tuple
             yield station, (float(found.min()), float(found.max()))
 
 
-def _in_field(frame: RoadFrame, space: FreeSpace, radius: float) -> Iterator[tuple[int, Gap]]:
+def _in_field(frame: RoadFrame, field: DistanceField, radius: float) -> Iterator[tuple[int, Gap]]:
     """Stations that occupied cells of a grid lie at, and from where to where across the line."""
-    cell = float(space.field.frame['cell'][0])
+    cell = float(field.frame['cell'][0])
     reach = max(map(abs, frame.ends)) + _ASIDE
     lateral = np.linspace(-reach, reach, 2 * math.ceil(reach / cell) + 1)
     blocked = np.zeros((len(frame.stations), len(lateral)), dtype=bool)
-    fill_blocked(blocked, space.field, radius, frame, lateral)
+    fill_blocked(blocked, field, radius, frame, lateral)
     changes = np.diff(blocked.astype(np.int8), axis=1, prepend=0, append=0)
     half = (lateral[1] - lateral[0]) / 2.0
     for station in np.flatnonzero(blocked.any(axis=1)).tolist():

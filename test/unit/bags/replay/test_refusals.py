@@ -26,11 +26,16 @@ def without_key(bag, key):
     return {'/guidance': {name: value for name, value in values.items() if name != key}}
 
 
-def test_a_value_that_nobody_knows_is_not_guessed(drive, bag, alter):
+@pytest.fixture
+def changed(drive):
+    """A drive in which a weight is changed under way."""
     with drive() as run:
         run.go(0.7)
         run.change(weights__road_center=20.0)
         run.go(0.7)
+
+
+def test_a_value_that_nobody_knows_is_not_guessed(changed, bag, alter):
     copy = alter(parameters=without_key(bag, 'weights.road_center'))
     with pytest.raises(BagError, match=r'change of weights\.road_center of /guidance at .* before'):
         replay(copy, NAMES)
@@ -44,22 +49,13 @@ def test_a_value_that_nobody_needs_to_know_is_not_missed(drive, bag, alter):
     assert replay(copy, NAMES).differences == 0
 
 
-def test_a_bag_of_such_a_version_with_live_changes_is_refused(drive, alter):
-    with drive() as run:
-        run.go(0.7)
-        run.change(weights__road_center=20.0)
-        run.go(0.7)
+def test_a_bag_of_such_a_version_with_live_changes_is_refused(changed, alter):
     copy = alter(without('halted', 'run', 'revision'))
     with pytest.raises(BagError, match='parameters of /guidance that were changed live'):
         replay(copy, NAMES)
 
 
-def test_a_live_change_that_was_not_recorded_is_refused(drive, alter):
-    with drive() as run:
-        run.go(0.7)
-        run.change(weights__road_center=20.0)
-        run.go(0.7)
-
+def test_a_live_change_that_was_not_recorded_is_refused(changed, alter):
     with pytest.raises(BagError, match='live change 1 of the parameters of /guidance'):
         replay(alter(dropping('/parameter_events')), NAMES)
 

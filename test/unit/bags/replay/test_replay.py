@@ -29,13 +29,18 @@ def next_double(text):
     return repr(math.nextafter(float(text), math.inf))
 
 
+def identical(bag):
+    outcome = replay(bag, NAMES)
+    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    return outcome
+
+
 def test_a_run_with_every_fault_is_identical(faulty):
     bag, decisions = faulty
     assert {each.level.name for each in decisions} >= {'NOMINAL', 'STOP'}
     assert len({each.run for each in decisions}) == 2
     assert [each.revision for each in decisions][-1] == 3
-    outcome = replay(bag, NAMES)
-    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    outcome = identical(bag)
     assert outcome.decisions == outcome.commands == len(decisions)
     assert outcome.stops == sum(each.halted for each in decisions) == 4
     assert outcome.plans == sum(each.plan is not None for each in decisions) > 20
@@ -48,8 +53,7 @@ def test_what_no_plan_can_do_is_foretold_again(drive, bag):
     first, second = run.decisions[:2]
     assert 'The goal is out of reach by ' in first.reason
     assert 'out of reach' not in second.reason
-    outcome = replay(bag, NAMES)
-    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    identical(bag)
 
 
 def test_a_lag_is_estimated_again(drive, bag):
@@ -59,8 +63,7 @@ def test_a_lag_is_estimated_again(drive, bag):
         run.go(1.0)
     assert run.decisions[0].wheel_lag == (0.0, 0.0, 0.3)
     assert run.decisions[-1].wheel_lag[2] < 0.3
-    outcome = replay(bag, NAMES)
-    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    identical(bag)
 
 
 @pytest.mark.parametrize('seconds', [0.26, 0.8])
@@ -75,8 +78,7 @@ def test_a_computer_that_is_late_is_replayed_as_it_was(drive, bag, seconds):
     late = [each for each in run.decisions if each.late]
     assert len(late) == 3
     assert sum(each.reason.startswith('The computer was late') for each in run.decisions) == 3
-    outcome = replay(bag, NAMES)
-    assert (outcome.differences, outcome.first) == (0, None), outcome.first
+    outcome = identical(bag)
     assert (outcome.decisions, outcome.commands) == (len(run.decisions), len(run.decisions) - 3)
 
 
@@ -92,9 +94,7 @@ def test_a_run_by_poses_of_another_frame_is_replayed_without_transforms(drive, b
         return message
 
     for path in (bag, alter(elsewhere)):
-        outcome = replay(path, NAMES)
-        assert (outcome.differences, outcome.first) == (0, None), outcome.first
-        assert outcome.decisions == len(run.decisions) == 10
+        assert identical(path).decisions == len(run.decisions) == 10
 
 
 def publish_with_pose(run, publish, decision):

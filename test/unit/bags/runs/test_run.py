@@ -16,7 +16,6 @@ from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
 
 
-
 def driven(twists, seconds, begin=5 * SECOND):
     """A path of arcs, each driven for so many seconds; the last twist begins at the end."""
     stamps = begin + np.concatenate([[0], np.cumsum(np.round(np.array(seconds) * 1e9))])
@@ -39,7 +38,11 @@ def at(stamp, x, heading, speed):
 
 def decision(stamp, **more):
     wheels = {'wheel_speed_right': 45.0, 'wheel_speed_left': 44.0}
-    return status(**{'stamp': stamp, 'step': 0, 'fallback_level': 'nominal', 'finished': 'false'} | wheels | more)
+    return status(
+        **{'stamp': stamp, 'step': 0, 'fallback_level': 'nominal', 'finished': 'false'}
+        | wheels
+        | more
+    )
 
 
 def write(folder, topics):
@@ -55,7 +58,10 @@ def topics(prefix=''):
     return {
         f'{prefix}/guidance/decision': (
             STATUS,
-            [decision(7, step_ms='0.30000000000000004'), decision(9, fallback_level='stop', finished='true')],
+            [
+                decision(7, step_ms='0.30000000000000004'),
+                decision(9, fallback_level='stop', finished='true'),
+            ],
         ),
         f'{prefix}/sim/truth': (ODOMETRY, [at(8, 1.0, 0.0, 1.0), at(9, 2.0, 3.5, 2.0)]),
         f'{prefix}/sim/wheel_speeds': (JOINTS, [joints(8, (1.0, 2.0)), joints(9, (3.0, 4.0))]),

@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import MS, PERIOD, ROAD, SECOND, START, drive, settings
+from scenarios import PERIOD, ROAD, SECOND, drive, settings
+from test_command_delay import Drive
 
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
-from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Capsule
 
 OPEN = settings(limit=51.0, guess=ROAD)
@@ -28,58 +27,31 @@ def closed(**how):
     return replace(OPEN, obstacles=(wall(-70.0, **how),))
 
 
-def drive_heavy(given, lag):
-    """Decisions, and the least clearance of a robot whose wheels lag by as much [m]."""
-    law, plant = GuidanceLaw(given), Plant(PlantSettings(given.robot, START, wheel_lag=lag))
-    decisions, motions = [], [plant.motion]
-    for stamp in range(0, round(given.final_time * 1e9), 20 * MS):
-        motions += plant.advance(stamp)
-        decision = law.update(stamp, plant.measure())
-        if decision is not None:
-            decisions.append(decision)
-            plant.command(stamp, *decision.twist)
-    space = FreeSpace.of(given.road, given.obstacles, given.robot_radius)
-    poses, twists = (
-        np.array([getattr(each, key) for each in motions]) for key in ('pose', 'twist')
-    )
-    durations = np.diff([each.stamp_ns for each in motions]) / 1e9
-    return decisions, space.along(poses[:-1], twists[:-1], durations).min()
-
-
 @pytest.mark.parametrize('lag', [0.0, 0.2])
 @pytest.mark.parametrize('how', [{}, {'slant': 10.0}, {'slant': -10.0}, {'radius': 0.4}])
 def test_the_robot_stops_before_a_wall_and_stays(how, lag):
-    decisions, clearance = drive_heavy(closed(**how), lag)
-    assert clearance > 0.01
+    run = Drive(closed(**how), wheel_lag=lag)
+    decisions = [each for each in run.decisions if not each.finished]
+    assert run.clearance > 0.01
     first = next(k for k, each in enumerate(decisions) if each.reason.startswith(CLOSED))
     assert first < 25, 'it does not turn about until its time is up'
     assert {each.reason for each in decisions[first + 1 :]} == {CLOSED}
     assert not any(np.any(each.twist) for each in decisions[first:])
 
 
-def test_it_drives_on_when_the_wall_is_gone():
-    given = replace(closed(), final_time=20.0)
-    law = GuidanceLaw(given)
-
-    def before(run, stamp):
-        if stamp == 60 * PERIOD:
-            assert run.decisions[-1].reason == CLOSED
-            law.reconfigure(replace(given, obstacles=(SECOND,)))
-
-    run = drive(law, given, [k * PERIOD for k in range(101)], before=before)
-    assert run.decisions[-1].finished
-    assert not run.decisions[-1].missed
-
-
-def test_it_drives_on_to_a_goal_on_this_side():
+@pytest.mark.parametrize('gone', [True, False], ids=['no wall', 'a goal on this side'])
+def test_it_drives_on_when_it_can(gone):
     given, near = replace(closed(), final_time=20.0), (0.4, -10.2)
     law = GuidanceLaw(given)
 
     def before(run, stamp):
         if stamp == 60 * PERIOD:
             assert run.decisions[-1].reason == CLOSED
-            law.tell(stamp, Goal(near, math.nan))
+            if gone:
+                law.reconfigure(replace(given, obstacles=(SECOND,)))
+            else:
+                law.tell(stamp, Goal(near, math.nan))
 
     run = drive(law, given, [k * PERIOD for k in range(101)], before=before)
     assert run.decisions[-1].finished
-    assert math.dist(run.pose[:2], near) < 0.01
+    assert run.miss(given.goal if gone else near) < 0.01

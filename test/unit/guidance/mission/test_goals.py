@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scenarios import PERIOD, drive
+from scenarios import PERIOD, SETTLED, drive
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.goals import Goal, GoalError
@@ -187,10 +187,7 @@ def test_a_goal_is_driven_to_under_way_and_after_the_end():
     assert first_heading < 1e-6
     # In a time that the way, the pace and two turns say.
     assert at < 70 * PERIOD
-    assert {decision.level for decision in run.moves} <= {
-        FallbackLevel.NOMINAL,
-        FallbackLevel.ELASTIC,
-    }
+    assert {decision.level for decision in run.moves} <= SETTLED
     # The second one is passed through and stopped at: nobody has told another since.
     assert run.decisions[-1].goals_received == 3
 

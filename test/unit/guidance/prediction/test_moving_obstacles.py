@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from scenarios import CASES, PERIOD, ROAD, START, settings, start_of
+from scenarios import CASES, PERIOD, ROAD, START, assert_is, settings, start_of
 
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.key_values import severity
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.tracks import Track, Tracks
 from cmpsp_ros.guidance.safety.audit import Audit
@@ -59,10 +58,6 @@ def drive(given_, movers, tell=told, start=START, steps=51):
         if decision.finished:
             break
     return decisions, min(least, default=math.inf)
-
-
-def assert_is(fault, decision):
-    fault.assert_said(decision.level.name.lower(), severity(decision), decision.reason)
 
 
 @pytest.mark.parametrize('given_', [OPEN, AMONG], ids=['open road', 'case 3'])

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fleet import Robot, among, drive
-from scenarios import ROAD, settings
+from scenarios import ROAD, SETTLED, settings
 
-from cmpsp_ros.guidance.decision import FallbackLevel, Plan
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
 from cmpsp_ros.guidance.messages.tracks import Track, TrackError, Tracks, read_keys, track_keys
@@ -151,7 +151,7 @@ def crossing(count, offset):
 def assert_arrived(robots):
     for each in robots:
         decided = [one for one in each.decisions if not one.finished]
-        assert {one.level for one in decided} <= {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
+        assert {one.level for one in decided} <= SETTLED
         assert each.decisions[-1].finished
         assert each.decisions[-1].terminal_error < each.given.goal_tolerance
 

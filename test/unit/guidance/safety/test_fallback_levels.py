@@ -7,9 +7,13 @@ import numpy as np
 import pytest
 from scenarios import (
     CASES,
+    ON_TIME,
     PERIOD,
     ROAD,
+    SETTLED,
     START,
+    after,
+    broken,
     clearance,
     drive,
     settings,
@@ -20,19 +24,6 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
-ON_TIME = [k * PERIOD for k in range(51)]
-SETTLED = {FallbackLevel.NOMINAL, FallbackLevel.ELASTIC}
-
-
-def broken(monkeypatch):
-    """From here on no subproblem is solved."""
-    improve = Planner.improve
-
-    def fail(*arguments, **rest):
-        return improve(*arguments, **rest)._replace(solved=False, reason='No.')
-
-    monkeypatch.setattr(Planner, 'improve', fail)
-
 
 def test_the_levels_when_the_solver_fails(monkeypatch):
     given = replace(CASES['case 3'], failure_tolerance=3)
@@ -40,7 +31,7 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
     run = drive(law, given, ON_TIME[:21])
     good = run.decisions[-1]
     broken(monkeypatch)
-    rest = drive(law, given, ON_TIME[21:27], start=_after(run, given))
+    rest = drive(law, given, ON_TIME[21:27], start=after(run, given))
     levels = [decision.level for decision in rest.decisions]
     assert levels[:3] == [FallbackLevel.PREVIOUS_PLAN] * 3
     assert [decision.failures for decision in rest.decisions] == [1, 2, 3, 4, 5, 6]
@@ -58,11 +49,6 @@ def test_the_levels_when_the_solver_fails(monkeypatch):
         assert decision.plan is None
         assert decision.reason == 'No.'
     assert clearance(rest.path, given) >= 0.0
-
-
-def _after(run, given):
-    wheels = run.decisions[-1].wheel_speeds[None]
-    return given.robot.roll_out(run.pose, wheels, np.array([PERIOD / 1e9]))[-1]
 
 
 def test_the_levels_recover_when_the_solver_does(monkeypatch):
@@ -100,7 +86,7 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
     given = settings(limit=limit)
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:21])
-    pose = _after(run, given)
+    pose = after(run, given)
     forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
     # Its edge is `ahead` of the robot, straight on.
     center = tuple(pose[:2] + (ahead + radius) * forward)
@@ -115,24 +101,6 @@ def test_an_obstacle_put_on_the_plan_is_never_touched(ahead, radius, limit):
             assert not decision.wheel_speeds.any()
             why = 'too close to obstacle sudden', 'The robot waits: no plan', 'is closed at'
             assert any(each in decision.reason for each in why) or decision.failures
-
-
-def test_an_obstacle_at_the_very_nose_makes_it_stop():
-    given = CASES['case 1']
-    law = GuidanceLaw(given)
-    run = drive(law, given, ON_TIME[:21])
-    pose = _after(run, given)
-    forward = np.array([math.cos(pose[2]), math.sin(pose[2])])
-    wall = Obstacle('wall', tuple(pose[:2] + 1.01 * forward), 1.0)
-    blocked = replace(given, obstacles=(wall,), failure_tolerance=2)
-    law.reconfigure(blocked)
-    decision = law.update(21 * PERIOD, pose)
-    if decision.level in SETTLED:
-        assert decision.clearance >= 0.0
-    else:
-        assert decision.level is FallbackLevel.STOP
-        assert 'too close to obstacle wall' in decision.reason
-        assert decision.failures == 1
 
 
 def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
@@ -150,35 +118,11 @@ def test_a_warm_start_is_thrown_away_after_failures(monkeypatch):
         return result._replace(solved=False, reason='No.')
 
     monkeypatch.setattr(Planner, 'improve', fail)
-    drive(law, given, ON_TIME[11:14], start=_after(run, given))
+    drive(law, given, ON_TIME[11:14], start=after(run, given))
     np.testing.assert_array_equal(guesses[39], warm[1:])
     np.testing.assert_array_equal(guesses[38], warm[2:])
     assert guesses[37].shape == warm[3:].shape
     assert not np.array_equal(guesses[37], warm[3:])
-
-
-def test_after_the_final_time_it_stays_stopped():
-    given = CASES['case 1']
-    law = GuidanceLaw(given)
-    run = drive(law, given, ON_TIME)
-    last = run.decisions[-1]
-    assert last.finished
-    assert last.level is FallbackLevel.STOP
-    assert last.reason == 'The final time has passed.'
-    assert last.time_left == 0.0
-    assert last.terminal_error < 1e-6
-    assert law.update(50 * PERIOD + 1, run.pose) is None
-    again = law.update(52 * PERIOD, run.pose)
-    assert again.finished
-    assert not again.wheel_speeds.any()
-
-
-def test_odometry_that_first_comes_back_after_the_final_time():
-    law = GuidanceLaw(CASES['case 1'])
-    assert not law.update(0, np.array(START)).finished
-    late = law.update(99 * PERIOD, np.array(START))
-    assert late.finished
-    assert late.level is FallbackLevel.STOP
 
 
 def test_halt():

@@ -170,18 +170,6 @@ def test_without_constraints_of_any_kind(horizon):
     np.testing.assert_allclose(found.iterate.U, reference.iterate.U, atol=1e-6)
 
 
-@pytest.mark.parametrize('horizon', [1, 2])
-def test_shortest_horizons_reach_their_target(horizon):
-    x, u = casadi.SX.sym('x'), casadi.SX.sym('u')
-    problem = from_casadi(
-        horizon=horizon, x0=[1.0], x=x, u=u, F=x + u, L=0.5 * u**2, h=x, target=[3.0], upper=4.0
-    )
-    options = Options(np.array([10.0]), np.empty(0))
-    found = solve(problem, np.zeros((horizon + 1, 1)), options, 20)
-    assert found.status is Status.CONVERGED
-    np.testing.assert_allclose(found.iterate.U[:-1, 0], 2.0 / horizon, atol=1e-9)
-
-
 @pytest.mark.parametrize(
     ('changes', 'named'),
     [

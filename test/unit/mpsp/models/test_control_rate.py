@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems import LinearQuadratic, VanDerPol, assert_derivatives, differences
+from problems import LinearQuadratic, VanDerPol, assert_derivatives
 
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
@@ -59,30 +59,11 @@ def test_condensed_hessian_is_that_of_the_sum():
     np.testing.assert_allclose(with_rate.B_C, plain.B_C, atol=1e-12)
 
 
-def test_weight_zero_is_the_plain_problem():
-    inner = VanDerPol(horizon=8, mixed=1.2)
-    U = np.random.default_rng(3).normal(size=(9, 1))
-    plain, wrapped = (
-        condensed(inner, U),
-        condensed(ControlRateProblem(inner, 0.0, np.array([5.0])), U),
-    )
-    for name, array in vars(plain).items():
-        np.testing.assert_allclose(getattr(wrapped, name), array, atol=1e-13, err_msg=name)
-
-
 def test_a_large_weight_holds_the_control():
     problem = ControlRateProblem(VanDerPol(horizon=10, passes=False), 1e6, np.array([0.3]))
     found = solve(problem, np.zeros((11, 1)), Options(np.zeros(0), np.ones(2)), 60)
     assert found.status is Status.CONVERGED
     np.testing.assert_allclose(found.iterate.U, 0.3, atol=1e-4)
-
-
-def test_gradient_by_differences_through_the_roll_out():
-    inner = VanDerPol(horizon=6)
-    problem = ControlRateProblem(inner, 2.0, np.array([-0.4]))
-    U = np.random.default_rng(4).normal(size=(7, 1))
-    cost = differences(lambda u: np.array(problem.evaluate(problem.predict(u), u).cost), U)
-    np.testing.assert_allclose(condensed(problem, U).c, cost.ravel(), atol=1e-6)
 
 
 @pytest.mark.parametrize('weight', [-1.0, np.nan, -1e-12])

@@ -19,7 +19,6 @@ from cmpsp_ros.mpsp.qp import (
 )
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
-from cmpsp_ros.mpsp.qp.dense.condensing import condense
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
 
@@ -55,25 +54,6 @@ def test_its_functions_are_the_rows_of_the_condensed_program(shape):
         g[qp.path_stage, qp.path_index], qp.B_C @ dU.ravel() - qp.g, atol=1e-11
     )
     assert np.count_nonzero(g != -np.inf) == len(qp.g)
-
-
-def test_the_change_of_the_states_is_that_of_the_roll_out():
-    problem = VanDerPol(horizon=10)
-    rng = np.random.default_rng(2)
-    U, direction = rng.normal(size=(11, 1)), rng.normal(size=(11, 1))
-    lin = problem.linearise(problem.predict(U), U)
-    free = np.full((11, 1), np.inf)
-    dX = Subproblem(lin, -free, free, np.full(2, np.inf)).propagate(direction)
-    ahead, behind = (problem.predict(U + side * 1e-6 * direction) for side in (1.0, -1.0))
-    np.testing.assert_allclose(dX, (ahead - behind) / 2e-6, atol=1e-7)
-
-
-def test_condensed_is_what_condensing_gives():
-    _, subproblem = random_subproblem(SHAPES[1])
-    given = subproblem.linearisation, subproblem.lower, subproblem.upper, subproblem.trust_radius
-    for name, array in vars(condense(*given)).items():
-        np.testing.assert_array_equal(getattr(subproblem.condensed, name), array)
-    assert subproblem.condensed is subproblem.condensed
 
 
 @pytest.mark.parametrize('bad', [np.nan, np.inf])

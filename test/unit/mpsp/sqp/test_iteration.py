@@ -239,7 +239,7 @@ def test_a_step_leaves_its_iterate_alone():
     np.testing.assert_array_equal(first.U, second.U)
 
 
-@pytest.mark.parametrize('name', ['daqp', 'clarabel'])
+@pytest.mark.parametrize('name', ['daqp', 'clarabel', 'hildreth'])
 def test_back_ends_lead_to_the_same_solution(name):
     problem = VanDerPol(goal=(0.2, 0.0), floor=-0.6, limit=2.0)
     strict = options_for(problem, qp=name, output_tolerance=1e-6, control_tolerance=1e-5)

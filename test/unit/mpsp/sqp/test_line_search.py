@@ -114,40 +114,6 @@ def test_predicted_reduction_is_the_slope_of_the_merit(seed):
         assert actual == pytest.approx(promised, abs=2e3 * length**2 + 1e-11)
 
 
-def test_predicted_reduction_is_exact_in_the_constraints_of_a_linear_problem():
-    rng = np.random.default_rng(1)
-    search = Search(LinearQuadratic(rng), rng.normal(size=(6, 2)))
-    dU = rng.normal(size=(6, 2))
-    quadratic = 0.5 * dU.ravel() @ search.subproblem.condensed.H @ dU.ravel()
-    promised = search.predicted(dU) - quadratic
-    decrease = search.value(search.start) - search.value(search.start + dU)
-    assert decrease == pytest.approx(promised, rel=1e-9)
-
-
-def test_no_step_promises_nothing():
-    search = Search(VanDerPol(horizon=5, floor=0.2), np.ones((6, 1)))
-    assert search.predicted(np.zeros((6, 1))) == 0.0
-
-
-def test_above_its_multipliers_the_merit_falls_along_the_solution():
-    search = Search(LinearQuadratic(np.random.default_rng(3)), np.zeros((6, 2)), 1e-3, 1e-3)
-    solution = solve_qp(search.subproblem, 'daqp')
-    assert solution.status is QPStatus.SOLVED
-    assert solution.path.any()
-    p = search.ws.program
-    p.terminal['multiplier'], p.path['multiplier'] = solution.terminal, solution.path
-    update_penalties(p)
-    assert (p.terminal['merit'] > np.abs(solution.terminal)).all()
-    pulls = solution.path > 1e-3
-    assert (p.path['merit'][pulls] > solution.path[pulls]).all()
-    np.testing.assert_array_equal(p.path['merit'][~(solution.path > 0.0)], 1e-3)
-    assert search.predicted(solution.dU) > 0.0
-    p.terminal['weight'] = p.path['weight'] = 1e6
-    update_penalties(p)
-    assert (p.terminal['merit'] == 1e6).all()
-    assert (p.path['merit'] == 1e6).all()
-
-
 def test_the_full_step_is_taken_where_it_is_good():
     search = Search(LinearQuadratic(np.random.default_rng(4)), np.zeros((6, 2)), 1e3, 1e3)
     solution = solve_qp(search.subproblem, 'daqp')

@@ -20,7 +20,6 @@ from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,
     fill_wheels,
-    level_of,
     set_stamp,
 )
 
@@ -86,20 +85,6 @@ def test_a_decision_carries_its_name_level_and_reason():
     assert status.level == DiagnosticStatus.WARN
     assert values_of(message)['fallback_level'] == 'elastic'
     assert values_of(message)['finished'] == 'false'
-
-
-@pytest.mark.parametrize(
-    ('fallback', 'level'),
-    [
-        (FallbackLevel.NOMINAL, DiagnosticStatus.OK),
-        (FallbackLevel.ELASTIC, DiagnosticStatus.WARN),
-        (FallbackLevel.PREVIOUS_PLAN, DiagnosticStatus.WARN),
-        (FallbackLevel.STOP, DiagnosticStatus.ERROR),
-    ],
-)
-def test_a_stop_is_an_error_unless_the_run_is_over(fallback, level):
-    assert level_of(decision(level=fallback)) == level
-    assert level_of(decision(level=fallback, finished=True)) == DiagnosticStatus.OK
 
 
 def test_a_message_filled_again_keeps_nothing_of_the_decision_before():

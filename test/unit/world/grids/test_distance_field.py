@@ -8,6 +8,7 @@ import pytest
 from cmpsp_ros.robots.arcs import arc_from, arc_part
 from cmpsp_ros.world.grids import field_functions
 from cmpsp_ros.world.grids.distance_field import distance_field
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 
 CELL = 0.05
@@ -139,8 +140,10 @@ def test_what_is_no_place_has_no_distance(bad: float) -> None:
     assert math.isnan(field_functions.sweep(field, arc_from(0.0, bad, 0.0, 0.1, 0.1), 0.0))
 
 
-def test_a_grid_without_a_free_cell_is_refused() -> None:
+def test_a_grid_without_a_free_cell_has_finite_distances() -> None:
     world = OccupancyGrid((0.0, 0.0, 0.0), CELL, np.full((5, 5), Cell.UNKNOWN, np.uint8))
 
+    assert np.isfinite(distance_field(world).distances).all()
+    GridObstacle('map', world, unknown_is_free=True).check_space()
     with pytest.raises(GridError, match='free'):
-        distance_field(world)
+        GridObstacle('map', world).check_space()

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.world.grids.distance_transform import distances_from
+from cmpsp_ros.world.grids.distance_transform import signed_distances
 
 
 def from_each_square(marked: np.ndarray) -> np.ndarray:
@@ -22,17 +22,21 @@ def from_each_square(marked: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize('seed', range(10))
 def test_distances_are_exact_to_the_last_bit(seed: int, share: float) -> None:
     random = np.random.default_rng(seed)
-    marked = random.random(random.integers(1, 40, 2)) < share
-    marked[random.integers(marked.shape[0]), random.integers(marked.shape[1])] = True
+    marked = random.random(random.integers(2, 40, 2)) < share
+    marked[0, random.integers(marked.shape[1])] = True
+    marked[-1, random.integers(marked.shape[1])] = False
 
-    assert np.array_equal(distances_from(marked), from_each_square(marked))
+    expected = from_each_square(marked)
+    expected[marked] = -from_each_square(~marked)[marked]
+
+    assert np.array_equal(signed_distances(marked), expected)
 
 
 def test_without_a_mark_distances_are_infinite() -> None:
-    assert (distances_from(np.zeros((3, 4), dtype=bool)) == math.inf).all()
+    assert (signed_distances(np.zeros((3, 4), dtype=bool)) == math.inf).all()
+    assert (signed_distances(np.ones((3, 4), dtype=bool)) == -math.inf).all()
 
 
-def test_a_single_cell_and_a_single_row() -> None:
-    assert distances_from(np.ones((1, 1), dtype=bool)).tolist() == [[0.0]]
-    assert distances_from(np.array([[False, False, True]])).tolist() == [[1.5, 0.5, 0.0]]
-    assert distances_from(np.array([[True], [False]])).tolist() == [[0.0], [0.5]]
+def test_a_single_row_and_a_single_column() -> None:
+    assert signed_distances(np.array([[False, False, True]])).tolist() == [[1.5, 0.5, -0.5]]
+    assert signed_distances(np.array([[True], [False]])).tolist() == [[-0.5], [0.5]]

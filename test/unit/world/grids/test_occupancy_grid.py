@@ -65,3 +65,16 @@ def test_what_is_no_grid_is_refused(
         OccupancyGrid(origin, resolution, cells)
 
     assert error.value.where == where
+
+
+def test_the_part_around_points_is_where_it_was() -> None:
+    cells = np.random.default_rng(1).integers(0, 3, (30, 40), dtype=np.uint8)
+    whole = OccupancyGrid((1.0, -2.0, 0.7), 0.1, cells)
+    points = whole.centers(np.array([3, 12]), np.array([20, 25]))
+
+    part = whole.around(points, 0.4)
+
+    assert part.cells.shape == (17, 14)
+    around = part.centers(*np.indices(part.cells.shape))
+    assert np.array_equal(whole.at(around), part.cells)
+    assert whole.around(np.array([[50.0, 50.0]]), 0.1).cells.shape == (1, 1)

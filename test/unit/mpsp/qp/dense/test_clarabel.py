@@ -124,18 +124,6 @@ def test_multipliers_of_inactive_rows_are_zero_and_of_violated_ones_their_weight
     assert np.count_nonzero(answer.bounds) > 5
 
 
-def test_rows_that_say_the_same_share_their_multiplier():
-    for seed in range(300, 310):
-        qp = random_program(np.random.default_rng(seed), l=4, bound=1.0)
-        for rows in (qp.g, qp.g_X, qp.g_U):
-            rows[:, 1] = rows[:, 0]
-            rows[:, 2] = 3.0 * rows[:, 0]
-        for rows in (qp.output_error, qp.h_X, qp.h_U):
-            rows[1] = rows[0]
-        assert solved(qp, relaxed(qp, 1e3, 1e3)).status is QPStatus.SOLVED
-        assert solved(qp).status is not QPStatus.FAILED
-
-
 def test_two_inequalities_may_be_an_equality():
     for seed in range(400, 410):
         qp = random_program(np.random.default_rng(seed), 6, m=0, l=3)
@@ -146,17 +134,6 @@ def test_two_inequalities_may_be_an_equality():
         assert answer.status is QPStatus.SOLVED
         reference = solve_qp(staged(qp), 'daqp')
         np.testing.assert_allclose(answer.dU, reference.dU, atol=1e-5)
-
-
-def test_controls_that_are_fixed():
-    for seed in range(500, 510):
-        rng = np.random.default_rng(seed)
-        qp = random_program(rng, 8, bound=1.0)
-        fixed = rng.random(qp.lower.shape) < 0.4
-        qp.lower[fixed] = qp.upper[fixed] = rng.uniform(-1.0, 1.0, size=np.count_nonzero(fixed))
-        answer = solved(qp, relaxed(qp))
-        assert answer.status is QPStatus.SOLVED
-        np.testing.assert_allclose(answer.dU[fixed], qp.lower[fixed], atol=1e-9)
 
 
 def test_nothing_left_to_choose():
@@ -257,14 +234,6 @@ def test_the_number_of_iterations_hardly_depends_on_the_horizon(N):
     answer = solved(qp, relaxed(qp))
     assert answer.status is QPStatus.SOLVED
     assert answer.iterations < 30
-
-
-def test_a_program_without_inequalities():
-    for target in (None, 2.0):
-        qp = chain(3, target)
-        answer = solved(qp)
-        assert answer.status is QPStatus.SOLVED
-        np.testing.assert_allclose(answer.dU[:, 0], [(target or 0.0) / 3.0] * 3 + [0.0], atol=1e-9)
 
 
 def test_a_row_with_a_penalty_of_0_is_left_out():

@@ -46,14 +46,6 @@ def test_it_is_what_a_qp_solver_finds(seed, output):
         assert not part.any()
 
 
-def test_it_satisfies_equation_35():
-    subproblem = program(1)
-    found, qp = solve_closed_form(subproblem), subproblem.condensed
-    dU = found.dU.ravel()
-    np.testing.assert_allclose(qp.H @ dU + qp.S_N.T @ found.terminal, -qp.c, atol=1e-10)
-    np.testing.assert_allclose(qp.S_N @ dU, -qp.output_error, atol=1e-10)
-
-
 def test_any_inequality_rules_it_out():
     subproblem = program(2)
     assert has_closed_form(subproblem)

@@ -94,15 +94,6 @@ def test_condensed_matrices_are_the_stacked_ones(shape, seed):
     np.testing.assert_array_equal(qp.radius, np.full(horizon * n, 0.3))
 
 
-def test_condensed_gradient_is_that_of_the_cost():
-    problem = VanDerPol(horizon=8)
-    U = np.random.default_rng(5).normal(size=(9, 1))
-    lin = problem.linearise(problem.predict(U), U)
-    qp = condense(lin, np.full_like(U, -1.0), np.full_like(U, 1.0))
-    cost = differences(lambda u: np.array(problem.evaluate(problem.predict(u), u).cost), U)
-    np.testing.assert_allclose(qp.c, cost.ravel(), atol=1e-7)
-
-
 def test_trust_rows_only_where_the_radius_is_finite():
     _, qp = random_program(6, (4, 3, 2, 2, 2), radius=np.array([np.inf, 0.2, np.inf]))
     assert qp.T.shape == (4, 10)
@@ -111,12 +102,6 @@ def test_trust_rows_only_where_the_radius_is_finite():
     _, none = random_program(6, (4, 3, 2, 2, 2))
     assert free.T.shape == none.T.shape == (0, 10)
     assert free.radius.shape == none.radius.shape == (0,)
-
-
-def test_no_terminal_output_and_no_path_rows():
-    _, qp = random_program(7, (3, 2, 1, 0, 0))
-    assert qp.S_N.shape == qp.B_C.shape == (0, 4)
-    assert qp.output_error.shape == qp.g.shape == (0,)
 
 
 def test_kernels_are_what_their_source_says(monkeypatch):

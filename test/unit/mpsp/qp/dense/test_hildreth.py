@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from problems import VanDerPol
 from programs import residual_of, solve_rows, uniform
 
-from cmpsp_ros.mpsp import Options, QPStatus, Status, solve
+from cmpsp_ros.mpsp import QPStatus
 from cmpsp_ros.mpsp.qp.dense import hildreth
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
 
@@ -145,24 +144,6 @@ def test_a_penalty_of_nothing_gives_a_row_up():
     without = replace(qp, S_N=qp.S_N[:0], output_error=np.empty(0), B_C=qp.B_C[:0], g=np.empty(0))
     assert found.status is QPStatus.SOLVED
     np.testing.assert_allclose(found.dU, solve_rows(without, 'daqp').dU, atol=1e-7)
-
-
-def test_without_any_row_it_is_the_unconstrained_minimum():
-    qp = program(6, m=0, p=0, t=0)
-    free = replace(qp, lower=np.full(12, -np.inf), upper=np.full(12, np.inf))
-    found = solve_rows(free, hildreth.solve)
-    np.testing.assert_allclose(found.dU, -np.linalg.solve(qp.H, qp.c), atol=1e-12)
-
-
-def test_the_whole_iteration_runs_on_it():
-    problem = VanDerPol(horizon=30, floor=-0.6, mixed=2.0, limit=1.5)
-    runs = [
-        solve(problem, np.zeros((31, 1)), Options(np.full(2, 20.0), np.full(2, 20.0), qp=qp), 60)
-        for qp in ('hildreth', 'daqp')
-    ]
-    assert runs[0].status is runs[1].status is Status.CONVERGED
-    assert runs[0].iterate.evaluation.g.max() == pytest.approx(0.0, abs=1e-6)
-    np.testing.assert_allclose(runs[0].iterate.U, runs[1].iterate.U, atol=1e-5)
 
 
 # The compiled kernels once more as plain Python, where coverage sees their branches.

@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
-from stage_programs import place, random_program, relaxed, run
+from stage_programs import chain, place, random_program, relaxed, run, staged
 
+from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp import kkt_residual as residual_of
 from cmpsp_ros.mpsp.qp.active_set.state import FIRST
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
 from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
@@ -116,3 +118,18 @@ def test_many_held_bounds_have_their_multipliers():
     p.stages['bounds'][k, a] *= -1.0
     assert kkt_residual(p) > 1e-4
     assert place(qp, 'bound', k, a, held[k, a]) in found.warm[FIRST : FIRST + found.warm[0]]
+
+
+@pytest.mark.parametrize(
+    ('part', 'control', 'multiplier'),
+    [('path', 1.0, -1.0), ('terminal', 2.0, -2.0), ('bounds', -1.0, 1.0)],
+)
+def test_a_stationary_point_is_none_by_one_multiplier_alone(part, control, multiplier):
+    """Pulled by a row that pushes, by more than its penalty, or by a bound that is far away."""
+    qp = chain(1, 2.0 if part == 'terminal' else None, 1)
+    qp.g[0, 0], qp.g_U[0, 0, 0], qp.upper[0, 0] = -1.0 if part == 'path' else -np.inf, 1.0, 5.0
+    penalties = relaxed(qp, 1.0) if part == 'terminal' else None
+    answer = QPSolution.unsolved(staged(qp).size, QPStatus.SOLVED)
+    answer.dU[0, 0] = control
+    getattr(answer, part).flat[0] = multiplier
+    assert residual_of(staged(qp), answer, penalties) > 0.1

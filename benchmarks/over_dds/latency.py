@@ -6,13 +6,15 @@ import json
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
-from benchmarks.families.latency import Latency
-from benchmarks.families.memory import resident
+from benchmarks.families.spread import Spread
+from benchmarks.machine import resident
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, use_free_domain
 from cmpsp_ros.nodes.lifecycle_client import Observer
@@ -20,12 +22,54 @@ from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
 from cmpsp_ros.parameters.table import Values
 
+Array = NDArray[np.float64]
+
 _ACTIVE = '[guidance]: active'
 
 _LOOK = 0.005
 _START_TIMEOUT = 30.0
 _COMPILE_TIMEOUT = 600.0
 _OVERTIME = 20.0
+
+
+@dataclass(frozen=True)
+class Latency:
+    """What was measured in some runs of one preset.
+
+    Attributes:
+        runs: How many there were.
+        total: From just before odometry is published to the callback with the command that answers
+            it, of every control step [ms].
+        own: Of that, from the guidance node's callback to its publishing, by its own clock [ms].
+        first: Which of the steps are the first of their run, when the robot stands and plans are
+            made from nothing, shape of `total`.
+        jitter: Change of the total from one control step of a run to the next [ms].
+        miss: Largest distance from the goal at the final time, of all runs [m].
+        starts: From the start of the guidance node's process to its being active, once for each
+            run; it is configured and activated from outside as soon as it answers [s].
+        resident_active: Resident set of the guidance node when it becomes active [MB].
+        resident_end: The same at the end of the last run [MB].
+    """
+
+    runs: int
+    total: Array
+    own: Array
+    first: NDArray[np.bool_]
+    jitter: Array
+    miss: float
+    starts: Array
+    resident_active: float
+    resident_end: float
+
+    @property
+    def under_way(self) -> Spread:
+        """The total, but for first steps [ms]."""
+        return Spread.of(self.total[~self.first])
+
+    @property
+    def rest(self) -> Spread:
+        """What is not the node's own: middleware, executor, scheduler [ms]."""
+        return Spread.of(self.total - self.own)
 
 
 def measure_latency(preset: str, runs: int, progress: Callable[[], None] = lambda: None) -> Latency:
@@ -71,7 +115,7 @@ def _run(values: Values, folder: Path) -> Latency:
     with Observer(use_free_domain()) as observer:
         try:
             arguments = ['-p', f'parameters:={parameters}', '-p', f'output:={output}']
-            children.append(Child.start('benchmarks.latency_probe', arguments, folder))
+            children.append(Child.start('benchmarks.over_dds.latency_probe', arguments, folder))
             children.append(
                 Child.start('guidance_node', ['--params-file', str(parameters)], folder)
             )

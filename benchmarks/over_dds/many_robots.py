@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
-from benchmarks.families.memory import processor_time, resident
+from benchmarks.machine import processor_time, resident
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
 from cmpsp_ros.demo.errors import DemoError

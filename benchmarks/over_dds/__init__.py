@@ -1,0 +1,1 @@
+"""What is timed with the real nodes, in processes of their own."""

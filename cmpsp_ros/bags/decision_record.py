@@ -146,6 +146,7 @@ class DecisionRecord:
     time_left = Entry(float, 's')
     wheel_speed_right = Entry(float, 'rad/s')
     wheel_speed_left = Entry(float, 'rad/s')
+    steering_angle = Entry[float | None](float, 'rad', default=None)
     _all_wheels = Entry[tuple[float, ...] | None](numbers, 'rad/s', key=WHEELS, default=None)
     terminal_error = Entry(float, 'm')
     clearance = Entry(float, 'm')
@@ -204,9 +205,10 @@ class DecisionRecord:
 
     @property
     def wheel_speeds(self) -> Array:
-        """Of right and left wheel, or of all there are, shape ``(W,)`` [rad/s]."""
+        """Of right and left wheel, or of all there are and the steering [rad], ``(W,)`` [rad/s]."""
         if self._all_wheels is not None:
-            return np.array(self._all_wheels)
+            steering = () if self.steering_angle is None else (self.steering_angle,)
+            return np.array([*self._all_wheels, *steering])
         return np.array([self.wheel_speed_right, self.wheel_speed_left])
 
     @property

@@ -109,6 +109,7 @@ class Decision(NamedTuple):
             will do.
         goals_received: How many goals were received since the run began.
         phases: Computing time by phase [ms], where a timer was given.
+        steering_angle: Of a car; None of another robot [rad].
     """
 
     stamp: int
@@ -144,3 +145,4 @@ class Decision(NamedTuple):
     heading_error: float | None = None
     goals_received: int = 0
     phases: Mapping[str, float] = UNTIMED
+    steering_angle: float | None = None

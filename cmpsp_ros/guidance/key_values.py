@@ -83,7 +83,9 @@ def _of_wheels(decision: Decision) -> dict[str, object]:
     speeds = decision.wheel_speeds.tolist()
     if len(speeds) == len(_TWO_WHEELS):
         return dict(zip(_TWO_WHEELS, speeds, strict=True))
-    return {WHEELS: ' '.join(map(repr, speeds))}
+    steering = decision.steering_angle
+    of_car = {} if steering is None else {'steering_angle': steering}
+    return {WHEELS: ' '.join(map(repr, speeds)), **of_car}
 
 
 def _of_lag(decision: Decision) -> dict[str, object]:

@@ -119,7 +119,7 @@ class LawState:
             period: Control period [ns].
         """
         if not len(self.ramp):
-            self.previous_control = self.robot.at_rest
+            self.previous_control = self.robot.stopped(self.previous_control)
         elif stamp - self.commanded_at >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 

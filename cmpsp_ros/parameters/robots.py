@@ -11,6 +11,7 @@ import numpy as np
 
 from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.robots.ackermann import Ackermann
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.robots.omnidirectional import mecanum, on_omni_wheels
 from cmpsp_ros.robots.robot import Robot
@@ -34,6 +35,8 @@ def robot_problems(values: Values) -> Iterator[Problem]:
         yield Problem('robot.half_wheel_base', '0.0 m', 'a distance above 0 for a mecanum robot')
     if model == 'omni_wheels':
         yield from _bearing_problems(values['robot.wheel_bearings'])
+    if model == 'ackermann':
+        yield from _car_problems(values)
     if model == 'differential_drive':
         return
     if values['initial_guess.type'] == 'constant':
@@ -45,7 +48,20 @@ def robot_problems(values: Values) -> Iterator[Problem]:
 
 def _n_wheels(values: Values) -> int:
     bearings = values['robot.wheel_bearings']
-    return {'mecanum': 4, 'omni_wheels': len(bearings)}.get(values['robot.model'], 2)
+    others = {'mecanum': 4, 'omni_wheels': len(bearings), 'ackermann': 1}
+    return others.get(values['robot.model'], 2)
+
+
+def _car_problems(values: Values) -> Iterator[Problem]:
+    for key in ('robot.wheel_base', 'robot.max_steering_angle'):
+        if values[key] < _SINGULAR:
+            yield Problem(key, describe(values[key]), f'{_SINGULAR:.0e} or more for a car')
+    rate, acceleration = values['robot.max_steering_rate'], values['robot.max_wheel_acceleration']
+    if rate and not acceleration:
+        wanted = 'above 0 where robot.max_steering_rate is'
+        yield Problem('robot.max_wheel_acceleration', describe(acceleration), wanted)
+    if values['goal.hold']:
+        yield Problem('goal.hold', 'true', 'false for a car: it cannot turn where it stands')
 
 
 def _bearing_problems(bearings: list[float]) -> Iterator[Problem]:
@@ -78,11 +94,21 @@ def _omni_wheels(values: Values) -> Robot:
     return on_omni_wheels(distance, bearings, **_of_wheels(values))
 
 
+def _ackermann(values: Values) -> Robot:
+    return Ackermann(
+        wheel_base=values['robot.wheel_base'],
+        max_steering_angle=values['robot.max_steering_angle'],
+        max_steering_rate=values['robot.max_steering_rate'] or math.inf,
+        **_of_wheels(values),
+    )
+
+
 MODELS: Final[Mapping[str, Callable[[Values], Robot]]] = MappingProxyType(
     {
         'differential_drive': _differential_drive,
         'mecanum': _mecanum,
         'omni_wheels': _omni_wheels,
+        'ackermann': _ackermann,
     }
 )
 """All models of robots by their names in `robot.model`."""

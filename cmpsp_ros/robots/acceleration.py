@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,22 @@ _REST: Final = 1e-9
 NO_RAMP: Array = np.zeros((0, 2))
 """That of a robot at rest, and of one that stops at once."""
 
-_BOTH_WHEELS: Final = np.eye(2)
+
+class Paced(NamedTuple):
+    """How the controls of a robot are slowed down.
+
+    Attributes:
+        wheels: Wheel speeds of a control, as a matrix ``(W, r)``.
+        scaled: How many of the controls, the first, are scaled to drive an arc more slowly.
+        steering: By how much the others may change while a wheel changes by 1 rad/s.
+    """
+
+    wheels: Array
+    scaled: int
+    steering: float = math.inf
+
+
+_BOTH_WHEELS: Final = Paced(np.eye(2), 2)
 """Of a robot whose controls are its wheel speeds."""
 
 
@@ -27,7 +42,7 @@ def within_ramp(
     durations: Array,
     previous: Array,
     max_change: float,
-    wheels: Array = _BOTH_WHEELS,
+    paced: Paced = _BOTH_WHEELS,
 ) -> Array:
     """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
 
@@ -37,7 +52,7 @@ def within_ramp(
         previous: The command before it, shape ``(r,)``.
         max_change: Largest change of a wheel from one command to the next; infinite for none
             [rad/s].
-        wheels: Wheel speeds of a control, as a matrix ``(W, r)``.
+        paced: How the robot's controls are slowed down.
 
     Returns:
         Controls, shape ``(N + 1, r)``.
@@ -45,7 +60,7 @@ def within_ramp(
     if max_change == math.inf:
         return plan
     commands, steps = plan.copy(), len(durations)
-    pace = commands[:-1], plan, durations, durations, -1, previous, wheels, max_change, steps
+    pace = commands[:-1], plan, durations, durations, -1, previous, paced, max_change, steps
     _pace(*pace, brakes=False)
     return commands
 
@@ -55,7 +70,7 @@ def braking(
     durations: Array,
     period: float,
     max_change: float,
-    wheels: Array = _BOTH_WHEELS,
+    paced: Paced = _BOTH_WHEELS,
     *,
     along: bool,
 ) -> Array:
@@ -66,24 +81,24 @@ def braking(
         durations: See `plan`.
         period: How long each command of the result is held [s].
         max_change: Largest change of a wheel from one command to the next [rad/s].
-        wheels: As in `within_ramp`.
+        paced: As in `within_ramp`.
         along: Whether to brake along the plan, as far as the wheels can follow it so; else along
             the curvature of its first command.
 
     Returns:
         Shape ``(K, r)``; the last is 0, and there is none for a robot at rest.
     """
-    fastest = math.ceil(float(np.abs(plan @ wheels.T).max()) / max_change)
+    fastest = math.ceil(float(np.abs(plan @ paced.wheels.T).max()) / max_change)
     following = 2 * fastest if along else 0
     ramp = np.zeros((following + fastest + 1, plan.shape[1]))
     held = np.full(len(ramp), period)
-    pace = ramp, plan, durations, held, 0, plan[0], wheels, max_change, following
+    pace = ramp, plan, durations, held, 0, plan[0], paced, max_change, following
     count = _pace(*pace, brakes=True)
     return ramp[:count]
 
 
 def least_scale(
-    command: Array, previous: Array, max_change: float, matrix: Array = _BOTH_WHEELS
+    command: Array, previous: Array, max_change: float, paced: Paced = _BOTH_WHEELS
 ) -> float:
     """The least factor of a command that the wheels can follow, which could follow it itself.
 
@@ -91,9 +106,10 @@ def least_scale(
         command: Control, shape ``(r,)``.
         previous: The command before it, shape ``(r,)``.
         max_change: As in `within_ramp`.
-        matrix: As `wheels` of `within_ramp`.
+        paced: As in `within_ramp`.
     """
-    wheels = zip((matrix @ command).tolist(), (matrix @ previous).tolist(), strict=True)
+    speeds = (paced.wheels @ each for each in (command, previous))
+    wheels = zip(*(each.tolist() for each in speeds), strict=True)
     least = [
         (math.copysign(before, before * to) - max_change) / abs(to) for to, before in wheels if to
     ]
@@ -143,7 +159,7 @@ def _pace(
     held: Array,
     step: int,
     before: Array,
-    wheels: Array,
+    paced: Paced,
     max_change: float,
     following: int,
     brakes: bool,
@@ -158,7 +174,7 @@ def _pace(
         How many commands there are; fewer than fit in where the robot is at rest before.
     """
     last, end, most = durations.shape[0] - 1, 0.0, int(commands.shape[0])
-    scale, reached = 1.0, 0.0
+    scale, reached, wheels = 1.0, 0.0, paced.wheels
     for count in range(most):
         fastest = _fastest(wheels, before)
         if brakes and fastest == 0.0:
@@ -173,15 +189,19 @@ def _pace(
         now = commands[count]
         if count < following and low <= high:
             scale = low if brakes else high
-            for a in range(plan.shape[1]):
+            for a in range(paced.scaled):
                 now[a] = scale * plan[step, a]
+            for a in range(paced.scaled, plan.shape[1]):
+                most_steered = max_change * paced.steering
+                change = plan[step, a] - before[a]
+                now[a] = before[a] + min(max(change, -most_steered), most_steered)
         else:
             slower = max(0.0, 1.0 - max_change / fastest)
             scale *= slower
             for a in range(plan.shape[1]):
-                now[a] = slower * before[a]
+                now[a] = slower * before[a] if a < paced.scaled else before[a]
         if brakes and _fastest(wheels, now) < _REST:
-            for a in range(plan.shape[1]):
+            for a in range(paced.scaled):
                 now[a] = 0.0
         before = now
         reached += scale * held[count]

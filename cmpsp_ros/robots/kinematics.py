@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 DIFFERENTIAL_DRIVE: Final = 0
 OMNIDIRECTIONAL: Final = 1
+ACKERMANN: Final = 2
 
 
 class Kinematics(NamedTuple):
@@ -18,12 +20,13 @@ class Kinematics(NamedTuple):
 
     Attributes:
         model: Which one it is, of the constants above.
-        gain: Of a differential drive the wheel radius [m]; else the fraction of its twist that
+        gain: The wheel radius [m]; of an omnidirectional robot the fraction of its twist that
             slip leaves.
-        arm: Of a differential drive the half track [m].
+        arm: Of a differential drive the half track, of a car the wheel base [m].
         wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``.
         max_wheel_speed: Limit of each of them [rad/s].
         max_speed: Largest speed along the path [m/s].
+        max_steering_angle: Of a car; infinite else [rad].
     """
 
     model: int
@@ -32,3 +35,4 @@ class Kinematics(NamedTuple):
     wheels: NDArray[np.float64]
     max_wheel_speed: float
     max_speed: float
+    max_steering_angle: float = math.inf

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.robots import robot_functions
+from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.twist_limits import TwistLimits
 
@@ -27,6 +28,7 @@ class Robot(ABC):
     Attributes:
         n_controls: Number of controls, ``r``.
         drives_sideways: Whether it moves in every direction without turning first.
+        turns_on_the_spot: Whether it turns without moving.
         wheel_radius: Of every wheel, the paper's ``r`` [m].
         max_wheel_speed: Limit (94) of every wheel [rad/s]; infinite when there is none.
         max_wheel_acceleration: Limit of every wheel [rad/s^2]; infinite when there is none.
@@ -34,6 +36,7 @@ class Robot(ABC):
 
     n_controls: ClassVar[int]
     drives_sideways: ClassVar[bool] = False
+    turns_on_the_spot: ClassVar[bool] = True
 
     wheel_radius: float = 0.035
     max_wheel_speed: float = math.inf
@@ -73,6 +76,16 @@ class Robot(ABC):
     def wheels(self) -> Array:
         """Wheel speeds of a control, as a matrix ``(W, r)``: limits hold for each of its rows."""
         return self.kinematics.wheels
+
+    @property
+    def paced(self) -> Paced:
+        """How its controls are slowed down."""
+        return Paced(self.wheels, self.n_controls)
+
+    @property
+    def changes(self) -> Array:
+        """What the limit of acceleration is of, as linear functions of the control ``(q, r)``."""
+        return self.wheels
 
     @property
     def limit_rows(self) -> int:
@@ -139,6 +152,29 @@ class Robot(ABC):
     def speeds_of(self, controls: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., r)``."""
         return self.wheel_speeds(self.twist(controls))
+
+    def steering_of(self, control: Array) -> float | None:  # noqa: ARG002
+        """Steering angle of a control, shape ``(r,)``; None for a robot that has none [rad]."""
+        return None
+
+    def slowed(self, controls: Array, fraction: float) -> Array:
+        """Controls ``(..., r)`` that drive the same arcs at a fraction of the speed."""
+        return fraction * controls
+
+    def stopped(self, _control: Array) -> Array:
+        """The control, shape ``(r,)``, of a robot that comes to rest after another one."""
+        return self.at_rest
+
+    def over_limit(self, _controls: Array) -> str:
+        """What of some controls, beside the speed of wheels, is beyond its limit, in a sentence.
+
+        Args:
+            controls: Shape ``(N, r)``.
+
+        Returns:
+            Empty where nothing is.
+        """
+        return ''
 
     def limited(self, controls: Array) -> Array:
         """A control, shape ``(r,)``, slowed down along its arc to what the wheels can do."""

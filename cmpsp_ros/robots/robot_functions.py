@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots import ackermann_functions as ackermann
 from cmpsp_ros.robots import differential_drive_functions as differential_drive
 from cmpsp_ros.robots import omnidirectional_functions as omnidirectional
 from cmpsp_ros.robots.arcs import Arc, arc_from
-from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
 
 Array = NDArray[np.float64]
 
@@ -21,6 +22,8 @@ def drive(poses: Array, controls: Array, k: int, duration: float, robot: Kinemat
     """Pose ``k + 1`` from pose ``k``: one exact arc."""
     if robot.model == OMNIDIRECTIONAL:
         omnidirectional.drive(poses, controls, k, duration, robot.gain)
+    elif robot.model == ACKERMANN:
+        ackermann.drive(poses, controls, k, duration, robot.gain, robot.arm)
     else:
         differential_drive.drive(poses, controls, k, duration, robot.gain, robot.arm)
 
@@ -34,6 +37,9 @@ def put_gradients(
         A[i, i] = 1.0
     if robot.model == OMNIDIRECTIONAL:
         omnidirectional.put_gradients(A, B, heading, controls, k, duration, robot.gain)
+        return
+    if robot.model == ACKERMANN:
+        ackermann.put_gradients(A, B, heading, controls, k, duration, robot.gain, robot.arm)
         return
     right, left = controls[k, 0], controls[k, 1]
     A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = differential_drive.gradients(
@@ -58,6 +64,9 @@ def arc_of(
         course = heading + math.atan2(left, forward)
         turn = controls[k, 2] * robot.gain * duration
         return arc_from(x, y, course, math.hypot(forward, left) * duration, turn)
+    if robot.model == ACKERMANN:
+        length = controls[k, 0] * robot.gain * duration
+        return arc_from(x, y, heading, length, length * math.tan(controls[k, 1]) / robot.arm)
     right, left = controls[k, 0] * robot.gain, controls[k, 1] * robot.gain
     length = (right + left) / 2.0 * duration
     turn = (right - left) / (2.0 * robot.arm) * duration

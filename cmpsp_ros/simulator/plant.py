@@ -133,6 +133,7 @@ class Plant:
         self._body.place(self._now_ns, np.array(settings.initial_pose, dtype=float))
         self._pending: deque[_Command] = deque()
         self._expires_ns: int | None = None
+        self._latest = settings.robot.at_rest
         self._grip = 1.0 - np.array(settings.wheel_slip, dtype=float)
         self._jitter = generator(settings.seed, Stream.JITTER)
         self._slip = generator(settings.seed, Stream.SLIP)
@@ -175,14 +176,14 @@ class Plant:
             raise TwistError(f'{said}: expected finite numbers')
         with np.errstate(over='ignore', invalid='ignore'):
             is_possible = np.isfinite(robot.wheel_speeds(wanted)).all()
-            control = robot.controls(wanted)
+            control = robot.controls(wanted) if wanted.any() else robot.stopped(self._latest)
         if not is_possible:
             raise TwistError(f'{said}: too large for any wheel')
-        self._heard_ns = stamp_ns
+        self._heard_ns, self._latest = stamp_ns, robot.limited(control)
         effect_ns = stamp_ns + self._delay_ns()
         if self._pending:
             effect_ns = max(effect_ns, self._pending[-1].effect_ns)
-        self._pending.append(_Command(effect_ns, robot.limited(control), self._next_grip()))
+        self._pending.append(_Command(effect_ns, self._latest, self._next_grip()))
 
     def advance(self, stamp_ns: int) -> list[Motion]:
         """Let time pass.
@@ -216,7 +217,7 @@ class Plant:
                 self._body.follow(next_ns, command.control, command.grip)
                 self._expires_ns = self._expiry(next_ns)
             elif self._expires_ns == next_ns < stamp_ns:
-                self._body.follow(next_ns, self._settings.robot.at_rest, self._grip)
+                self._body.follow(next_ns, self._settings.robot.stopped(self._latest), self._grip)
                 self._expires_ns = None
             else:
                 break

@@ -21,6 +21,7 @@ from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
@@ -70,8 +71,9 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
-    if settings.robot.drives_sideways:
-        raise BagError(f'{bag}: found a robot that drives sideways, wanted a differential drive')
+    if not isinstance(settings.robot, DifferentialDrive):
+        found = type(settings.robot).__name__
+        raise BagError(f'{bag}: found a robot of the model {found}, wanted a differential drive')
     model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))
     moments = [
         _Moment(

@@ -91,7 +91,7 @@ class LateCommands:
         fraction = clear_fraction(audit, here, previous, commanded, next_step, latest)
         if fraction == 1.0:
             return decision
-        controls = fraction * plan.controls
+        controls = settings.robot.slowed(plan.controls, fraction)
         checked = audit.check(start, controls, plan.horizon.durations)
         if not checked.passed:
             state.previous_control, state.ramp = previous, ramp

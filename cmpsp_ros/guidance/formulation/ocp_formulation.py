@@ -49,7 +49,7 @@ class OcpFormulation:
         self._slots = settings.moving_obstacles.slots
         obstacles = len(settings.obstacles) + self._slots
         # What exceeds its limits the robot cannot do: that is never relaxed.
-        changes = rate_rows(settings.max_wheel_change, settings.robot.wheels)
+        changes = rate_rows(settings.max_wheel_change, settings.robot.changes)
         self.penalty_path = np.array(
             [PENALTIES['edge']] * N_EDGE_CONSTRAINTS
             + [PENALTIES['obstacle']] * obstacles

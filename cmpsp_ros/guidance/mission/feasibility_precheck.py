@@ -75,8 +75,9 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
     aside = road.width / 2.0 - settings.kept
     shortest = max(road.lap - aside * float(np.abs(turns).sum()), 0.0)
     wanted = abs(follow.speed)
-    # A robot that drives sideways need not turn.
-    arm = 0.0 if robot.drives_sideways else robot.half_track
+    # A robot that drives sideways need not turn, and turning does not slow a car.
+    slowed = robot.turns_on_the_spot and not robot.drives_sideways
+    arm = robot.half_track if slowed else 0.0
     largest = robot.max_speed * road.lap / (shortest + arm * abs(float(turns.sum())))
     if wanted > largest:
         yield (

@@ -61,9 +61,10 @@ class Guesses:
         """Of the most promising homotopy classes, but each begins with a turn on the spot.
 
         A searched path is among them: a way may lead on where a robot could not follow it. One that
-        drives sideways needs none.
+        drives sideways needs none, and a car cannot turn so.
         """
-        if context.start.robot.drives_sideways:
+        robot = context.start.robot
+        if robot.drives_sideways or not robot.turns_on_the_spot:
             return []
         paths = self._paths(context, guide_paths, self._limit)
         paths += self._paths(context, searched_paths)

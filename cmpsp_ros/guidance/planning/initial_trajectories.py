@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
 from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road_space import RoadSpace
@@ -191,6 +191,13 @@ def steer(
         controls[k, 0] = speed / robot.gain * math.cos(course)
         controls[k, 1] = speed / robot.gain * math.sin(course)
         controls[k, 2] = turn_rate
+    elif robot.model == ACKERMANN:
+        # As far as it goes towards what is beside or behind.
+        bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
+        tightest = min(math.tan(robot.max_steering_angle) / robot.arm, trusted / max(speed, 1e-12))
+        bend = math.copysign(min(abs(bend), tightest), angle)
+        steering = min(math.atan(abs(bend) * robot.arm), robot.max_steering_angle)
+        controls[k, 0], controls[k, 1] = speed / robot.gain, math.copysign(steering, bend)
     else:
         bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
         turn_rate = 2.0 * speed * bend / distance
@@ -198,7 +205,7 @@ def steer(
         controls[k, 0], controls[k, 1] = (speed + rim) / robot.gain, (speed - rim) / robot.gain
     # All wheels are slowed alike where one would exceed its limit.
     slowed = min(1.0, robot.max_wheel_speed / max(fastest_wheel(controls, k, robot), 1e-12))
-    for a in range(controls.shape[1]):
+    for a in range(controls.shape[1] if robot.model != ACKERMANN else 1):
         controls[k, a] *= slowed
     drive(poses, controls, k, duration, robot)
 

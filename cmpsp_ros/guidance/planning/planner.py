@@ -121,7 +121,7 @@ class Planner:
         robot = context.start.robot
         if robot.limit_rows:
             guess = robot.all_limited(guess, WHEEL_ROUNDING)
-        guess = within_ramp(guess, durations, previous, self._max_change, robot.wheels)
+        guess = within_ramp(guess, durations, previous, self._max_change, robot.paced)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
         data = self._data(context, guess)
@@ -177,7 +177,7 @@ class Planner:
                 self._rate,
                 previous,
                 self._max_change,
-                robot.wheels,
+                robot.changes,
                 self._inner,
             )
         return data

@@ -200,9 +200,9 @@ class Approach:
     def scaled(self, plan: Plan, start: PlanStart, scale: float) -> Plan:
         """A plan with all its commands scaled alike, as far as the wheels can follow."""
         limit = self._settings.max_wheel_change
-        wheels = start.robot.wheels
-        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit, wheels))
-        controls = scale * plan.controls
+        paced = start.robot.paced
+        scale = max(scale, least_scale(plan.controls[0], start.previous_control, limit, paced))
+        controls = start.robot.slowed(plan.controls, scale)
         poses = start.robot.roll_out(start.pose, controls, plan.horizon.durations)
         return plan._replace(controls=controls, poses=poses)
 
@@ -268,8 +268,8 @@ class Approach:
         if limit == math.inf:
             return controls, durations
         late = np.array([self._settings.safety.stopping_time])
-        wheels = self._settings.robot.wheels
-        ramp = braking(plan.controls[-2:], late, period, limit, wheels, along=False)
+        paced = self._settings.robot.paced
+        ramp = braking(plan.controls[-2:], late, period, limit, paced, along=False)
         held = np.full(len(ramp), period)
         return np.vstack([controls, controls[-1:], ramp]), np.concatenate([durations, late, held])
 

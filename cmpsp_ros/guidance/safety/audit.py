@@ -142,6 +142,8 @@ class Audit:
             return _refused(
                 f'The plan has a wheel speed of {fastest!r} rad/s, the limit is {limit!r} rad/s.'
             )
+        if over := start.robot.over_limit(controls):
+            return _refused(over)
         if not (math.isfinite(margin) and math.isfinite(worst_margin)):
             return _refused('The path of the plan is not finite.')
         reason, ramp = '', NO_RAMP
@@ -158,8 +160,8 @@ class Audit:
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
         commands = np.vstack([start.previous_control, controls[: len(durations)]])
-        wheels = start.robot.wheels
-        change = float(np.abs(np.diff(commands, axis=0) @ wheels.T).max())
+        changes, paced = start.robot.changes, start.robot.paced
+        change = float(np.abs(np.diff(commands, axis=0) @ changes.T).max())
         if not change <= self._max_change + CHANGE_ROUNDING:
             reason = (
                 f'The plan changes a wheel by {change!r} rad/s from one command to the next, the'
@@ -168,7 +170,7 @@ class Audit:
             return reason, NO_RAMP
         reason = ''
         for along in (True, False):
-            ramp = braking(controls, durations, self._period, self._max_change, wheels, along=along)
+            ramp = braking(controls, durations, self._period, self._max_change, paced, along=along)
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])
             found = self._swept(start, path, held, len(held))
@@ -191,8 +193,8 @@ class Audit:
         if self._max_change == math.inf:
             return NO_RAMP
         held = np.stack([start.previous_control, start.previous_control])
-        period, wheels = np.array([self._period]), start.robot.wheels
-        ramp = braking(held, period, self._period, self._max_change, wheels, along=False)
+        period, paced = np.array([self._period]), start.robot.paced
+        ramp = braking(held, period, self._period, self._max_change, paced, along=False)
         shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
         return NO_RAMP if shortfall > _ROUNDING else ramp
 
@@ -209,7 +211,8 @@ class Audit:
             lag: Time constant of the wheels [s].
         """
         ramp = ramp.reshape(-1, plan.controls.shape[1])
-        commands = np.vstack([plan.controls[:1], ramp, start.robot.at_rest[None]])
+        commands = np.vstack([plan.controls[:1], ramp])
+        commands = np.vstack([commands, start.robot.stopped(commands[-1])])
         held = np.full(len(commands), self._period)
         held[0], held[-1] = plan.horizon.durations[0], _TO_REST * lag
         path = with_lag(wheels.copy(), commands, held, lag, _SLICES)

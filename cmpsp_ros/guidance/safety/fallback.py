@@ -58,7 +58,7 @@ class Fallback:
             horizon.durations,
             start.previous_control,
             self._max_change,
-            start.robot.wheels,
+            start.robot.paced,
         )
         verdict = self._audit.check(start, controls, horizon.durations, pending)
         if not verdict.passed:

@@ -87,7 +87,7 @@ def clear_fraction(
     instants = np.linspace(0.0, min(latest, next_step), _INSTANTS)
     held = np.stack([instants, next_step + latest - instants], axis=1)
     for fraction in _SPEEDS:
-        commands = np.stack([previous, fraction * control])
+        commands = np.stack([previous, here.robot.slowed(control, fraction)])
         if all(audit.check_pending(here, commands, each).passed for each in held):
             return fraction
     return 0.0

@@ -35,9 +35,10 @@ def drive(start_demo, tmp_path):
     return drive
 
 
-# A road that crosses itself; a thousand points and ten obstacles; shapes on open floor; sideways.
+# A road that crosses itself; a thousand points and ten obstacles; shapes on a floor; other models.
 @pytest.mark.parametrize(
-    ('preset', 'steps'), [('corridor', 100), ('mapped', 50), ('floor', 40), ('omni_aisle', 70)]
+    ('preset', 'steps'),
+    [('corridor', 100), ('mapped', 50), ('floor', 40), ('omni_aisle', 70), ('lane_change', 100)],
 )
 def test_what_stands_still_in_lockstep(drive, judge, preset, steps):
     folder, summary = drive(preset, steps)

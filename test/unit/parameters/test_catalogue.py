@@ -24,6 +24,7 @@ def test_what_needs_a_restart():
         'frame_id', 'robot_frame', 'control_period', 'final_time',
         'goal.wait', 'waypoints.names', 'waypoints.<name>.time',
         'follow.speed', 'follow.horizon', 'robot.model', 'robot.max_wheel_acceleration',
+        'robot.max_steering_rate',
         'robot.joint_names',
         'road.type', 'road.source',
         'map.unknown_is_free', 'map.topic', 'map.lethal', 'map.timeout',

@@ -1,5 +1,7 @@
 """`robot.model`: which robots there are, and what each of them cannot do without."""
 
+import math
+
 import pytest
 
 from cmpsp_ros.parameters.catalogue import TABLE
@@ -19,6 +21,15 @@ THREE = MECANUM | {
     'robot.model': 'omni_wheels',
     'robot.joint_names': ['a', 'b', 'c'],
     'robot.wheel_bearings': [1.0, 3.1, 5.2],
+}
+
+
+CAR = {
+    'robot.model': 'ackermann',
+    'robot.joint_names': ['rear'],
+    'robot.wheel_base': 2.5,
+    'robot.max_steering_angle': 0.6,
+    'initial_guess.type': 'road',
 }
 
 
@@ -51,6 +62,14 @@ def test_robots_that_drive_sideways(given, wheels):
     assert plant_settings(TABLE.resolve(load_parameter_file('case3') | given)).robot == robot
 
 
+def test_a_car():
+    limited = {'robot.max_steering_rate': 0.4, 'robot.max_wheel_acceleration': 10.0}
+    robot = made(**(CAR | limited)).robot
+    assert (robot.wheel_base, robot.max_steering_angle, robot.max_steering_rate) == (2.5, 0.6, 0.4)
+    assert not robot.turns_on_the_spot
+    assert math.isinf(made(**CAR).robot.max_steering_rate)
+
+
 @pytest.mark.parametrize(
     ('given', 'changes', 'key'),
     [
@@ -61,6 +80,12 @@ def test_robots_that_drive_sideways(given, wheels):
         (MECANUM, {'plant': 'mujoco'}, 'plant'),
         (THREE, {'robot.wheel_bearings': [0.0, 1.0], 'robot.joint_names': ['a', 'b']}, 'bearings'),
         (THREE, {'robot.wheel_bearings': [1.0, 1.0, 1.0]}, 'robot.wheel_bearings'),
+        (CAR, {'robot.wheel_base': 0.0}, 'robot.wheel_base'),
+        (CAR, {'robot.max_steering_angle': 0.0}, 'robot.max_steering_angle'),
+        (CAR, {'robot.max_steering_angle': -0.1}, 'robot.max_steering_angle'),
+        (CAR, {'robot.max_steering_angle': 1.6}, 'robot.max_steering_angle'),
+        (CAR, {'robot.max_steering_rate': 0.4}, 'robot.max_wheel_acceleration'),
+        (CAR, {'goal.hold': True}, 'goal.hold'),
         # Wheels that all roll the same way, or against it, never move the robot aside.
         (THREE, {'robot.wheel_bearings': [0.0, 3.141592653589793, 0.0]}, 'robot.wheel_bearings'),
     ],

@@ -22,6 +22,10 @@ MAKERS = {
 }
 
 
+# The makers' figures: speed [m/s], wheel base [m], steering angle [rad].
+CARS = {'car': (13.8, 2.579, 1.066), 'f1tenth': (5.0, 0.3302, 0.4189)}
+
+
 def refusal(path_or_name):
     with pytest.raises(ParameterError) as caught:
         load_robot(str(path_or_name))
@@ -29,10 +33,10 @@ def refusal(path_or_name):
 
 
 def test_the_robots_are_those_with_known_figures():
-    assert robot_names() == sorted(MAKERS)
+    assert robot_names() == sorted(MAKERS | CARS)
 
 
-@pytest.mark.parametrize('name', robot_names())
+@pytest.mark.parametrize('name', sorted(MAKERS))
 def test_a_robot_fits_a_course_and_is_what_its_maker_says(name):
     given = load_robot(name)
     assert {'robot.wheel_radius', 'robot.half_track', 'robot.max_wheel_speed', 'robot.radius'} <= (
@@ -49,6 +53,21 @@ def test_a_robot_fits_a_course_and_is_what_its_maker_says(name):
     assert settings.initial_guess.type == 'road'
 
 
+@pytest.mark.parametrize('name', sorted(CARS))
+def test_a_car_fits_a_course_and_is_what_its_maker_says(name):
+    given = load_robot(name)
+    values = TABLE.resolve(load_parameter_file('lane_change') | given)
+    check_start(values)
+    settings = guidance_settings(values)
+    robot = settings.robot
+    assert (robot.max_speed, robot.wheel_base, robot.max_steering_angle) == CARS[name]
+    assert settings.robot_radius > robot.wheel_base
+    page = (config_directory().parent / 'doc' / 'user' / 'robots.md').read_text(encoding='utf-8')
+    speed, base, angle = CARS[name]
+    radius = settings.robot_radius
+    assert f'| `{name}` | {base} m | {angle} rad | {speed} m/s | {radius} m |' in page
+
+
 @pytest.mark.parametrize('name', robot_names())
 def test_every_figure_of_a_robot_has_its_source_in_a_comment(name):
     lines = (config_directory() / 'robots' / f'{name}.yaml').read_text().splitlines()
@@ -62,7 +81,7 @@ def test_every_figure_of_a_robot_has_its_source_in_a_comment(name):
 
 def test_a_robot_misspelt():
     message = refusal('turtlebot3_burgr')
-    assert message.startswith("'turtlebot3_burgr': found no such robot, wanted a robot (jackal, ")
+    assert message.startswith("'turtlebot3_burgr': found no such robot, wanted a robot (car, ")
     assert message.endswith('(did you mean turtlebot3_burger?)')
 
 
@@ -75,7 +94,7 @@ def test_a_robot_of_the_user(tmp_path):
     assert 'No such file' in refusal(tmp_path / 'none.yaml')
 
 
-@pytest.mark.parametrize('name', robot_names())
+@pytest.mark.parametrize('name', sorted(MAKERS))
 def test_the_page_about_robots_has_its_figures(name):
     page = (config_directory().parent / 'doc' / 'user' / 'robots.md').read_text(encoding='utf-8')
     said = {key.removeprefix('robot.'): value for key, value in load_robot(name).items()}

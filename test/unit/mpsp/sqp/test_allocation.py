@@ -16,6 +16,7 @@ from cmpsp_ros.mpsp import sqp
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati
 from cmpsp_ros.robots import (
+    ackermann_functions,
     differential_drive_functions,
     omnidirectional_functions,
     robot_functions,
@@ -37,8 +38,8 @@ def test_a_kernel_that_would_make_an_array_is_refused():
 
 
 def test_every_kernel_is_compiled_to_make_none():
-    robots = [differential_drive_functions, omnidirectional_functions, robot_functions]
-    modules, kernels = [*robots, ocp_functions], 0
+    models = [ackermann_functions, differential_drive_functions, omnidirectional_functions]
+    modules, kernels = [*models, robot_functions, ocp_functions], 0
     for package in (sqp, active_set, riccati):
         modules += [
             import_module(f'{package.__name__}.{each.name}')

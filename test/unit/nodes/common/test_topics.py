@@ -69,8 +69,13 @@ def in_table(node, direction, *, stamped=False, clock=True):
 
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
-    robots = "others.namespaces:=['/r2']"
-    more = ('moving_obstacles.capacity:=2', robots, *FROM_TOPIC, *SENSOR, *MAP)
+    more = (
+        'moving_obstacles.capacity:=2',
+        "others.namespaces:=['/r2']",
+        *FROM_TOPIC,
+        *SENSOR,
+        *MAP,
+    )
     node = make(
         GuidanceNode,
         *COURSE,

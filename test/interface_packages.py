@@ -25,6 +25,16 @@ float32 heartbeat_timeout
 float32 heartbeat_period
 """,
     },
+    'map_msgs': {
+        'msg/OccupancyGridUpdate.msg': """
+std_msgs/Header header
+int32 x
+int32 y
+uint32 width
+uint32 height
+int8[] data
+""",
+    },
     'nav2_msgs': {
         'action/NavigateToPose.action': """
 geometry_msgs/PoseStamped pose

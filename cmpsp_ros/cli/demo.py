@@ -54,18 +54,12 @@ def demo(
     A file with sections for several robots drives them all together. Exit code 0 only if every
     robot reached its goal within the tolerance, and the driven path is clear.
     """
-    from cmpsp_ros.parameters.presets import robots_in  # noqa: PLC0415 (starts faster without)
-
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
-            if len(namespaces := robots_in(preset)) > 1:
-                fleet = _fleet(preset, namespaces, assignments or [], robot, lockstep=lockstep)
-                folder = make_folder(output, force=force)
-                failure = _drive_fleet(fleet, folder, port if view else None)
-            else:
-                scenario = _scenario(preset, assignments or [], robot, lockstep=lockstep)
-                folder = make_folder(output, force=force)
-                failure = _drive(scenario, folder, port if view else None)
+            fleet = _loaded(preset, assignments or [], robot, lockstep=lockstep)
+            folder = make_folder(output, force=force)
+            drive = _drive if len(fleet) == 1 else _drive_fleet
+            failure = drive(fleet, folder, port if view else None)
     except KeyboardInterrupt:
         errors().print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
@@ -74,42 +68,32 @@ def demo(
         raise typer.Exit(1)
 
 
-def _scenario(
+def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
-) -> Scenario:
-    from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
-
-    scenario = load_scenario(preset, assignments, lockstep=lockstep, robot=robot)
-    _say_remarks(scenario)
-    return scenario
-
-
-def _fleet(
-    preset: str,
-    namespaces: Sequence[str],
-    assignments: list[str],
-    robot: str | None,
-    *,
-    lockstep: bool,
 ) -> tuple[Scenario, ...]:
-    from cmpsp_ros.demo.fleet import load_fleet  # noqa: PLC0415 (loads kernels)
+    """The robots of a preset; what there is to say of them is said."""
+    from cmpsp_ros.parameters.presets import robots_in  # noqa: PLC0415 (starts faster without)
 
-    fleet = load_fleet(preset, namespaces, assignments, lockstep=lockstep, robot=robot)
+    if len(namespaces := robots_in(preset)) > 1:
+        from cmpsp_ros.demo.fleet import load_fleet  # noqa: PLC0415 (loads kernels)
+
+        fleet = load_fleet(preset, namespaces, assignments, lockstep=lockstep, robot=robot)
+    else:
+        from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
+
+        fleet = (load_scenario(preset, assignments, lockstep=lockstep, robot=robot),)
     for each in fleet:
-        _say_remarks(each)
+        whose = f'{each.namespace}: ' if each.namespace else ''
+        for remark in each.remarks:
+            errors().print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
     return fleet
 
 
-def _say_remarks(scenario: Scenario) -> None:
-    whose = f'{scenario.namespace}: ' if scenario.namespace else ''
-    for remark in scenario.remarks:
-        errors().print(f'{whose}{remark}', markup=False, highlight=False, soft_wrap=True)
-
-
-def _drive(scenario: Scenario, folder: Path, view_port: int | None) -> str:
+def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
     """Run one robot and show the result; returns why it failed, or an empty text."""
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
+    (scenario,) = alone
     with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
         summary = run(scenario, folder, progress, view_port)
     console().print(_table(summary, scenario))

@@ -13,7 +13,7 @@ from cmpsp_ros.cli.options import Assignments, CmdVel, Namespace, Odom, ParamsFi
 from cmpsp_ros.parameters.errors import ParameterError
 
 if TYPE_CHECKING:
-    from cmpsp_ros.bags.replay.recording import Names
+    from cmpsp_ros.bags.names import Names
 
 
 def replay(
@@ -38,7 +38,7 @@ def replay(
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
     --params-file it shows what a changed guidance law decides instead.
     """
-    from cmpsp_ros.bags.replay.recording import Names  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.bags.names import Names  # noqa: PLC0415 (starts faster without)
 
     names = Names.under(namespace or '', odom or '', cmd_vel or '')
     with exit_on(BagError, ParameterError, code=2):

@@ -22,7 +22,7 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
 from cmpsp_ros.robots.acceleration import with_lag
@@ -30,6 +30,8 @@ from cmpsp_ros.sensing.beams import Sight
 from cmpsp_ros.sensing.surroundings import Surroundings
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.field_functions import NO_FIELD
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Capsule
 from cmpsp_ros.world.roads.annulus import Annulus
@@ -47,6 +49,7 @@ _STEPS, _PLANS = 8, 2
 _POST = 0.1
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
+_A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
 _A_DISC = MovingDiscs(('disc',), np.zeros((1, 5)), 0.0, np.zeros(1, np.int64))
 
 
@@ -147,6 +150,7 @@ def _reachable(settings: GuidanceSettings) -> Iterator[GuidanceSettings]:
         yield replace(settings, robot=replace(settings.robot, max_wheel_speed=limit))
     for delay in (0.0, settings.control_period / 2.0):
         yield replace(settings, command_delay=delay)
+    yield replace(settings, obstacles=(*settings.obstacles, GridObstacle(MAP, _A_GRID, True)))
 
 
 def _meet_trouble(settings: GuidanceSettings) -> None:

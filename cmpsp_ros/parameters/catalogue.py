@@ -186,15 +186,25 @@ def _parameters() -> Iterator[Parameter]:
 
     yield place('map.cells', _STRING, 'none', '',
         'Cells of an occupancy grid (rows, columns, compressed values); all occupied cells form '
-        'one obstacle. `map.file` reads them from a file of map_server.', **_FIXED)
+        'one obstacle. `map.file` reads them from a file of map_server, `map.topic` from messages.')
     yield place('map.origin', _DOUBLES, [0.0, 0.0, 0.0], 'm, m, rad',
-        'Pose of the outer corner of its first cell (x, y, yaw).', length=3, **_FIXED)
+        'Pose of the outer corner of its first cell (x, y, yaw).', length=3)
     yield place('map.resolution', _DOUBLE, 0.05, 'm', 'Side length of its cells.',
-        range=_POSITIVE, **_FIXED)
+        range=_POSITIVE)
     yield place('map.unknown_is_free', _BOOL, False, '',
         'Whether unknown cells, and everything beyond the grid, are free; otherwise they are '
         'occupied.',
         **_FIXED)
+    only_guidance = {'nodes': ('guidance',), **_FIXED}
+    yield place('map.topic', _STRING, '', '',
+        'Topic of a map or a live costmap; the guidance node waits for the first message, and each '
+        'replaces the map. Empty: none.', **only_guidance)
+    yield place('map.lethal', _INTEGER, 65, '',
+        'Value from which on a cell in a message is occupied.', range=Range(1, 100),
+        **only_guidance)
+    yield place('map.timeout', _DOUBLE, 0.0, 's',
+        'Age of the last message at which a live costmap counts as lost and the robot is stopped; '
+        '0: a map may be of any age.', range=_NOT_NEGATIVE, **only_guidance)
 
     moving = Group('Moving obstacles', 'guidance')
     yield moving('moving_obstacles.capacity', _INTEGER, 0, '',

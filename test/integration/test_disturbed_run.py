@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.runs.run import read_run
 

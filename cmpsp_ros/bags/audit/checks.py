@@ -25,6 +25,7 @@ class _Check:
     title: str
     judge: Callable[[AuditRecord], Verdict]
     needs: tuple[str, ...] = ()
+    of_decisions: bool = False
 
 
 CHECKS: Final = (
@@ -54,7 +55,7 @@ CHECKS: Final = (
         path_checks.commanded,
         (*_ROAD, 'control_period'),
     ),
-    _Check('as_decided', 'Commands: as decided', command_checks.as_decided, _WHEELS[:2]),
+    _Check('as_decided', 'Commands: as decided', command_checks.as_decided, _WHEELS[:2], True),
     _Check('obeyed', 'Commands: obeyed', command_checks.obeyed, (*_WHEELS, 'control_period')),
     _Check(
         'rate',
@@ -65,14 +66,15 @@ CHECKS: Final = (
     _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
     _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
     _Check('stop_at_end', 'Stop: at the end', fallback_checks.stop_at_end, ('control_period',)),
-    _Check('reasons', 'Fallback: reasons given', fallback_checks.reasons),
+    _Check('reasons', 'Fallback: reasons given', fallback_checks.reasons, (), True),
     _Check(
         'previous_plan',
         'Fallback: old plans dropped',
         fallback_checks.previous_plan,
         ('failure_tolerance',),
+        True,
     ),
-    _Check('nominal', 'Fallback: nominal is clear', fallback_checks.nominal, _ROAD),
+    _Check('nominal', 'Fallback: nominal is clear', fallback_checks.nominal, _ROAD, True),
 )
 
 
@@ -108,4 +110,6 @@ def _judge(check: _Check, record: AuditRecord) -> Verdict:
     missing = [key for key in needs if key not in record.history.given]
     if missing:
         return skipped(f'The parameters do not say {", ".join(missing)}.')
+    if check.of_decisions and not record.decisions:
+        return skipped(f'The bag has no decision in {record.places.decision}.')
     return check.judge(record)

@@ -106,8 +106,6 @@ def acceleration(record: AuditRecord) -> Verdict:
 
 def as_decided(record: AuditRecord) -> Verdict:
     """Whether the commands sent are those decided."""
-    if not record.decisions:
-        return skipped(f'The bag has no decision in {record.places.decision}.')
     robot = record.history.epochs[0].settings.robot
     decided = robot.twist_of_wheels(wheel_speeds(record.decisions))
     pairs = record.pairs

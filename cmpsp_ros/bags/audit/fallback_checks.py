@@ -19,8 +19,6 @@ _ROUNDING = 1e-6
 
 def reasons(record: AuditRecord) -> Verdict:
     """Whether every level is a known one with a reason, and every stop a stop or braking."""
-    if not record.decisions:
-        return _no_decision(record)
     known = {level.name.lower() for level in FallbackLevel}
     wrong = []
     ramps = math.isfinite(record.history.epochs[0].settings.max_wheel_change)
@@ -49,8 +47,6 @@ def reasons(record: AuditRecord) -> Verdict:
 
 def previous_plan(record: AuditRecord) -> Verdict:
     """Whether an old plan is followed for longer than `failure_tolerance` allows."""
-    if not record.decisions:
-        return _no_decision(record)
     limit = record.history.epochs[0].settings.failure_tolerance
     row, worst, at = 0, 0, record.start
     for each in record.decisions:
@@ -75,8 +71,6 @@ def previous_plan(record: AuditRecord) -> Verdict:
 
 def nominal(record: AuditRecord) -> Verdict:
     """Whether the path driven is clear wherever the level is nominal."""
-    if not record.decisions:
-        return _no_decision(record)
     answers = [each for each in record.decisions if not each.halted]
     if not answers:
         return skipped('No control step has level nominal.')
@@ -119,7 +113,3 @@ def stop_at_end(record: AuditRecord) -> Verdict:
         return skipped('The recording ends while the robot is on its way.')
     sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
     return passed_if(False, sentence, **figures)
-
-
-def _no_decision(record: AuditRecord) -> Verdict:
-    return skipped(f'The bag has no decision in {record.places.decision or "any topic"}.')

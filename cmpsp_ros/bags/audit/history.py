@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from cmpsp_ros.bags.audit.sources import Places, Sources
+from cmpsp_ros.bags.audit.sources import Sources
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
@@ -51,7 +52,7 @@ class History:
         return self.epochs[max(index, 0)].settings
 
 
-def read_history(bag: Bag, places: Places, sources: Sources) -> History:
+def read_history(bag: Bag, places: Names, sources: Sources) -> History:
     """Parameters of the guidance node, with their recorded changes, or those of a file.
 
     Raises:

@@ -59,7 +59,7 @@ def moving(record: AuditRecord) -> Verdict:
     """
     met = record.encounters
     if not met:
-        return skipped(f'No moving obstacle is in {record.places.moving or "any topic"}.')
+        return skipped(f'No moving obstacle is in {record.places.moving}.')
     return _apart(record, met, ', at its predicted position')
 
 

@@ -12,9 +12,10 @@ from cmpsp_ros.bags.audit.clearance import Sweep, sweep
 from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
 from cmpsp_ros.bags.audit.history import History, read_history
 from cmpsp_ros.bags.audit.odometry import OdometrySeries, path_through, read_odometry
-from cmpsp_ros.bags.audit.sources import Places, Sources, find
+from cmpsp_ros.bags.audit.sources import Sources, find
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
 from cmpsp_ros.bags.runs.run import Driven
@@ -80,7 +81,7 @@ class AuditRecord:
     """
 
     path: Path
-    places: Places
+    places: Names
     history: History
     odometry: OdometrySeries
     commands: Commands
@@ -164,7 +165,8 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
             f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
             ' wanted a drive'
         )
-    tracks = read_tracks(bag, places.moving, frame_id)
+    moving = bag.as_decided_on(places.node, 'moving_obstacles')
+    tracks = read_tracks(bag, moving, frame_id)
     own = places.node.rpartition('/')[0]
     others = read_others(bag, settings.moving_obstacles.others, own)
     return AuditRecord(

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 
 _NODE = 'guidance'
@@ -28,28 +29,7 @@ class Sources:
     namespace: str | None = None
 
 
-@dataclass(frozen=True)
-class Places:
-    """Full names in one bag.
-
-    Attributes:
-        node: Guidance node whose parameters are in the bag; empty when none are.
-        odom: Topic of the odometry.
-        cmd_vel: Topic of the commands.
-        decision: Topic of the decisions; the bag may lack it.
-        plan: Topic of the plans; the bag may lack it.
-        moving: Topic of the moving obstacles; the bag may lack it.
-    """
-
-    node: str
-    odom: str
-    cmd_vel: str
-    decision: str
-    plan: str
-    moving: str
-
-
-def find(bag: Bag, sources: Sources) -> Places:
+def find(bag: Bag, sources: Sources) -> Names:
     """Full names of everything that an audit reads.
 
     Raises:
@@ -58,13 +38,10 @@ def find(bag: Bag, sources: Sources) -> Places:
     """
     node = _node(bag, sources)
     namespace = node.rpartition('/')[0]
-    return Places(
-        node,
+    return Names(
         _topic(bag, sources.odom or bag.as_decided_on(node, 'odom'), '--odom'),
         _topic(bag, sources.cmd_vel or f'{namespace}/cmd_vel', '--cmd-vel'),
-        f'{node}/decision',
-        f'{node}/predicted_path',
-        bag.as_decided_on(node, 'moving_obstacles'),
+        node,
     )
 
 

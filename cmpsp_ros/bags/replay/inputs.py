@@ -15,9 +15,10 @@ import numpy as np
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
-from cmpsp_ros.bags.replay.recording import Names, OdometrySample, Recording
+from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen

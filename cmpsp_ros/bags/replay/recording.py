@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
 from cmpsp_ros.guidance.goals import Goal, GoalError
@@ -36,47 +37,6 @@ _MOST = 10_000
 
 _MOST_TRACKS = 100_000
 """Sightings of obstacles that move, of all of them, that are kept."""
-
-
-@dataclass(frozen=True)
-class Names:
-    """Topics and node of a recorded guidance node, by full name."""
-
-    odom: str
-    cmd_vel: str
-    node: str
-
-    @classmethod
-    def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
-        """The names in a namespace, without remapping of odometry and commands."""
-        prefix = namespace.rstrip('/')
-        return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
-
-    @property
-    def decision(self) -> str:
-        """Topic of the decisions."""
-        return f'{self.node}/decision'
-
-    @property
-    def path(self) -> str:
-        """Topic of the predicted paths."""
-        return f'{self.node}/predicted_path'
-
-    @property
-    def moving(self) -> str:
-        """Topic of the obstacles that move."""
-        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
-
-    @property
-    def sighting(self) -> str:
-        """Topic of what was known of the surroundings."""
-        return f'{self.node}/sighting'
-
-    def others(self, namespaces: Iterable[str]) -> dict[str, str]:
-        """Namespaces of other robots by the topics of their plans; without this node's own."""
-        plans = {plan_topic(each): each for each in namespaces}
-        plans.pop(self.path, None)
-        return plans
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from typing import Final
 from cmpsp_ros.bags.custom_data import own_version, software_versions
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.comparison import Comparison, Difference
 from cmpsp_ros.bags.replay.follower import Follower
@@ -24,7 +25,6 @@ from cmpsp_ros.bags.replay.inputs import (
     RunReset,
     RunStarted,
 )
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.errors import ParameterError

@@ -21,10 +21,11 @@ from cmpsp_ros.bags.messages import (
     decision_message,
     path_message,
 )
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryReceived
-from cmpsp_ros.bags.replay.recording import Names, OdometrySample
+from cmpsp_ros.bags.replay.recording import OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.settings import GuidanceSettings

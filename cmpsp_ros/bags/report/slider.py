@@ -20,8 +20,11 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
     return [
         {
             'plans': [
-                {'t': round(each.seconds, 6), 'x': numbers(each.points[:, 0])}
-                | {'y': numbers(each.points[:, 1])}
+                {
+                    't': round(view.record.seconds(each.stamp), 6),
+                    'x': numbers(each.points[:, 0]),
+                    'y': numbers(each.points[:, 1]),
+                }
                 for each in view.plans
             ],
             't': numbers(view.times),

@@ -16,8 +16,8 @@ from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_recor
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.run import Planned, plans_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_functions import FAR
@@ -29,14 +29,6 @@ MOST_POINTS = 4000
 
 MOST_PLANS = 600
 """Plans that are kept for the slider."""
-
-
-@dataclass(frozen=True)
-class Plan:
-    """A plan: its time [s], and its positions ``(N + 1, 2)`` [m]."""
-
-    seconds: float
-    points: Array
 
 
 @dataclass(frozen=True)
@@ -73,7 +65,7 @@ class View:
     label: str
     record: AuditRecord
     findings: tuple[Finding, ...]
-    plans: tuple[Plan, ...]
+    plans: tuple[Planned, ...]
     version: str
 
     @property
@@ -183,13 +175,7 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
         BagError: The bag cannot be read.
     """
     with Bag(path) as bag:
-        topic = record.places.plan
-        found = [
-            Plan(record.seconds(stamp_of(message)), _points(message))
-            for _, message in (bag.messages(topic) if topic in bag.topics else ())
-            if len(message.poses) > 1
-        ]
-        version = bag.version
+        found, version = plans_in(bag, record.places.path), bag.version
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
     return View(label, record, audit_record(record), plans, version)
 
@@ -218,11 +204,6 @@ def _least(times: Array, *values: Array) -> tuple[Array, Array, Array]:
     begins = np.arange(0, len(times), width)
     first, second = (np.minimum.reduceat(each, begins) for each in values)
     return times[begins], first, second
-
-
-def _points(message: object) -> Array:
-    poses = message.poses  # type: ignore[attr-defined]
-    return np.array([(each.pose.position.x, each.pose.position.y) for each in poses])
 
 
 def _shown(decision: DecisionRecord) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,9 +111,7 @@ def read_run(path: Path, namespace: str = '') -> Run:
             found = 'no decision in' if decided in bag.topics else 'no topic'
             there = ', '.join(sorted(bag.topics)) or 'no topic at all'
             raise BagError(f'{path}: {found} {decided}; there is {there}')
-        plans: tuple[Planned, ...] = ()
-        if f'{namespace}/guidance/predicted_path' in bag.topics:
-            plans = tuple(_plans(bag, f'{namespace}/guidance/predicted_path'))
+        plans = plans_in(bag, f'{namespace}/guidance/predicted_path')
         node = 'sim' if f'{namespace}/sim/truth' in bag.topics else 'guidance'
         stamps, speeds = _wheels(bag, f'{namespace}/{node}/wheel_speeds')
         moving = bag.as_decided_on(f'{namespace}/guidance', 'moving_obstacles')
@@ -160,12 +157,15 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
     )
 
 
-def _plans(bag: Bag, topic: str) -> Iterator[Planned]:
-    for _, message in bag.messages(topic):
+def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:
+    """The plans that a bag has in a topic; none if it has no such topic."""
+    plans = []
+    for _, message in bag.messages(topic) if topic in bag.topics else ():
         points = [(each.pose.position.x, each.pose.position.y) for each in message.poses]
         # One pose is where the robot stands.
         if len(points) > 1:
-            yield Planned(stamp_of(message), np.array(points))
+            plans.append(Planned(stamp_of(message), np.array(points)))
+    return tuple(plans)
 
 
 def _wheels(bag: Bag, topic: str) -> tuple[Stamps, Array]:

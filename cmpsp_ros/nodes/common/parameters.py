@@ -64,6 +64,29 @@ def declare(node: Node, table: ParameterTable, which: NodeName) -> Values:
     return values
 
 
+def change_parameters(node: Node, changes: dict[str, Any]) -> None:
+    """Change parameters of a node together, where they are not what they are to be.
+
+    Raises:
+        ValueError: They are refused.
+    """
+    known = {key: node.get_parameter(key).value for key in changes}
+    if all(_plain(known[key]) == value for key, value in changes.items()):
+        return
+    # An empty list shows no type, and rclpy takes it for one of bytes.
+    kinds = {key: Parameter.Type.DOUBLE_ARRAY for key, value in changes.items() if value == []}
+    outcome = node.set_parameters_atomically(
+        [Parameter(key, kinds.get(key), value) for key, value in changes.items()]
+    )
+    if not outcome.successful:
+        raise ValueError(outcome.reason)
+
+
+def _plain(value: Any) -> Any:
+    """A value as it is in the table: arrays of ROS as lists."""
+    return value if isinstance(value, str) or not hasattr(value, '__iter__') else list(value)
+
+
 def event_of(node: Node, changed: Iterable[Parameter] = ()) -> ParameterEvent:
     """All current parameters of a node, and the names of the changed ones."""
     known = cast('dict[str, Parameter]', node.get_parameters_by_prefix(''))

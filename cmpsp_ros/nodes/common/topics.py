@@ -86,6 +86,17 @@ GUIDANCE_ROAD = Topic(
     depth=1,
     latched=True,
 )
+GUIDANCE_MAP = Topic(
+    'guidance',
+    'in',
+    'map',
+    OccupancyGrid,
+    'on `map.topic`: the map or a live costmap, in the frame `frame_id` or in one that `/tf`'
+    ' connects to it; latched. Where map_msgs is installed its updates as well, on the topic with'
+    ' `_updates` after its name',
+    depth=1,
+    latched=True,
+)
 COMMAND = Topic(
     'guidance',
     'out',

@@ -16,6 +16,7 @@ from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
+from cmpsp_ros.nodes.guidance.inputs.map_input import MapInput
 from cmpsp_ros.nodes.guidance.inputs.obstacle_input import ObstacleInput
 from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import Odometry, read_odometry
 from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
@@ -48,6 +49,7 @@ class GuidanceLoop:
         active: Whether odometry is decided on.
         decision: The latest decision; None before the first.
         road: Where the road comes from.
+        map: Where the map comes from.
         silence: How long ago odometry was heard of.
         times: Computing times of control steps.
     """
@@ -75,6 +77,7 @@ class GuidanceLoop:
         self._obstacles = ObstacleInput(node, settings, self._transforms)
         self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
+        self.map = MapInput(node, values, self._transforms)
         self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
         self._goals = GoalInput(
             node,
@@ -99,6 +102,7 @@ class GuidanceLoop:
         self._sensors.close()
         self._transforms.close()
         self.road.close()
+        self.map.close()
         self._outputs.close()
 
     def reset(self) -> None:
@@ -176,9 +180,10 @@ class GuidanceLoop:
         """What must still come before time 0, in a sentence; empty when all is there."""
         if self.road.waits:
             return 'Waiting for a road on the topic road.'
-        return '' if self._begun else self._outputs.listeners.lacking()
+        return self.map.waiting or ('' if self._begun else self._outputs.listeners.lacking())
 
     def _on_odometry(self, data: bytes) -> None:
+        self.map.try_again()
         if not self.active or self.waiting:
             return
         began, now = time.perf_counter_ns(), self._now()
@@ -198,7 +203,7 @@ class GuidanceLoop:
             self._halt_for(why)
             return
         blindness = self._sensors.note(stamp, pose)
-        if why := self._goals.cancelled or blindness:
+        if why := self._goals.cancelled or blindness or self.map.trouble(stamp):
             self._halt_for(why)
             return
         try:

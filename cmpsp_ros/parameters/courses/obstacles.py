@@ -43,7 +43,8 @@ def shapes_of(values: Values, where: str) -> tuple[Shape, ...]:
 def obstacle_problems(values: Values) -> Iterator[Problem]:
     """What is wrong with each obstacle, and with the map."""
     yield from shape_problems(values, 'obstacles')
-    if MAP in values['obstacles.names'] and values['map.cells'] != NONE:
+    has_map = values['map.cells'] != NONE or values['map.topic']
+    if MAP in values['obstacles.names'] and has_map:
         yield Problem('obstacles.names', repr(MAP), 'another name: it is that of the map')
     try:
         map_of(values)

@@ -13,8 +13,8 @@ from rclpy.time import Time
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.guidance.key_values import present_keys
 

@@ -10,8 +10,8 @@ import sys
 import pytest
 
 from cmpsp_ros.bags.definitions import jazzy
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.writer import BagWriter
 
 pytestmark = pytest.mark.integration

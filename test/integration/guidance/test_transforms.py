@@ -19,7 +19,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_driven

@@ -13,11 +13,11 @@ import pytest
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.decision_record import ENTRIES, read_decisions
 from cmpsp_ros.bags.export import export
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.comparison import Comparison
 from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.guidance.key_values import decision_to_key_values

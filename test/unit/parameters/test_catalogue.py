@@ -27,7 +27,7 @@ def test_what_needs_a_restart():
         'robot.max_steering_rate',
         'robot.joint_names',
         'road.type', 'road.source',
-        'map.cells', 'map.origin', 'map.resolution', 'map.unknown_is_free',
+        'map.unknown_is_free', 'map.topic', 'map.lethal', 'map.timeout',
         'weights.control_rate', 'solver.qp',
         'enable_stamped_cmd_vel', 'autostart',
         'recorder_timeout', 'stop_with_process', 'initial_pose', 'odom_rate', 'real_time_factor',

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from rclpy.parameter import Parameter
-
+from cmpsp_ros.nodes.common.parameters import change_parameters
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ROAD
 
 if TYPE_CHECKING:
@@ -15,9 +14,6 @@ if TYPE_CHECKING:
 
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
     from cmpsp_ros.parameters.table import Values
-
-# An empty list shows no type, and rclpy takes it for one of bytes.
-_TYPES = {'goal.heading': Parameter.Type.DOUBLE_ARRAY}
 
 
 class RoadInput:
@@ -79,13 +75,7 @@ class RoadInput:
         Raises:
             ValueError: They are refused.
         """
-        known = {key: self._node.get_parameter(key).value for key in changes}
-        if changes != {**known, 'road.points': list(known['road.points'] or ())}:
-            outcome = self._node.set_parameters_atomically(
-                [Parameter(key, _TYPES.get(key), value) for key, value in changes.items()]
-            )
-            if not outcome.successful:
-                raise ValueError(outcome.reason)
+        change_parameters(self._node, changes)
         self.waits, self.refusal = False, ''
         count = len(changes['road.points']) // 2
         self._node.get_logger().info(f'a road of {count} points has come')

@@ -162,7 +162,7 @@ class TransformInput:
         if frame == wanted:
             return changes
         try:
-            there = self._look_up(wanted, frame, 0)
+            there = self.frame_pose(frame)
         except TransformError as error:
             problem = Problem('road', f'frame {frame!r}', f'{wanted!r} (frame_id): {error}')
             raise ParameterError(problem) from error
@@ -170,6 +170,14 @@ class TransformInput:
         points = zip(numbers[::2], numbers[1::2], strict=True)
         moved = [compose(there, np.array([*each, 0.0]))[:2].tolist() for each in points]
         return {**changes, 'road.points': [number for each in moved for number in each]}
+
+    def frame_pose(self, frame: str) -> Array:
+        """Pose of a frame in that of the course by the latest transform, ``(3,)`` [m, m, rad].
+
+        Raises:
+            TransformError: It is not known.
+        """
+        return self._look_up(self.settings.frame_id, frame, 0)
 
     def _publish_odometry(self, data: bytes, center: str, pose: Array, upon: Array) -> None:
         """Publish odometry of the robot's centre, with covariances as they are."""

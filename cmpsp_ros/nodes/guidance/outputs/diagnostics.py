@@ -39,7 +39,9 @@ def report_on(
         said = [*warnings, *(loop.warnings() if state == ACTIVE else [])]
         if said and not refusal:
             level, message = max(level, DiagnosticStatus.WARN), ' '.join([message, *said])
-        if state == ACTIVE and (said := [*filter(None, [loop.road.refusal]), *errors]):
+        if state == ACTIVE and (
+            said := [*filter(None, [loop.road.refusal, loop.map.refusal]), *errors]
+        ):
             level, message = DiagnosticStatus.ERROR, ' '.join([message, *said])
 
     def figures() -> dict[str, object]:

@@ -8,7 +8,7 @@ from recorded_drives import dropping, editing, moving
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.replay.replay import replay
 
 NAMES = Names.under('')

@@ -12,8 +12,8 @@ from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 
 from cmpsp_ros.bags.audit import Sources, audit
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
 from cmpsp_ros.guidance.messages.tracks import Track, Tracks

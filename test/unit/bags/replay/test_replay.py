@@ -12,8 +12,8 @@ from recorded_drives import DECISIONS, dropping, editing, moving, said, setting,
 
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.parameters.settings import guidance_settings
 

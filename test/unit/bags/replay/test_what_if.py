@@ -6,8 +6,8 @@ import pytest
 
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.replay.what_if import Change, what_if
 from cmpsp_ros.bags.replay.what_if_picture import draw_what_if

@@ -35,6 +35,7 @@ def make(monkeypatch):
 
 COURSE = ('road.center:=[0.0, 0.0]', 'goal.position:=[10.0, 0.0]')
 SENSOR = ('sensors.names:=[front]',)
+MAP = ('map.topic:=map',)
 FROM_TOPIC = ('road.type:=corridor', 'road.source:=topic')
 
 
@@ -68,7 +69,13 @@ def in_table(node, direction, *, stamped=False, clock=True):
 
 @pytest.mark.parametrize('stamped', [False, True])
 def test_guidance_opens_what_the_table_says(make, stamped):
-    more = ('moving_obstacles.capacity:=2', "others.namespaces:=['/r2']", *FROM_TOPIC, *SENSOR)
+    more = (
+        'moving_obstacles.capacity:=2',
+        "others.namespaces:=['/r2']",
+        *FROM_TOPIC,
+        *SENSOR,
+        *MAP,
+    )
     node = make(
         GuidanceNode,
         *COURSE,

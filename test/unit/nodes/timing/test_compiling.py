@@ -30,6 +30,7 @@ def report(late):
         warnings=list,
         waiting='',
         road=SimpleNamespace(waits=False, refusal=''),
+        map=SimpleNamespace(refusal=''),
         odometry_age=None,
         times=SimpleNamespace(values=dict),
     )

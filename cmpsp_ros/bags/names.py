@@ -1,0 +1,49 @@
+"""Full names of a recorded guidance node and of its topics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
+
+
+@dataclass(frozen=True)
+class Names:
+    """Topics and node of a recorded guidance node, by full name."""
+
+    odom: str
+    cmd_vel: str
+    node: str
+
+    @classmethod
+    def under(cls, namespace: str, odom: str = '', cmd_vel: str = '') -> Names:
+        """The names in a namespace, without remapping of odometry and commands."""
+        prefix = namespace.rstrip('/')
+        return cls(odom or f'{prefix}/odom', cmd_vel or f'{prefix}/cmd_vel', f'{prefix}/guidance')
+
+    @property
+    def decision(self) -> str:
+        """Topic of the decisions."""
+        return f'{self.node}/decision'
+
+    @property
+    def path(self) -> str:
+        """Topic of the predicted paths."""
+        return f'{self.node}/predicted_path'
+
+    @property
+    def moving(self) -> str:
+        """Topic of the obstacles that move."""
+        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
+
+    @property
+    def sighting(self) -> str:
+        """Topic of what was known of the surroundings."""
+        return f'{self.node}/sighting'
+
+    def others(self, namespaces: Iterable[str]) -> dict[str, str]:
+        """Namespaces of other robots by the topics of their plans; without this node's own."""
+        plans = {plan_topic(each): each for each in namespaces}
+        plans.pop(self.path, None)
+        return plans

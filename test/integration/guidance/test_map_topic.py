@@ -1,0 +1,205 @@
+"""Maps and live costmaps that come on a topic: waited for, taken, refused, too old, replayed."""
+
+from __future__ import annotations
+
+import math
+import signal
+import sys
+from array import array
+from pathlib import Path
+
+import numpy as np
+import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
+from nav_msgs.msg import OccupancyGrid
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+
+from cmpsp_ros.bags.audit import CheckOutcome, audit
+from cmpsp_ros.bags.replay.recording import Names
+from cmpsp_ros.bags.replay.replay import replay
+from cmpsp_ros.robots.arcs import arc_ends
+
+pytestmark = pytest.mark.integration
+
+LIMIT = 60.0
+PERIOD_NS = 200_000_000
+START = (0.0, 0.0, 0.0)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RECORDER = [sys.executable, '-m', 'cmpsp_ros.nodes.recording.recorder', '--ros-args']
+
+# Odometry is stamped ahead of time here, and the test may be slow between two messages.
+TOLD = {
+    'road.type': 'none',
+    'frame_id': 'map',
+    'goal.position': [4.0, 0.0],
+    'final_time': 20.0,
+    'initial_guess.type': 'road',
+    'robot.radius': 0.2,
+    'safety.margin': 0.05,
+    'odom_timeout': 60.0,
+    'map.topic': 'floor',
+}
+
+
+def floor(*boxes, stamp=0, frame_id='map', **changes):
+    """A floor of 8 x 6 m that is turned by a quarter, with boxes of cells."""
+    cells = np.zeros((80, 60), np.int8)
+    for rows, columns in boxes:
+        cells[rows, columns] = 100
+    message = OccupancyGrid(data=array('b', cells.tobytes()))
+    message.header.frame_id = frame_id
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
+    message.info.resolution, message.info.height, message.info.width = 0.1, 80, 60
+    # Its rows go along y, and its columns along -x: cell (0, 0) is at the lower right.
+    message.info.origin.position.x, message.info.origin.position.y = -2.0, 3.0
+    message.info.origin.orientation.z = -math.sqrt(0.5)
+    message.info.origin.orientation.w = math.sqrt(0.5)
+    for key, value in changes.items():
+        setattr(message.info, key, value)
+    return message
+
+
+def nowhere():
+    message = floor()
+    message.info.origin.position.x = math.nan
+    return message
+
+
+BOX = np.s_[35:40], np.s_[26:34]
+"""From 1.5 to 2 m ahead, and 0.4 m to either side."""
+
+GOAL = np.s_[55:65], np.s_[25:35]
+
+REFUSED = (
+    (floor(width=0), 'cells: found 80 x 0'),
+    (floor(width=100_000, height=10_000), 'cells: found 10000 x 100000'),
+    (floor(width=61), 'data: found 4800 values, wanted 4880'),
+    (nowhere(), 'origin: found'),
+    (floor(resolution=0.0), 'resolution: found'),
+    (floor((np.s_[:], np.s_[:])), 'map.cells: found none that is free'),
+    (floor(GOAL), 'goal.position: found'),
+    (floor(frame_id='elsewhere'), 'found'),
+)
+
+
+@pytest.fixture
+def tell(client):
+    """Publish a map: `tell(message)`."""
+    publisher = client.node.create_publisher(OccupancyGrid, 'floor', LATCHED)
+
+    def send(message):
+        client.until(publisher.get_subscription_count)
+        publisher.publish(message)
+
+    return send
+
+
+def test_a_map_is_waited_for_and_a_bad_one_stops_the_robot(
+    fault, start_node, client, make_odometry, tell
+):
+    running = start_node('guidance_node', TOLD)
+    client.connect()
+    health = client.until_health(state='active', said='Waiting for a map on the topic floor.')
+    fault.assert_said('—', health['level'][0], health['said'])
+    stamp = client.now()
+    for message, reason in REFUSED:
+        tell(message)
+        health = client.until_health(level=DiagnosticStatus.ERROR, said=reason)
+        fault.assert_said('—', health['level'][0], health['said'])
+        client.send(stamp := stamp + PERIOD_NS, START)
+    assert (client.decisions, client.commands) == ([], [])
+    tell(floor(BOX))
+    client.until_health(level=DiagnosticStatus.WARN, said='Waiting for odometry')
+    decision, command = client.decide(make_odometry(stamp := stamp + PERIOD_NS, START, 'map'))
+    assert decision['fallback_level'] == 'nominal', decision['reason']
+    assert abs(command[1]) > 0.1, 'it turns to one side of the box'
+    tell(REFUSED[2][0])
+    client.until_health(level=DiagnosticStatus.ERROR, said=REFUSED[2][1])
+    decision, command = client.decide(make_odometry(stamp := stamp + PERIOD_NS, START, 'map'))
+    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+    assert command == (0.0, 0.0)
+    assert 'The map that came is refused: data: found 4800 values' in decision['reason']
+    tell(floor())
+
+    def drives():
+        nonlocal stamp, command
+        decision, command = client.decide(make_odometry(stamp := stamp + PERIOD_NS, START, 'map'))
+        return decision['fallback_level'] == 'nominal'
+
+    client.until(drives)
+    assert abs(command[1]) < 0.05, 'nothing is in its way'
+    assert 'Traceback' not in running.stderr
+
+
+def test_a_costmap_grows_old_and_its_changes_count(
+    interfaces, fault, start_node, client, make_odometry, tell
+):
+    interfaces('map_msgs')
+    from map_msgs.msg import OccupancyGridUpdate
+
+    start_node('guidance_node', {**TOLD, 'map.timeout': 0.5})
+    client.connect()
+    client.until_health(state='active', said='Waiting for a map')
+    updates = client.node.create_publisher(OccupancyGridUpdate, 'floor_updates', 10)
+    client.until(updates.get_subscription_count)
+    stamp = client.now()
+    tell(floor(stamp=stamp))
+    client.until_health(said='Waiting for odometry')
+    decision, command = client.decide(make_odometry(stamp, START, 'map'))
+    assert decision['fallback_level'] == 'nominal', decision['reason']
+    assert abs(command[1]) < 0.05, 'nothing is in its way'
+
+    late = stamp + 4 * PERIOD_NS
+    decision, command = client.decide(make_odometry(late, START, 'map'))
+    fault.assert_said(decision['fallback_level'], decision['level'][0], decision['reason'])
+    assert command == (0.0, 0.0)
+    assert decision['reason'].startswith('The map is 0.800 s old (map.timeout).')
+
+    update = OccupancyGridUpdate(x=26, y=35, width=8, height=5, data=[100] * 40)
+    update.header.stamp, update.header.frame_id = Time(nanoseconds=late).to_msg(), 'map'
+    revision = int(decision['revision'])
+    updates.publish(update)
+
+    def with_change():
+        nonlocal late, decision, command
+        late += PERIOD_NS // 10
+        decision, command = client.decide(make_odometry(late, START, 'map'))
+        return int(decision['revision']) > revision
+
+    client.until(with_change)
+    assert decision['fallback_level'] == 'nominal', decision['reason']
+    assert abs(command[1]) > 0.1, 'it turns to one side of the box'
+
+
+def test_a_drive_on_maps_that_change_is_replayed_and_audited(
+    start_node, client, spawn, make_odometry, tell, tmp_path
+):
+    bag = Path(tmp_path) / 'bag'
+    recorder = spawn([*RECORDER, '-p', f'output:={bag}'])
+    start_node('guidance_node', TOLD)
+    client.connect()
+    client.until_health(state='active')
+    listeners = client.node.get_subscriptions_info_by_topic
+    for topic in ('/odom', '/cmd_vel', '/parameter_events', '/guidance/decision'):
+        client.until(
+            lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
+        )
+    client.until(lambda: '/guidance' in client.recorded.get('parameters_of', '').split(', '))
+    pose, stamp, revisions = np.array(START), client.now(), []
+    for step in range(30):
+        if step in (0, 10):
+            tell(floor(*[BOX] * (step > 0)))
+            client.until_health(said='Waiting for odometry' if step == 0 else '')
+        decision, command = client.decide(make_odometry(stamp, pose, 'map'))
+        assert decision['fallback_level'] in {'nominal', 'previous_plan'}, decision
+        revisions.append(int(decision['revision']))
+        pose = arc_ends(pose[None], np.array([command]), np.array([0.2]))[0]
+        stamp += PERIOD_NS
+    assert len(set(revisions)) == 2
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(LIMIT) == 0
+    outcome = replay(bag, Names.under(''))
+    assert (outcome.first, outcome.decisions) == (None, 30)
+    found = {each.check: each.outcome for each in audit(bag)}
+    assert found['as_decided'] is CheckOutcome.PASSED

@@ -16,7 +16,7 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
     searched_paths,
     turning_first,
 )
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess, turning_in_moves
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 
 Array = NDArray[np.float64]
@@ -61,17 +61,16 @@ class Guesses:
         """Of the most promising homotopy classes, but each begins with a turn on the spot.
 
         A searched path is among them: a way may lead on where a robot could not follow it. One that
-        drives sideways needs none, and a car cannot turn so.
+        drives sideways needs none, and a car turns in moves instead.
         """
-        robot = context.start.robot
-        if robot.drives_sideways or not robot.turns_on_the_spot:
+        settings, start, durations = context.settings, context.start, context.horizon.durations
+        if start.robot.drives_sideways:
             return []
+        if not start.robot.turns_on_the_spot:
+            return turning_in_moves(settings, start, context.target, durations)
         paths = self._paths(context, guide_paths, self._limit)
         paths += self._paths(context, searched_paths)
-        return [
-            turning_first(context.settings, path, context.start, context.horizon.durations)
-            for path in paths
-        ]
+        return [turning_first(settings, path, start, durations) for path in paths]
 
     def _paths(
         self, context: PlanningContext, find: Callable[..., list[GuidePath]], *arguments: Any

@@ -38,7 +38,14 @@ def drive(start_demo, tmp_path):
 # A road that crosses itself; a thousand points and ten obstacles; shapes on a floor; other models.
 @pytest.mark.parametrize(
     ('preset', 'steps'),
-    [('corridor', 100), ('mapped', 50), ('floor', 40), ('omni_aisle', 70), ('lane_change', 100)],
+    [
+        ('corridor', 100),
+        ('mapped', 50),
+        ('floor', 40),
+        ('omni_aisle', 70),
+        ('lane_change', 100),
+        ('three_point_turn', 100),
+    ],
 )
 def test_what_stands_still_in_lockstep(drive, judge, preset, steps):
     folder, summary = drive(preset, steps)

@@ -51,6 +51,16 @@ def test_the_preset_passes_a_stopped_car_and_bit_for_bit_again():
     assert_the_same(run, drive(PRESET))
 
 
+def test_it_turns_back_and_forth_where_it_cannot_drive_around():
+    settings, decisions, motions, pose = drive('three_point_turn')
+    assert_arrives(settings, decisions, motions, pose)
+    assert_within_limits(settings, decisions, motions)
+    assert settings.road.width - 2.0 * settings.robot_radius < 2.0 * settings.robot.half_track
+    speeds = [each.twist[0] for each in decisions]
+    assert min(speeds) < -0.3
+    assert max(speeds) > 0.3
+
+
 def test_a_small_car_among_obstacles_on_a_bend():
     settings, decisions, motions, pose = drive(
         'case3_wide',

@@ -11,7 +11,9 @@ from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, preset
 def test_presets_and_robots_are_in_metres_and_radians(name):
     given = load_parameter_file(name)
     assert not list(plausibility_warnings(TABLE.resolve(given)))
-    for robot in robot_names():
+    # Accelerations of cars are in m/s^2: no other robot is laid over them.
+    is_of_car = given.get('robot.model') == 'ackermann'
+    for robot in () if is_of_car else robot_names():
         assert not list(plausibility_warnings(TABLE.resolve({**given, **load_robot(robot)})))
 
 

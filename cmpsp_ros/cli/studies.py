@@ -70,7 +70,8 @@ def study(
     name: Annotated[
         str,
         typer.Argument(
-            metavar='NAME', help='nominal, disturbed, realtime, heavy, corridors or floor.'
+            metavar='NAME',
+            help='nominal, disturbed, realtime, heavy, corridors, floor, sight or clutter.',
         ),
     ],
     runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.demo.summary import Summary, summarise
+from cmpsp_ros.demo.summary import Summary, final_time, summarise
 
 
 def sum_up(scenario: Scenario, folder: Path) -> Summary:
@@ -20,6 +21,8 @@ def sum_up(scenario: Scenario, folder: Path) -> Summary:
         BagError: The recording does not cover the run.
     """
     recorded = read_run(folder / 'bag')
+    settings = replace(scenario.settings, final_time=final_time(recorded, scenario.settings))
+    scenario = replace(scenario, settings=settings)
     summary = summarise(recorded, scenario.truth, scenario.name)
     summary.write(folder / 'summary.json')
     draw_trajectory(recorded, scenario.truth, folder / 'trajectory.png')

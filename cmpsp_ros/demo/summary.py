@@ -108,6 +108,12 @@ class Summary:
         return values
 
 
+def final_time(run: Run, settings: GuidanceSettings) -> float:
+    """The final time [s]; where it may be put off, that of the last decision."""
+    goals = [each.goal for each in run.decisions if each.goal is not None]
+    return goals[-1].time if settings.may_be_late and goals else settings.final_time
+
+
 def window(run: Run, settings: GuidanceSettings) -> tuple[int, int]:
     """First odometry that was decided on, and the final time, as stamps [ns].
 

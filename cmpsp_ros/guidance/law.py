@@ -131,6 +131,7 @@ class GuidanceLaw:
         ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
+        put_off = self._final_time.put_off(state, start)
         if now >= goals.end:
             return self._sent(self._final_time.finish(state, stamp, pose, moving), tracks)
         state.final_pose = None
@@ -148,6 +149,7 @@ class GuidanceLaw:
             else:
                 decision = self._decide(stamp, here, context)
         decision = self._late_commands.slowed(state, decision, here, start, ramp)
+        decision = decision._replace(reason=put_off + decision.reason)
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
         state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
@@ -168,7 +170,10 @@ class GuidanceLaw:
             settings = replace(settings, searched=self._state.searched)
             self._selector.look_again()
         self._settings = settings
-        for each in (self._audit, self._fallback, self._approach, self._selector):
+        for each in (
+            *(self._audit, self._fallback, self._approach, self._selector),
+            self._state.goals,
+        ):
             each.see(settings)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
@@ -285,6 +290,7 @@ class GuidanceLaw:
         if state.closed_road.waits and not len(start.moving):
             return self._decisions.stop(state, stamp, pose, state.closed_road.waits)
         selected = self._selector.best(context)
+        state.reaches_goal = False
         closed = closed_ahead(state, self._approach, context, selected)
         result, verdict, plan = selected.result, selected.verdict, selected.plan
         errors = selected.terminal_error, selected.heading_error
@@ -296,6 +302,9 @@ class GuidanceLaw:
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
             if why := reason_to_stop(state, context, selected, ahead, closed):
                 state.plan, state.waiting = None, plan
+                if ahead is not None and self._settings.map_search is not None:
+                    self._drop_plan()
+                    why += ' Another path is searched from here.'
                 return self._decisions.stop(state, stamp, pose, f'{why} {reason}', result)
         else:
             state.failures += 1
@@ -327,6 +336,8 @@ class GuidanceLaw:
                 state, stamp, pose, f'{why} {reason}', result, moving=start.moving
             )
         plan, verdict, remark = limited
+        error, _ = context.goal.errors(plan.poses[-1])
+        state.reaches_goal = error <= self._settings.goal_tolerance
         phases = self._selector.phases
         return self._decisions.follow(
             state, stamp, level, reason + remark, plan, verdict, errors, result, phases

@@ -166,6 +166,7 @@ class GuidanceSettings:
         final_time: Time at which to pass the goal, from the first odometry [s]. Where a road is
             followed it is when to stop, infinite for never.
         waypoints: What to pass before it, by increasing times.
+        may_be_late: Whether the final time is put off where the path to the goal proves too long.
         hold: Whether the robot holds its position at the goal after the final time.
         nominal_speed: Speed along the road to a goal that comes without a time; 0 for eight
             tenths of the top speed, or 1 m/s without a wheel limit [m/s].
@@ -196,6 +197,7 @@ class GuidanceSettings:
     heading_tolerance: float = 0.01
     final_time: float = 10.0
     waypoints: tuple[Goal, ...] = ()
+    may_be_late: bool = False
     hold: bool = False
     nominal_speed: float = 0.0
     follow: Follow | None = None
@@ -243,7 +245,7 @@ class GuidanceSettings:
         """All goals, in the order in which they are passed; none where a road is followed."""
         if self.follow is not None:
             return ()
-        name = GOAL if self.waypoints else ''
+        name = GOAL if self.waypoints or self.may_be_late else ''
         return (*self.waypoints, Goal(self.goal, self.final_time, self.goal_heading, name))
 
     @property

@@ -51,6 +51,7 @@ class LawState:
         delay: From a command to its effect, with the lag that is estimated [ns].
         step: Control steps of this run so far.
         failures: Failed control steps in a row.
+        reaches_goal: Whether the last plan ended within the tolerance of the goal.
         idle_steps: Control steps that brought the goal no nearer, since one could reach it.
         progress: Arc length of the robot along the road, NaN if not needed [m].
         commanded_at: Time stamp that this command answers [ns].
@@ -81,6 +82,7 @@ class LawState:
     delay: int = 0
     step: int = 0
     failures: int = 0
+    reaches_goal: bool = True
     idle_steps: int = 0
     progress: float = math.nan
     commanded_at: int = 0

@@ -73,6 +73,9 @@ def _parameters() -> Iterator[Parameter]:
     yield task('goal.heading_tolerance', _DOUBLE, 0.01, 'rad',
         'Deviation from a given heading at which it counts as reached.',
         range=_POSITIVE, **guidance_only)
+    yield task('goal.may_be_late', _BOOL, False, '',
+        'Whether the final time is put off where the path to the goal proves longer than the time '
+        'that is left; else the robot stops at the final time.', **guidance_only)
     yield task('goal.hold', _BOOL, False, '',
         'Whether the robot returns to the goal when it is moved away after arrival; otherwise it '
         'stays stopped.', **guidance_only)

@@ -84,6 +84,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         heading_tolerance=values['goal.heading_tolerance'],
         final_time=values['final_time'] or math.inf,
         waypoints=waypoints_of(values),
+        may_be_late=values['goal.may_be_late'],
         hold=values['goal.hold'],
         nominal_speed=values['goal.nominal_speed'],
         follow=follow_of(values),

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 _NEVER = np.iinfo(np.int64).min
 
+_BESIDE = 2.0
+"""Cells around the footprint that no beam need ever pass [cells]."""
+
 
 class LocalGrid:
     """Cells around the robot, along the axes of the frame of odometry.
@@ -68,7 +71,9 @@ class LocalGrid:
         mark(*arrays, ends, beams.hits, beams.stamp)
 
     def stand_at(self, x: float, y: float, radius: float, stamp: int) -> None:
-        """Know that nothing is where the robot is.
+        """Know that nothing is where the robot is, or so near that it was never seen there.
+
+        What was seen beside the footprint stays: no beam need meet it there again.
 
         Args:
             x: Where its centre is [m].
@@ -77,13 +82,15 @@ class LocalGrid:
             stamp: When [ns].
         """
         side, cell = len(self._cells), self._resolution
-        near = math.ceil(radius / cell) + 1
+        near = math.ceil(radius / cell + _BESIDE) + 1
         middle = np.array([math.floor(y / cell) - self._row, math.floor(x / cell) - self._column])
         low, high = np.clip([middle - near, middle + near], 0, side).tolist()
         rows = (self._row + np.arange(low[0], high[0]) + 0.5) * cell - y
         columns = (self._column + np.arange(low[1], high[1]) + 0.5) * cell - x
-        covered = np.square(columns) + np.square(rows)[:, None] <= radius * radius
+        squared = np.square(columns) + np.square(rows)[:, None]
         around = slice(low[0], high[0]), slice(low[1], high[1])
+        covered = squared <= (radius + _BESIDE * cell) ** 2
+        covered &= (squared <= radius * radius) | (self._cells[around] != Cell.OCCUPIED)
         self._cells[around][covered] = Cell.FREE
         self._seen[around][covered] = stamp
 

@@ -66,8 +66,7 @@ class Surroundings:
             robot_radius: Radius of the robot's footprint [m].
         """
         self._settings = settings
-        # The cells around the footprint are of the robot's, too: no beam need ever pass there.
-        self._covered = robot_radius + 2.0 * settings.resolution
+        self._robot_radius = robot_radius
         self.forget()
 
     def forget(self) -> None:
@@ -110,7 +109,7 @@ class Surroundings:
             pose: Its pose, shape ``(3,)`` [m, m, rad].
         """
         if self._has_news:
-            self._grid.stand_at(float(pose[0]), float(pose[1]), self._covered, stamp)
+            self._grid.stand_at(float(pose[0]), float(pose[1]), self._robot_radius, stamp)
             self._sighting = Sighting(stamp, self._grid.at(stamp))
             self._has_news = False
         return self._sighting

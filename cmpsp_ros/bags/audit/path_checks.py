@@ -271,10 +271,13 @@ def _goals_of(record: AuditRecord, run: RunSpan) -> list[Goal]:
     """The goals of a run that were in force at their times, in order.
 
     The first goal on `goal_pose` replaces those of the parameters; a later one replaces those
-    before whose time has not come.
+    before whose time has not come. So does one that is put off.
     """
+    is_put_off = record.history.at(run.start).may_be_late
     received = [each for each in record.decisions if run.start <= each.stamp <= run.end]
-    received = [each for each in received if each.goal is not None and each.goals_received]
+    received = [
+        each for each in received if each.goal is not None and (each.goals_received or is_put_off)
+    ]
     until = float('inf') if not received else (received[0].stamp - run.start) / NANOSECONDS
     goals = []
     for index, goal in enumerate(record.history.at(run.start).goals):

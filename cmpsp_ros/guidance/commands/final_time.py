@@ -50,6 +50,21 @@ class FinalTime:
             return Horizon.between([now, last if now < last else state.due]), True
         return remaining(now, self._period, last) if state.delay else horizon, False
 
+    def put_off(self, state: LawState, start: PlanStart) -> str:
+        """Put the final time off where the path to the goal proves too long; why, in a sentence.
+
+        Args:
+            state: Of the law.
+            start: Where plans begin.
+        """
+        if not self._settings.may_be_late or state.reaches_goal or state.closed_road.waits:
+            return ''
+        by = state.goals.put_off(state.now + state.delay, start.pose, start.progress)
+        if not by:
+            return ''
+        state.idle_steps = 0
+        return f'The final time is put off by {by:.3g} s: the path to the goal takes longer. '
+
     def last(self, state: LawState) -> int:
         """When the last command must be given that takes effect before the goal [ns]."""
         return state.goals.final - state.delay

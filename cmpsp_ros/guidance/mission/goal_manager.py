@@ -23,6 +23,8 @@ _FEWEST: Final = 5
 # Lookahead beside the robot, for the direction of the road there [m].
 _NEAR: Final = 0.01
 _ROUNDING: Final = 1e-9
+# Part of the time that the path takes with which a goal is put off.
+_SCARCE: Final = 0.9
 
 
 class GoalManager:
@@ -49,13 +51,17 @@ class GoalManager:
         self.goals_received = 0
         self._waiting: tuple[int, Goal] | None = None
         self._received: Goal | None = None
-        self._index = 0
+        self._index = self._late = 0
         self._set_goal()
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, and keep to the present goal."""
         self._settings = settings
         self._set_goal()
+
+    def see(self, settings: GuidanceSettings) -> None:
+        """Take settings that differ in what is seen only."""
+        self._settings = settings
 
     @property
     def is_last(self) -> bool:
@@ -128,6 +134,31 @@ class GoalManager:
             return True
         return False
 
+    def put_off(self, begin: int, pose: Array, progress: float) -> float:
+        """Pass the present goal later, and all after it, where the path to it takes too long.
+
+        Args:
+            begin: Where a command that is given now begins to have an effect [ns].
+            pose: Where the robot is then, shape ``(3,)`` [m, m, rad].
+            progress: Arc length along the road of a place near it, NaN if unknown [m].
+
+        Returns:
+            By how much [s]; 0 where the time is enough, or no path is known.
+        """
+        goal, search, period = self.goal, self._settings.map_search, self._period
+        if goal is None or (
+            search is not None and not len(search.line(pose[:2], goal.position, _NEAR))
+        ):
+            return 0.0
+        needed = to_nanoseconds(self._time_to(goal, pose, progress))
+        if self.final - begin >= _SCARCE * needed:
+            return 0.0
+        later = max(-(-(begin + needed) // period), begin // period + _FEWEST) * period
+        by = max(0, later - self.final)
+        self._late += by
+        self._set_goal()
+        return by / NANOSECONDS
+
     def _time_to(self, goal: Goal, pose: Array, progress: float) -> float:
         """How long the way to a goal takes, with turns at its beginning and its end [s]."""
         settings, (x, y) = self._settings, goal.position
@@ -150,7 +181,7 @@ class GoalManager:
 
     def _set_out(self, goal: Goal, begin: int, seconds: float) -> None:
         """Drive to a goal from now on, to be passed at a control instant."""
-        period = to_nanoseconds(self._settings.control_period)
+        period, self._late = self._period, 0
         end = -(-(begin + to_nanoseconds(seconds)) // period)
         end = max(end, begin // period + _FEWEST) * period
         self._received = Goal(goal.position, end / NANOSECONDS, goal.heading, goal.name)
@@ -159,6 +190,7 @@ class GoalManager:
     def _set_goal(self) -> None:
         settings, self.is_return = self._settings, False
         self._delay = to_nanoseconds(settings.command_delay)
+        self._period = to_nanoseconds(settings.control_period)
         self._is_known = True
         if settings.follow is not None:
             self.goal, self.end = None, to_nanoseconds(settings.final_time)
@@ -167,6 +199,9 @@ class GoalManager:
         goals = settings.goals
         if self._received is not None:
             goals, self._index = (self._received,), 0
+        if self._late:
+            late = self._late / NANOSECONDS
+            goals = tuple(replace(each, time=each.time + late) for each in goals)
         goal = self.goal = goals[self._index]
         self.target = Target(goal.position, goal.heading, drives_on=goal is not goals[-1])
         self.final, self.end = to_nanoseconds(goal.time), to_nanoseconds(goals[-1].time)
@@ -187,7 +222,7 @@ class GoalManager:
         """Aim at the line across the road that is to be reached at the end of the horizon."""
         follow = self._settings.follow
         assert follow is not None  # noqa: S101 (the caller has looked)
-        period = to_nanoseconds(self._settings.control_period)
+        period = self._period
         self.final = now // period * period + to_nanoseconds(follow.horizon)
         place, direction = lookahead_point(self._settings.road, pose, follow.arc_length, progress)
         self.target = Target(place, direction, is_line=True)

@@ -34,12 +34,14 @@ class Driven:
         motions: Changes of the motion and odometry instants, the last at rest.
         decisions: Of the law, up to the final time.
         exception: Type and text of an exception of the law; empty if there was none.
+        end: The final time, which the law may have put off [ns].
     """
 
     task: Task
     motions: list[Motion] = field(default_factory=list)
     decisions: list[Decision] = field(default_factory=list)
     exception: str = ''
+    end: int = 0
 
     def at(self, stamp: int) -> Array:
         """Pose at an instant that is among the motions, shape ``(3,)`` [m, m, rad]."""
@@ -47,7 +49,7 @@ class Driven:
 
     def clearance(self) -> Array:
         """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
-        settings = self.task.settings
+        settings = self.task.truth
         space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
@@ -89,19 +91,27 @@ def drive(task: Task) -> Driven:
     """
     driven, plant = Driven(task), Plant(task.plant)
     driven.motions.append(plant.motion)
-    final = to_nanoseconds(task.settings.final_time)
-    period = to_nanoseconds(1.0 / task.plant.odom_rate)
+    driven.end = to_nanoseconds(task.settings.final_time)
+    period, stamp, noted = to_nanoseconds(1.0 / task.plant.odom_rate), 0, 0
     try:
-        law, computer = GuidanceLaw(task.settings), Computer(task)
-        for stamp in range(0, final, period):
+        law, computer, eyes = GuidanceLaw(task.settings), Computer(task), task.eyes()
+        # At the very end the law may still put it off.
+        while stamp < driven.end + int(task.settings.may_be_late):
             _hand_over(plant, driven, computer, stamp)
             _advance(plant, driven, stamp)
             pose = plant.measure()
             if pose is not None and stamp >= computer.busy_until:
-                computer.take(law, law.update(stamp, pose))
+                sighting = None
+                if eyes is not None:
+                    eyes.note(*driven.motions[noted:])
+                    noted, sighting = len(driven.motions), eyes.see(stamp, pose)
+                computer.take(law, law.update(stamp, pose, (), sighting))
+                if task.settings.may_be_late and law.ends_at is not None:
+                    driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)
-        _hand_over(plant, driven, computer, final)
-        _advance(plant, driven, final)
+            stamp += period
+        _hand_over(plant, driven, computer, driven.end)
+        _advance(plant, driven, driven.end)
         if task.settings.max_wheel_change < math.inf:
             _brake(plant, driven, law, period)
     except Exception as error:
@@ -109,7 +119,7 @@ def drive(task: Task) -> Driven:
         text = ' '.join(str(error).split())
         driven.exception = f'{type(error).__name__}: {text}'
         plant.command(plant.stamp_ns, 0.0, 0.0)
-    end = max(final, plant.stamp_ns)
+    end = max(driven.end, plant.stamp_ns)
     _advance(plant, driven, end)
     plant.command(end, 0.0, 0.0)
     _advance(plant, driven, end + to_nanoseconds(_to_rest(task.plant)))
@@ -131,7 +141,7 @@ def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
 def outcome(driven: Driven) -> Outcome:
     """The figures of a run."""
     task, settings = driven.task, driven.task.settings
-    final = to_nanoseconds(settings.final_time)
+    final = driven.end
     clearance = driven.clearance()
     speeds = [each.wheel_speeds for each in driven.decisions]
     largest = [float(np.abs(each).max()) for each in speeds if np.isfinite(each).all()]
@@ -144,7 +154,7 @@ def outcome(driven: Driven) -> Outcome:
         number=task.scenario.number,
         miss=math.dist(driven.at(final)[:2], settings.goal),
         road_clearance=float(clearance[:, :_EDGES].min()),
-        obstacle_clearance=float(clearance[:, _EDGES:].min()) if settings.obstacles else None,
+        obstacle_clearance=float(clearance[:, _EDGES:].min()) if task.truth.obstacles else None,
         began_outside=_is_outside(driven),
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
@@ -158,9 +168,10 @@ def outcome(driven: Driven) -> Outcome:
         exception=driven.exception,
         shortest_way=settings.road.shortest_length(start[:2], settings.goal),
         farthest=farthest(task),
-        obstacles=len(settings.obstacles),
+        obstacles=len(task.truth.obstacles),
         x=x,
         y=y,
+        time=driven.end / NANOSECONDS,
     )
 
 
@@ -196,6 +207,8 @@ def _hand_over(plant: Plant, driven: Driven, computer: Computer, stamp: int) -> 
     if computer.busy_until > plant.stamp_ns:
         _advance(plant, driven, computer.busy_until)
     computer.decision = None
+    if decision.finished:
+        return
     driven.decisions.append(decision)
     if not decision.late and np.isfinite([*decision.twist, *decision.wheel_speeds]).all():
         plant.command(plant.stamp_ns, *decision.twist.tolist())
@@ -208,7 +221,7 @@ def _to_rest(plant: PlantSettings) -> float:
 
 
 def _is_outside(driven: Driven) -> bool:
-    settings = driven.task.settings
+    settings = driven.task.truth
     space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     return bool(space.at(driven.motions[0].pose[None]).min() < 0.0)
 

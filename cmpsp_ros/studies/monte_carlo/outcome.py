@@ -53,6 +53,7 @@ class Outcome:
         obstacles: Number on the road.
         x: At control instants and the final time [m].
         y: See `x`.
+        time: The final time, which may have been put off [s].
     """
 
     number: int
@@ -75,6 +76,7 @@ class Outcome:
     obstacles: int
     x: tuple[float, ...]
     y: tuple[float, ...]
+    time: float
 
     @property
     def clearance(self) -> float:
@@ -97,6 +99,18 @@ class Outcome:
     def out_of_reach(self) -> bool:
         """Whether even the shortest path is longer than the robot can drive in time."""
         return self.shortest_way > self.farthest
+
+    def score(self, tolerance: float, speed: float) -> float:
+        """That of the BARN challenge, at most 0.25: its time by that of the straight way.
+
+        Args:
+            tolerance: Miss up to which it has arrived [m].
+            speed: Of the straight way [m/s].
+        """
+        if self.verdict(tolerance) is not Verdict.ARRIVED:
+            return 0.0
+        shortest = self.shortest_way / speed
+        return shortest / min(max(self.time, 4.0 * shortest), 8.0 * shortest)
 
     def verdict(self, tolerance: float) -> Verdict:
         """What the run is counted as.

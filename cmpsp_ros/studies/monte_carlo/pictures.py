@@ -112,7 +112,7 @@ def _draw_place(axes: Axes, settings: GuidanceSettings) -> None:
 
 def _draw_way(axes: Axes, driven: Driven) -> None:
     """The exact arcs, each in the colour of the latest fallback level."""
-    settings = driven.task.settings
+    settings = driven.task.truth
     _draw_place(axes, settings)
     begins = np.array([each.stamp_ns for each in driven.motions])
     poses = np.array([each.pose for each in driven.motions])
@@ -138,8 +138,10 @@ def _spans(decisions: Sequence[Decision]) -> list[tuple[Decision, float]]:
 def _draw_clearance(axes: Axes, driven: Driven) -> None:
     clearance = driven.clearance()
     times = np.array([each.stamp_ns for each in driven.motions[:-1]]) / NANOSECONDS
-    settings = driven.task.settings
+    settings = driven.task.truth
     names = (*settings.road.edge_names, *(each.name for each in settings.obstacles))
+    if driven.task.scanner is not None:
+        names, clearance = ('all that stands there',), clearance.min(axis=1, keepdims=True)
     for name, column in zip(names, clearance.T, strict=True):
         axes.plot(times, column, lw=0.9, label=name)
     for level, color in LEVEL_COLORS.items():

@@ -18,7 +18,7 @@ from cmpsp_ros.studies.monte_carlo.study import Study
 NAME: Final = 'runs.jsonl'
 
 HASHED_PACKAGES: Final = (
-    *('mpsp', 'robots', 'world', 'guidance', 'simulator', 'parameters'),
+    *('mpsp', 'robots', 'world', 'sensing', 'guidance', 'simulator', 'parameters'),
     'studies/monte_carlo',
 )
 """Packages that affect the outcome of a run."""

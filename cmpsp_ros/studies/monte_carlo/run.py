@@ -10,9 +10,9 @@ from typing import Any, Final
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.studies.errors import StudyError
-from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
+from cmpsp_ros.studies.monte_carlo.judging import judge as judges
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.results_log import open_results_log
 from cmpsp_ros.studies.monte_carlo.study import Study

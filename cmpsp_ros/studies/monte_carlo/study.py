@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
@@ -14,88 +12,25 @@ import numpy as np
 from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.scans import laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
+from cmpsp_ros.simulator.laser import LaserSettings
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.errors import StudyError
-from cmpsp_ros.studies.monte_carlo.random_courses import corridor_scenario, floor_scenario
-from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, Scenario, scenario
+from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, Scenario
+from cmpsp_ros.studies.monte_carlo.eyes import Eyes
+from cmpsp_ros.studies.monte_carlo.kinds import KINDS, Kind
 
-PRESET: Final = 'case3'
 MOST_OBSTACLES: Final = 4
+
+_DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
+"""What presets have and every run draws for itself."""
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {
     'initial_guess.type': 'road',
-    'obstacles.names': [],
     'solver.initial_iterations': SolverSettings().initial_iterations,
 }
-
-
-_WITH_A_BODY: Final = {'robot.radius': 0.1, 'safety.margin': 0.02}
-
-
-@dataclass(frozen=True)
-class Kind:
-    """The properties of one kind of study.
-
-    Attributes:
-        changes: Parameters that differ from those of the preset.
-        tolerance: Largest miss that counts as arrived [m].
-        draw: Makes a scenario from the settings, the seed, its number and the most obstacles.
-        lateness: Longest time that a control step takes, in control periods.
-        lag: Least and greatest time constant of the wheels, drawn for each run [s]; None for that
-            of the parameters.
-    """
-
-    changes: Mapping[str, Any]
-    tolerance: float
-    draw: Callable[[GuidanceSettings, int, int, int], Scenario] = scenario
-    lateness: float = 0.0
-    lag: tuple[float, float] | None = None
-
-    @property
-    def has_own_roads(self) -> bool:
-        """Whether each run has another road."""
-        return self.draw is not scenario
-
-
-KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
-    {
-        'nominal': Kind({}, 1e-3),
-        'disturbed': Kind(
-            {
-                'noise.position_stddev': 0.005,
-                'noise.heading_stddev': math.radians(0.5),
-                'wheel_lag': 0.05,
-                'wheel_slip': [0.03, 0.03],
-                'actuation_delay': 0.06,
-                # What the wheels lag comes to as much.
-                'command_delay': 0.11,
-                'max_wheel_slip': 0.1,
-                'safety.margin': 0.05,
-            },
-            0.05,
-        ),
-        # Steps take between nothing and the longest time, and the delay is known on the average.
-        'realtime': Kind(
-            {'command_delay': 0.1, 'max_command_delay': 0.3, 'safety.margin': 0.05},
-            0.05,
-            lateness=1.5,
-        ),
-        # The law is told how much the wheels lag at most, and estimates by how much they do.
-        'heavy': Kind(
-            {
-                'robot.max_wheel_acceleration': 60.0,
-                'max_wheel_lag': 0.3,
-                'safety.margin': 0.05,
-            },
-            0.05,
-            lag=(0.1, 0.3),
-        ),
-        'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
-        'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -133,16 +68,16 @@ class Study:
         """
         if self.name not in KINDS:
             raise StudyError(f'study: found {self.name!r}, wanted one of {", ".join(KINDS)}')
-        given = load_parameter_file(PRESET)
-        for name in given['obstacles.names']:
-            given = {k: v for k, v in given.items() if not k.startswith(f'obstacles.{name}.')}
+        given = load_parameter_file(self.kind.preset)
+        given = {key: value for key, value in given.items() if not key.startswith(_DRAWN)}
         given |= {**_ALWAYS, **self.kind.changes}
         given.update(parse_assignment(each) for each in self.assignments)
         values = TABLE.resolve(given)
         settings = guidance_settings(values)
         plant_settings(values)
-        if values['road.type'] != 'annulus':
-            raise StudyError(f'road.type: found {values["road.type"]}, wanted annulus')
+        wanted = 'none' if self.kind.sees else 'annulus'
+        if values['road.type'] != wanted:
+            raise StudyError(f'road.type: found {values["road.type"]}, wanted {wanted}')
         width = settings.road.width
         needed = max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
         if width <= needed:
@@ -162,11 +97,13 @@ class Study:
         if self.kind.lag is not None:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
             plant = replace(plant, wheel_lag=lag)
+        known = () if self.kind.sees else drawn.obstacles
         return Task(
             drawn,
-            replace(settings, obstacles=drawn.obstacles, **drawn.changes),
+            replace(settings, obstacles=known, **drawn.changes),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
             self.kind.lateness,
+            replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
         )
 
     def command(self, number: int) -> str:
@@ -188,12 +125,27 @@ class Task:
         settings: Of the guidance law.
         plant: Of the simulated robot.
         lateness: Longest time that a control step takes, in control periods.
+        scanner: Of a robot that knows nothing of the obstacles but what it sees.
+        patience: Time after which a run that is put off again and again ends [s].
     """
 
     scenario: Scenario
     settings: GuidanceSettings
     plant: PlantSettings
     lateness: float = 0.0
+    scanner: LaserSettings | None = None
+    patience: float = 180.0
+
+    @property
+    def truth(self) -> GuidanceSettings:
+        """The settings with all obstacles, those that are not known too."""
+        return replace(self.settings, obstacles=self.scenario.obstacles)
+
+    def eyes(self) -> Eyes | None:
+        """What the robot sees with, if it does."""
+        if self.scanner is None:
+            return None
+        return Eyes(self.settings, self.scanner, self.scenario.obstacles)
 
 
 @cache
@@ -201,3 +153,8 @@ def _setup(study: Study) -> tuple[GuidanceSettings, PlantSettings]:
     """What all runs of a study have in common; to read it takes as long as a run."""
     values = study.values()
     return guidance_settings(values), plant_settings(values)
+
+
+@cache
+def _scanner(study: Study) -> LaserSettings:
+    return laser_settings(study.values())

@@ -18,6 +18,11 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 _LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
+_SPREADS = {
+    'miss [m], goal in reach': 'miss_in_reach_m',
+    'clearance [m]': 'clearance_m',
+    'time [s]': 'time_s',
+}
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
 
@@ -77,6 +82,8 @@ def figures(
     """All figures of a study, ready for JSON."""
     verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
     reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
+    speed, tolerance = study.kind.score_speed, study.tolerance
+    scores = [] if speed is None else [each.score(tolerance, speed) for each in outcomes]
     return {
         'study': study.name,
         'seed': study.seed,
@@ -95,6 +102,8 @@ def figures(
         },
         'miss_in_reach_m': _quantiles([each.miss for each in reachable]),
         'clearance_m': _quantiles([each.clearance for each in outcomes]),
+        **({'time_s': _quantiles([each.time for each in outcomes])} if study.kind.sees else {}),
+        **({'mean_score': float(np.mean(scores))} if scores else {}),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
         'failures': [
             {
@@ -130,14 +139,15 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
     steps = sum(values['control_steps'].values())
     for level, count in values['control_steps'].items():
         counts.add_row(f'control steps {level.replace("_", " ")}', str(count), str(steps), '')
+    if 'mean_score' in values:
+        counts.add_row('mean score', f'{values["mean_score"]:.4f}', '0.25', '')
     counts.add_section()
     for name, count in values['verdicts'].items():
         counts.add_row(name, str(count), str(values['runs']), '')
     spreads = Table('', *_QUANTILES)
-    for name, key in (
-        ('miss [m], goal in reach', 'miss_in_reach_m'),
-        ('clearance [m]', 'clearance_m'),
-    ):
+    for name, key in _SPREADS.items():
+        if key not in values:
+            continue
         spreads.add_row(escape(name), *(f'{values[key][each]:.4g}' for each in _QUANTILES))
     if not values['failures']:
         return [counts, spreads]

@@ -12,9 +12,10 @@ from cmpsp_ros.bags.reader import Bag
 pytestmark = pytest.mark.integration
 
 
-def test_obstacles_that_only_a_scanner_sees_in_lockstep(start_demo, judge, tmp_path):
+@pytest.mark.parametrize('preset', ['unknown', 'clutter'])
+def test_obstacles_that_only_a_scanner_sees_in_lockstep(start_demo, judge, tmp_path, preset):
     folder = tmp_path / 'run'
-    running = start_demo('unknown', '--lockstep', '--output', folder)
+    running = start_demo(preset, '--lockstep', '--output', folder)
     assert running.wait(LIMIT) == 0, running.stdout + running.stderr
     summary = json.loads((folder / 'summary.json').read_text())
     # By all that stands there.

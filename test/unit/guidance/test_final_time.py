@@ -66,3 +66,27 @@ def test_odometry_that_comes_much_later_is_judged_where_it_is(settings):
     decisions, pose, _ = drive(settings, [*at(50, 500), END + 2_000_000_000])
     assert decisions[-1].terminal_error == settings.target.errors(pose)[0] > 1.0
     assert decisions[-1].missed
+
+
+MAPPED = {'final_time': 20.0, 'robot.max_wheel_acceleration': 50.0}
+"""Out of a dead end in less time than it takes."""
+
+
+@pytest.mark.parametrize('may_be_late', [False, True])
+def test_a_goal_that_may_be_late_is_put_off_until_it_is_reached(may_be_late):
+    given = {**load_parameter_file('dead_end'), **MAPPED, 'goal.may_be_late': may_be_late}
+    values = TABLE.resolve(given)
+    settings = guidance_settings(values)
+    law, pose, stamp, decisions = GuidanceLaw(settings), np.array(values['initial_pose']), 0, []
+    while not decisions or not decisions[-1].finished:
+        assert stamp < 60 * 10**9
+        decisions.append(law.update(stamp, pose))
+        period = np.array([settings.control_period])
+        pose = settings.robot.roll_out(pose, decisions[-1].wheel_speeds[None], period)[-1]
+        stamp += round(settings.control_period * 1e9)
+    put_off = [each for each in decisions if 'is put off by' in each.reason]
+    assert decisions[-1].missed is not may_be_late
+    assert bool(put_off) is may_be_late
+    if may_be_late:
+        assert decisions[-1].goal.time == (stamp - 200_000_000) / 1e9 > 20.0
+        assert put_off[0].time_left > 20.0 - put_off[0].stamp / 1e9

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -65,18 +66,34 @@ WALL = {
 }
 
 
-def wall_ahead(x, reach):
-    ends = {'start': [x, -reach], 'end': [x, reach]}
-    return {**WALL, **{f'sim.obstacles.wall.{key}': place for key, place in ends.items()}}
-
-
-@pytest.mark.parametrize('seed', range(3))
-@pytest.mark.parametrize('reach', [0.5, 1.5])
-def test_a_wall_that_appears_a_metre_ahead_is_not_touched(reach, seed):
-    """Across a part of the road, or all of it, before a robot at 1 m/s."""
-    given = {**FAST, 'final_time': 11.0, 'sim.scan.stddev': 0.01, 'noise.seed': seed}
-    empty = Drive(**given, end=4.0)
+@cache
+def on_an_empty_road():
+    """Where a robot at 1 m/s is after four seconds [m], its radius, and its margin added."""
+    empty = Drive(**{**FAST, 'final_time': 11.0}, end=4.0)
     assert speeds(empty)[-1] == pytest.approx(1.0, abs=0.15)
-    x = empty.pose[0] + empty.settings.robot_radius + 0.05 + 1.0
-    drive = Drive(**{**given, **wall_ahead(x, reach)}, appears=4.0, end=7.0)
-    assert drive.clearance > 0.0
+    return empty.pose[0] + empty.settings.robot_radius + empty.settings.safety.margin
+
+
+def wall_a_metre_ahead(seed):
+    """A run in which a wall appears, across a part of the road or all of it."""
+    random = np.random.default_rng(seed)
+    reach, tilt, aside = random.uniform([0.2, -0.5, -0.3], [1.5, 0.5, 0.3])
+    # No end of it is nearer than a metre.
+    x = on_an_empty_road() + 1.0 + 0.05 + reach * abs(math.sin(tilt))
+    along, across = reach * math.sin(tilt), reach * math.cos(tilt)
+    ends = {'start': [x - along, aside - across], 'end': [x + along, aside + across]}
+    wall = {f'sim.obstacles.wall.{key}': list(map(float, each)) for key, each in ends.items()}
+    noise = {'sim.scan.stddev': 0.01, 'noise.seed': seed}
+    return Drive(**{**FAST, 'final_time': 11.0, **noise, **WALL, **wall}, appears=4.0, end=6.5)
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_a_wall_that_appears_a_metre_ahead_is_not_touched(seed):
+    assert wall_a_metre_ahead(seed).clearance > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_two_hundred_walls_that_appear_a_metre_ahead():
+    clearances = [wall_a_metre_ahead(seed).clearance for seed in range(200)]
+    assert min(clearances) > 0.0, np.flatnonzero(np.array(clearances) <= 0.0)

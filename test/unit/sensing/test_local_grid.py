@@ -154,7 +154,16 @@ def test_nothing_is_where_the_robot_stands():
     local = grid()
     local.see(beams([(0.12, 0.02)]))
     local.stand_at(0.02, 0.02, 0.25, 0)
-    assert known(local, [(0.12, 0.05), (-0.15, 0.05), (0.02, 0.35)]) == [FREE, FREE, UNKNOWN]
+    places = [(0.12, 0.05), (-0.15, 0.05), (0.02, 0.35), (0.02, 0.65)]
+    assert known(local, places) == [FREE, FREE, FREE, UNKNOWN]
+
+
+def test_what_was_seen_beside_the_robot_stays():
+    # A scanner that does not see behind never sees it again.
+    local = grid()
+    local.see(beams([(0.35, 0.05)]))
+    local.stand_at(0.02, 0.02, 0.25, 0)
+    assert known(local, [(0.35, 0.05), (0.02, 0.35)]) == [OCCUPIED, FREE]
 
 
 def test_beams_from_and_to_beyond_the_grid():

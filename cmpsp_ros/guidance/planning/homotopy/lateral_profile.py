@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,11 +18,13 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
     guess_arrays,
     largest_turn,
     steer,
+    wrapped,
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import Kinematics
+from cmpsp_ros.robots.kinematics import DIFFERENTIAL_DRIVE, Kinematics
+from cmpsp_ros.robots.robot_functions import drive
 
 Array = NDArray[np.float64]
 
@@ -91,6 +95,9 @@ def follow_profile(
 ) -> Array:
     """Pursuit of a point ahead on a path, so paced as to be at its end in time.
 
+    Where the change of two wheels is limited none changes faster, and a robot at rest turns on the
+    spot first: while it sets out it cannot turn.
+
     Args:
         settings: All settings of the guidance law.
         start: Where to begin.
@@ -104,6 +111,10 @@ def follow_profile(
     """
     left = np.zeros(len(profile))
     left[:-1] = np.cumsum(lengths(frame, profile)[::-1])[::-1]
+    robot, change = start.robot.kinematics, math.inf
+    if robot.model == DIFFERENTIAL_DRIVE:
+        change = settings.max_wheel_change
+    turns_first = change < math.inf and not start.previous_control.any()
     controls, poses = guess_arrays(start, durations)
     _follow(
         controls,
@@ -112,9 +123,12 @@ def follow_profile(
         frame,
         np.ascontiguousarray(profile),
         left,
-        start.robot.kinematics,
+        robot,
         largest_turn(settings),
         free_turn_rate,
+        np.ascontiguousarray(start.previous_control, dtype=np.float64),
+        float(change),
+        _SPOT if turns_first else math.inf,
     )
     return controls
 
@@ -136,6 +150,10 @@ def lengths(frame: RoadFrame, profile: Array) -> Array:
     return pieces
 
 
+_SPOT = 0.5
+"""Angle up to which a robot at rest turns on the spot [rad]."""
+
+
 @allocation_free
 def _follow(
     controls: Array,
@@ -147,6 +165,9 @@ def _follow(
     robot: Kinematics,
     max_turn: float,
     free_turn_rate: float,
+    previous: Array,
+    max_change: float,
+    spot: float,
 ) -> None:
     """Fill the controls, step by step along the poses that they lead to."""
     steps, end = durations.shape[0], frame.step * (profile.shape[0] - 1)
@@ -161,18 +182,33 @@ def _follow(
         there = at + ahead / max(stretch, SHORTEST_LOOKAHEAD)
         lateral = _interpolate(profile, frame.step, there)
         x, y = point_at(frame, min(there, end), lateral)
-        steer(
-            controls,
-            poses,
-            k,
-            durations[k],
-            x - poses[k, 0],
-            y - poses[k, 1],
-            speed,
-            robot,
-            max_turn,
-            free_turn_rate,
-        )
+        angle = wrapped(math.atan2(y - poses[k, 1], x - poses[k, 0]) - poses[k, 2])
+        if abs(angle) <= spot:
+            spot = math.inf
+            steer(
+                controls,
+                poses,
+                k,
+                durations[k],
+                x - poses[k, 0],
+                y - poses[k, 1],
+                speed,
+                robot,
+                max_turn,
+                free_turn_rate,
+            )
+        else:
+            # The wheels brake as they have set out: by half of the angle each.
+            change = max_change * robot.gain / robot.arm
+            turn = min(abs(angle), max_turn, math.sqrt(change * durations[k] * abs(angle)))
+            rim = math.copysign(turn, angle) / durations[k] * robot.arm / robot.gain
+            controls[k, 0], controls[k, 1] = rim, -rim
+        if max_change < math.inf:
+            for side in range(2):
+                before = previous[side] if k == 0 else controls[k - 1, side]
+                within = max(controls[k, side], before - max_change)
+                controls[k, side] = min(within, before + max_change)
+            drive(poses, controls, k, durations[k], robot)
         at, _, bearing = locate(frame, poses[k + 1, 0], poses[k + 1, 1], at, bearing)
         left = max(left - durations[k], 1e-9)
     for a in range(controls.shape[1]):

@@ -192,6 +192,8 @@ def turning_first(
         Wheel speeds, shape ``(N + 1, 2)`` [rad/s].
     """
     robot, frame, pose = start.robot, path.frame, start.pose
+    if settings.max_wheel_change < math.inf:
+        return path.guess
     stretch = stretch_at(frame, 0.0, float(path.profile[0]))
     there = SHORTEST_LOOKAHEAD / max(stretch, SHORTEST_LOOKAHEAD)
     lateral = float(np.interp(there, frame.stations, path.profile))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.studies.monte_carlo import Study
-from cmpsp_ros.studies.monte_carlo import judge as judges
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
-from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
+from cmpsp_ros.studies.monte_carlo.judging import judge as judges
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.outcome import Verdict
 from cmpsp_ros.world.free_space import FreeSpace
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
-from cmpsp_ros.studies.monte_carlo.scenario import FROM_EDGE, GAP, RADII, is_open, scenario
+from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, RADII, is_open, scenario
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
 

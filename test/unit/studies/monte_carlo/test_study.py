@@ -18,9 +18,9 @@ from pyarrow import parquet
 
 import cmpsp_ros
 from cmpsp_ros.studies.monte_carlo import Order, Study, StudyError, run
-from cmpsp_ros.studies.monte_carlo import judge as judges
+from cmpsp_ros.studies.monte_carlo.judging import judge as judges
+from cmpsp_ros.studies.monte_carlo.judging.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.results_log import HASHED_PACKAGES, NAME, open_results_log
-from cmpsp_ros.studies.monte_carlo.slalom import slalom
 from cmpsp_ros.studies.monte_carlo.workers import make
 
 STUDY = Study('nominal', 1)

@@ -1,6 +1,7 @@
 """The search for homotopy classes, and guesses that follow them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -263,3 +264,15 @@ def test_words():
     assert in_words((0, 0), ('a', 'b')) == ''
     assert in_words((0, -1), ('a', 'b')) == 'right of b'
     assert in_words((1, -1, 1), ('a', 'b', 'c')) == 'left of a, right of b and left of c'
+
+
+def test_a_guess_changes_no_wheel_faster_than_it_can_and_turns_first_from_rest():
+    away = (START[0], START[1], START[2] + math.pi)
+    given = settings((), 51.0, ROAD)
+    given = replace(given, robot=replace(given.robot, max_wheel_acceleration=60.0))
+    _, [way], [path] = search(given, away)
+    changes = np.diff(way.guess, axis=0, prepend=np.zeros((1, 2)))
+    assert np.abs(changes).max() <= given.max_wheel_change + 1e-9
+    turned = np.flatnonzero(np.cos(path[:, 2] - START[2]) > math.cos(0.6))[0]
+    assert np.hypot(*(path[:turned, :2] - path[0, :2]).T).max() < 0.1
+    assert math.dist(path[-1, :2], given.goal) < 1.0

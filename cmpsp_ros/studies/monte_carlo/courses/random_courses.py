@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
-from cmpsp_ros.studies.monte_carlo.scenario import GAP, Point, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.furniture import THIN, box, moved, pocket, shapes
+from cmpsp_ros.studies.monte_carlo.courses.scenario import GAP, Point, Scenario
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Shape, convex
+from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.arc_length import lookahead_point
 from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.roads.open_floor import OpenFloor
@@ -29,7 +30,6 @@ _HALF_WIDTHS: Final = (0.6, 1.4)
 # From one obstacle on a corridor to the next, and from the ends to the first and the last [m].
 _APART: Final = (1.6, 2.6)
 _FROM_END: Final = 1.2
-_THIN: Final = 0.05
 _HEADINGS: Final = math.pi / 2.0
 # Fraction of the top speed that is needed for the straight way, and what is added to it [m].
 _PACE: Final = (0.5, 0.75)
@@ -92,16 +92,16 @@ def floor_scenario(
     for index in range(int(random.integers(1, max(most_obstacles, 1) + 1))):
         for _ in range(_ATTEMPTS):
             along, across = random.uniform(1.0, distance - 1.0), random.normal(0.0, 0.6)
-            center = _moved((0.0, 0.0), course, along, across)
-            drawn = _shapes(random, center, course, f'o{index + 1}')
+            center = moved((0.0, 0.0), course, along, across)
+            drawn = shapes(random, center, course, f'o{index + 1}')
             away = FreeSpace.of(OpenFloor(), drawn, settings.robot_radius).at(ends)[:, 2:]
             if away.min() >= _CLEAR:
                 obstacles += drawn
                 break
     if random.uniform() < _DEAD_ENDS:
         end, heading = (pose[:2], goal)[int(random.integers(2))], random.uniform(-math.pi, math.pi)
-        back, (wide, deep) = _moved(end, heading, _FROM_BACK, 0.0), random.uniform(1.4, 2.0, 2)
-        obstacles = [*_pocket(back, heading, float(wide), float(deep), 'end'), *obstacles]
+        back, (wide, deep) = moved(end, heading, _FROM_BACK, 0.0), random.uniform(1.4, 2.0, 2)
+        obstacles = [*pocket(back, heading, float(wide), float(deep), 'end'), *obstacles]
         distance += 2.0 * float(deep) + _DETOUR
     whole = _Course(OpenFloor(), pose, goal, obstacles, distance + _DETOUR)
     made = _scenario(settings, number, random, plant_seed, whole)
@@ -132,7 +132,7 @@ def _scenario(
 def _corridor(random: _Random) -> Corridor:
     course, points = random.uniform(-math.pi, math.pi), [(0.0, 0.0)]
     for _ in range(_POINTS - 1):
-        points.append(_moved(points[-1], course, _SPACING, 0.0))
+        points.append(moved(points[-1], course, _SPACING, 0.0))
         course += random.uniform(-_LARGEST_TURN, _LARGEST_TURN)
     left, right = (float(each) for each in random.uniform(*_HALF_WIDTHS, 2))
     narrower = random.uniform(0.8, 1.0, (2, _POINTS))
@@ -160,53 +160,10 @@ def _across(random: _Random, road: Corridor, at: float, gap: float, name: str) -
         reach = random.uniform(0.3, max(whole - gap - 0.2, 0.31))
         ends = (left + 0.3, left - reach) if side > 0.0 else (-right - 0.3, -right + reach)
         low, high = min(ends), max(ends)
-        deep = _THIN if kind == 0 else random.uniform(0.3, 0.8)
-        return _box(
-            _moved((x, y), heading, 0.0, (low + high) / 2.0), heading, deep, high - low, name
-        )
+        deep = THIN if kind == 0 else random.uniform(0.3, 0.8)
+        return box(moved((x, y), heading, 0.0, (low + high) / 2.0), heading, deep, high - low, name)
     # On the centre line: a wall across it, or a crate. The wider side has the gap.
     most = 2.0 * (max(left, right) - gap - 0.15)
     size = min(random.uniform(0.3, 1.2), max(most, 0.1))
-    deep = _THIN if kind == 2 else random.uniform(0.2, 0.8)
-    return _box((x, y), tilted if size < 0.6 else heading, deep, size, name)
-
-
-def _shapes(random: _Random, center: Point, course: float, name: str) -> list[Shape]:
-    """A post, a wall, a crate, or three walls around a pocket that opens towards the start."""
-    kind, heading = int(random.integers(4)), random.uniform(-math.pi, math.pi)
-    if kind == 0:
-        return [Obstacle(name, center, float(random.uniform(0.1, 0.8)))]
-    if kind == 1:
-        return [_box(center, heading, _THIN, random.uniform(0.5, 3.0), name)]
-    if kind == 2:
-        deep, wide = random.uniform(0.3, 1.2, 2).tolist()
-        return [_box(center, heading, deep, wide, name)]
-    wide, deep = random.uniform(0.6, 2.0), random.uniform(0.3, 1.0)
-    return _pocket(center, course + random.uniform(-0.5, 0.5), wide, deep, name)
-
-
-def _pocket(center: Point, heading: float, wide: float, deep: float, name: str) -> list[Shape]:
-    """Three walls, the middle of the back wall, and a point behind it."""
-    sides = [_moved(center, heading, -deep / 2.0, side * wide / 2.0) for side in (-1.0, 1.0)]
-    return [
-        _box(center, heading, _THIN, wide, f'{name}_back'),
-        _box(sides[0], heading + math.pi / 2.0, _THIN, deep, f'{name}_right'),
-        _box(sides[1], heading + math.pi / 2.0, _THIN, deep, f'{name}_left'),
-    ]
-
-
-def _box(center: Point, heading: float, deep: float, wide: float, name: str) -> Shape:
-    """A wall if it is thin, or else a crate."""
-    if deep <= _THIN:
-        half = max(wide / 2.0 - deep, 0.01)
-        ends = (_moved(center, heading, 0.0, half), _moved(center, heading, 0.0, -half))
-        return Capsule(name, *ends, deep)
-    corners = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0))
-    return convex(
-        name, [_moved(center, heading, a * deep / 2.0, b * wide / 2.0) for a, b in corners]
-    )
-
-
-def _moved(point: Point, heading: float, along: float, left: float) -> Point:
-    cosine, sine = math.cos(heading), math.sin(heading)
-    return point[0] + along * cosine - left * sine, point[1] + along * sine + left * cosine
+    deep = THIN if kind == 2 else random.uniform(0.2, 0.8)
+    return box((x, y), tilted if size < 0.6 else heading, deep, size, name)

@@ -24,8 +24,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
-from cmpsp_ros.studies.monte_carlo.grid_search import grid_path
-from cmpsp_ros.studies.monte_carlo.slalom import at_constant_speed, slalom
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
+from cmpsp_ros.studies.monte_carlo.judging.slalom import at_constant_speed, slalom
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge

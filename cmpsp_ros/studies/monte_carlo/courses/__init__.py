@@ -1,0 +1,1 @@
+"""What is random in a run: its start, its course and its obstacles."""

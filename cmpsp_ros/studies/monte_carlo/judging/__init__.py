@@ -1,0 +1,1 @@
+"""Whether a run could have done better: other solvers, and searches."""

@@ -1,0 +1,71 @@
+"""Courses that the law is not told of: what is promised of each, and that robots get through."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.studies.monte_carlo import Study
+from cmpsp_ros.studies.monte_carlo.courses.cylinders import CELL, SIZE, is_open
+from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
+from cmpsp_ros.studies.monte_carlo.outcome import Verdict
+from cmpsp_ros.world.free_space import FreeSpace
+
+KINDS = ('sight', 'clutter')
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_start_and_goal_are_clear_with_a_way_between_them(kind):
+    for number in range(12):
+        task = Study(kind).run(number)
+        assert task.settings.obstacles == ()
+        truth, pose = task.truth, np.array(task.scenario.pose)
+        space = FreeSpace.of(truth.road, truth.obstacles, truth.robot_radius)
+        assert space.at(np.array([pose, [*truth.goal, math.nan]])).min() > 0.2
+        assert len(grid_path(truth, pose, 0.0)) > 2
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_course_depends_on_seed_and_number_alone(kind):
+    backward = [Study(kind, 3).run(number) for number in reversed(range(3))]
+    assert backward[::-1] == [Study(kind, 3).run(number) for number in range(3)]
+    assert Study(kind, 4).run(0) != Study(kind, 3).run(0)
+
+
+def test_a_field_is_open_only_for_a_square_of_five_cells():
+    cells = np.zeros((SIZE, SIZE), dtype=bool)
+    cells[:, 10] = True
+    cells[7:12, 10] = False
+    assert is_open(cells)
+    cells[7, 10] = True
+    assert not is_open(cells)
+
+
+def test_fields_grow_denser():
+    counts = [len(Study('clutter').run(number).scenario.obstacles) for number in range(4)]
+    assert counts == sorted(counts)
+    x = [each.center[0] for each in Study('clutter').run(3).scenario.obstacles[2:]]
+    assert max(x) - min(x) < SIZE * CELL
+
+
+@pytest.mark.parametrize(('kind', 'number'), [('sight', 0), ('sight', 16), ('clutter', 2)])
+def test_robots_get_through_by_sight_and_again_the_same_way(kind, number):
+    """The room is one with a dead end that is seen late."""
+    study = Study(kind)
+    made = outcome(drive(study.run(number)))
+    assert made.verdict(study.tolerance) is Verdict.ARRIVED
+    assert made.clearance > 0.0
+    assert 0.0 < made.score(study.tolerance, 2.0) <= 0.25
+    if number == 0:
+        assert outcome(drive(study.run(number))) == made
+
+
+def test_a_run_that_is_put_off_again_and_again_ends():
+    task = replace(Study('sight').run(16), patience=19.0)
+    made = outcome(drive(task))
+    assert made.time == 19.0
+    assert made.miss > 1.0

@@ -36,7 +36,7 @@ def side_by_side(given, start, steps=8, late=0):
     """Drive by the compiled plans, and compare each of them with the other kind."""
     compiled = Planner(OcpFormulation(given))
     period, final = to_nanoseconds(given.control_period), to_nanoseconds(given.final_time)
-    pose, held = np.array(start, dtype=float), np.zeros(2)
+    pose, held = np.array(start, dtype=float), given.robot.at_rest
     horizon, seen = remaining(0, period, final), []
     guess = initial_guess(given, start_of(given, pose), given.target, horizon.durations)
     for step in range(steps):

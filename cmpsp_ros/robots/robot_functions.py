@@ -88,9 +88,17 @@ def fastest_wheel(controls: Array, k: int, robot: Kinematics) -> float:
 
 @allocation_free
 def roll_out(poses: Array, controls: Array, durations: Array, robot: Kinematics) -> None:
-    """Fill the poses after the first."""
-    for k in range(durations.shape[0]):
-        drive(poses, controls, k, durations[k], robot)
+    """Fill the poses after the first; the model is asked for once, as this is done often."""
+    gain, arm = robot.gain, robot.arm
+    if robot.model == OMNIDIRECTIONAL:
+        for k in range(durations.shape[0]):
+            omnidirectional.drive(poses, controls, k, durations[k], gain)
+    elif robot.model == ACKERMANN:
+        for k in range(durations.shape[0]):
+            ackermann.drive(poses, controls, k, durations[k], gain, arm)
+    else:
+        for k in range(durations.shape[0]):
+            differential_drive.drive(poses, controls, k, durations[k], gain, arm)
 
 
 @allocation_free

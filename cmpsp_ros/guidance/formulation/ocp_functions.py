@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.robot_functions import drive, put_gradients
+from cmpsp_ros.robots.robot_functions import put_gradients, roll_out
 from cmpsp_ros.world.grids.field_functions import Fields
 from cmpsp_ros.world.obstacles.shape_functions import away_from
 from cmpsp_ros.world.roads import road_functions
@@ -109,8 +109,7 @@ def predict(data: GuidanceData, U: Array, X: Array) -> None:
     """
     for i in range(3):
         X[0, i] = data.pose[i]
-    for k in range(data.durations.shape[0]):
-        drive(X, U, k, data.durations[k], data.robot)
+    roll_out(X, U, data.durations, data.robot)
 
 
 @allocation_free

@@ -109,8 +109,10 @@ def warm_up_all(
     # The solver takes as long as all else that a road needs. The method comes last: most of its
     # code is the roads' too.
     work: dict[str, Callable[[], None]] = {'the solver': _solver}
-    work |= {name: partial(_drive, each) for name, each in _kinds(presets).items()}
-    work['scans'] = _scans
+    kinds = _kinds(presets)
+    work |= {name: partial(_drive, each) for name, each in kinds.items()}
+    if any(each.sight.sensors for kind in kinds.values() for each in kind):
+        work['scans'] = _scans
     if not presets:
         work['the method'] = _method
     begun: SimpleQueue[str] = get_context('spawn').SimpleQueue()

@@ -94,8 +94,8 @@ def test_a_plan_is_its_points():
     assert plan_of(Path()) == []
 
 
-def test_speeds_are_those_of_two_wheels():
-    assert speeds_of(JointState(velocity=[1.0, 2.0, 3.0])) == [1.0, 2.0]
+def test_speeds_are_those_of_all_wheels():
+    assert speeds_of(JointState(velocity=[1.0, 2.0, 3.0])) == [1.0, 2.0, 3.0]
     assert speeds_of(JointState()) == []
 
 

@@ -154,12 +154,12 @@ def test_far_away_nothing_is_slowed_down():
     assert not any('Slows' in each.reason for each in run.decisions)
 
 
-@pytest.mark.parametrize('number', [14, 43])
+@pytest.mark.parametrize('number', [10, 46])
 def test_wheels_that_lag_as_much_as_they_may_touch_nothing(number):
-    """Without it, this heavy robot leaves the road by 14 cm and more."""
+    """Without it, this heavy robot leaves the road by 24 cm and more."""
     assert outcome(drive_study(Study('heavy').run(number))).clearance > 0.0
     heedless = Study('heavy', assignments=('max_wheel_lag=0.0',))
-    assert outcome(drive_study(heedless.run(number))).clearance < -0.1
+    assert outcome(drive_study(heedless.run(number))).clearance < -0.2
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,9 @@ def test_a_good_run(task):
 
 def test_a_start_in_an_obstacle_has_begun_outside_and_touches(task):
     obstacles = (Obstacle('o', (0.0, -9.25), 0.2),)
-    made = outcome(drive(replace(task, settings=replace(task.settings, obstacles=obstacles))))
+    scenario = replace(task.scenario, obstacles=obstacles)
+    settings = replace(task.settings, obstacles=obstacles)
+    made = outcome(drive(replace(task, scenario=scenario, settings=settings)))
     assert made.began_outside
     assert made.clearance == made.obstacle_clearance <= -0.2 + 1e-12
     assert made.verdict(1e-3) == Verdict.TOUCHED
@@ -53,10 +55,10 @@ def test_a_start_in_an_obstacle_has_begun_outside_and_touches(task):
 def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
     law = GuidanceLaw.update
 
-    def update(self, stamp, pose):
+    def update(self, stamp, pose, *seen):
         if stamp >= 2_000_000_000:
             raise ZeroDivisionError('of\nall things')
-        return law(self, stamp, pose)
+        return law(self, stamp, pose, *seen)
 
     monkeypatch.setattr(GuidanceLaw, 'update', update)
     driven = drive(task)
@@ -74,8 +76,8 @@ def test_an_exception_is_kept_and_stops_the_robot(task, monkeypatch):
 def test_commands_that_must_not_be_are_counted(task, monkeypatch, scale, verdict):
     law = GuidanceLaw.update
 
-    def update(self, stamp, pose):
-        decision = law(self, stamp, pose)
+    def update(self, stamp, pose, *seen):
+        decision = law(self, stamp, pose, *seen)
         if decision is None or stamp < 9_800_000_000:
             return decision
         speeds, twist = decision.wheel_speeds * scale, decision.twist * scale

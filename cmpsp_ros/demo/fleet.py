@@ -103,8 +103,8 @@ def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Ru
     path, apart = run.driven.between(first, last), math.inf
     for other, its in zip(fleet, runs, strict=True):
         if other is not own:
-            both = own.settings.robot_radius + other.settings.robot_radius
-            timeout = own.settings.moving_obstacles.timeout
-            met = robot_encounters(path, {other.namespace: its.driven}, both, timeout)
+            both = own.settings.robot_radius + other.settings.circumscribed_radius
+            around = both, own.settings.moving_obstacles.timeout, own.settings.footprint.discs
+            met = robot_encounters(path, {other.namespace: its.driven}, *around)
             apart = min([apart, *(float(each.clearance.min()) for each in met)])
     return Robot(own.namespace, summarise(run, own.settings, own.name), apart)

@@ -19,7 +19,6 @@ from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
 
 # Part of the speed along a road by which its mean may be off.
 _SPEED_TOLERANCE = 0.02
@@ -139,11 +138,10 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         BagError: The run was not recorded up to its final time.
     """
     first, last = window(run, settings)
-    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     driven = run.driven.between(first, last)
-    clearance = space.along(driven.poses[:-1], driven.twists[:-1], driven.durations)
-    timeout = settings.moving_obstacles.timeout
-    met = encounters(driven, run.tracks, settings.robot_radius, timeout)
+    clearance = settings.space().along(driven.poses[:-1], driven.twists[:-1], driven.durations)
+    timeout, discs = settings.moving_obstacles.timeout, settings.footprint.discs
+    met = encounters(driven, run.tracks, settings.robot_radius, timeout, discs)
     nearest = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
     passings = []
     for goal in settings.goals:

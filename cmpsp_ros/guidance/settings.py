@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
+from cmpsp_ros.robots.footprint import Footprint
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import SightSettings
+from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.inter_sample_margin import outside
@@ -178,7 +180,9 @@ class GuidanceSettings:
         obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
         sight: What sees obstacles, and how that is remembered.
-        robot_radius: Radius of the robot's footprint, kept from obstacles and road edges [m].
+        robot_radius: Radius of the robot's footprint, or of each disc that covers it, kept from
+            obstacles and road edges [m].
+        footprint: Its corners, if it has any, and the discs that cover it.
         frame_id: Frame of odometry, road, obstacles and goal.
         odom_timeout: Age at which odometry counts as lost [s].
         max_lag: Longest time constant with which the wheels may follow a command [s].
@@ -208,6 +212,7 @@ class GuidanceSettings:
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     sight: SightSettings = field(default_factory=SightSettings)
     robot_radius: float = 0.0
+    footprint: Footprint = field(default_factory=Footprint)
     weights: Weights = field(default_factory=Weights)
     solver: SolverSettings = field(default_factory=SolverSettings)
     initial_guess: InitialGuess = field(default_factory=InitialGuess)
@@ -292,13 +297,29 @@ class GuidanceSettings:
             obstacles = (*known, *(() if self.searched is None else (self.searched,)))
         wanted = self.kept
         if self.safety.between_samples and math.isfinite(self.robot.max_wheel_speed):
-            wanted = outside(wanted, self.robot.twist_limits(), self.control_period)
+            limits = self.footprint.twist_limits(self.robot)
+            wanted = outside(wanted, limits, self.control_period)
         return MapSearch(obstacles, wanted, self.kept / 2.0)
 
     @property
     def kept(self) -> float:
-        """Distance of the robot's centre from everything [m]."""
+        """Distance of the centres of the robot's discs from everything [m]."""
         return self.robot_radius + self.safety.margin
+
+    @property
+    def circumscribed_radius(self) -> float:
+        """Radius about the reference point that contains all discs [m]."""
+        return self.footprint.reach + self.robot_radius
+
+    @property
+    def inscribed_radius(self) -> float:
+        """Radius about the reference point that is inside the footprint at any heading [m]."""
+        return self.footprint.inscribed if self.footprint.corners else self.robot_radius
+
+    def space(self, margin: float = 0.0) -> FreeSpace:
+        """Where the robot may be, with a margin [m] around it."""
+        distance = self.robot_radius + margin
+        return FreeSpace.of(self.road, self.obstacles, distance, self.footprint.discs)
 
     @property
     def annulus(self) -> Annulus:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Final
 
+from cmpsp_ros.parameters.footprints import footprint_of
 from cmpsp_ros.parameters.table import Values
 
 _LARGEST_LENGTHS: Final = {
@@ -37,6 +38,11 @@ def plausibility_warnings(values: Values) -> Iterator[str]:
     for key, largest in _LARGEST_LENGTHS.items():
         if values[key] > largest:
             yield f'{key} = {values[key]:g} looks like millimetres: it is in metres.'
+    corners = footprint_of(values)[0].corners
+    if any(abs(each) > _LARGEST_LENGTHS['robot.radius'] for corner in corners for each in corner):
+        yield 'robot.footprint looks like millimetres: it is in metres.'
+    if corners and values['robot.radius']:
+        yield 'robot.radius does not count: robot.footprint says what the robot takes up.'
     limit, acceleration = values['robot.max_wheel_speed'], values['robot.max_wheel_acceleration']
     if limit > _LONGEST_BRAKING * acceleration > 0.0:
         yield (

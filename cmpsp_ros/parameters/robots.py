@@ -163,6 +163,10 @@ def robot_parameters() -> Iterator[Parameter]:
     yield robot('robot.radius', _DOUBLE, 0.0, 'm',
         "Radius of the robot's footprint. Obstacles are enlarged and the road is narrowed by it.",
         range=_NOT_NEGATIVE)
+    yield robot('robot.footprint', _STRING, '', 'm',
+        'Corners of the footprint as Nav2 writes them, `"[[x1, y1], [x2, y2], ...]"`: ahead and to '
+        'the left of the place that odometry is of. Five discs at most cover it. `robot.radius` '
+        'does not count with it. Empty: a disc of that radius.')
     yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
         'Names of the wheel joints in the wheel-speed message: right, left; of a `mecanum` robot '
         'front left, front right, rear right, rear left; of an `ackermann` robot that of the rear '

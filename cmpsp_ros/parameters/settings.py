@@ -31,6 +31,7 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.footprints import footprint_of, footprint_problems
 from cmpsp_ros.parameters.robots import robot_of, robot_problems
 from cmpsp_ros.parameters.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
@@ -56,12 +57,13 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         The settings, checked against each other.
 
     Raises:
-        ParameterError: If a number is far out of range; otherwise, all of these problems: an
-            invalid or too narrow road, an invalid obstacle, a goal off the road or in an obstacle,
-            times out of order or too short for a control step and its command, a followed road with
-            an end, a QP back end that is not installed, an invalid namespace of another robot.
+        ParameterError: If a number is far out of range or the footprint is invalid; otherwise, all
+            of these problems: an invalid or too narrow road, an invalid obstacle, a goal off the
+            road or in an obstacle, times out of order or too short for a control step and its
+            command, a followed road with an end, a QP back end that is not installed, an invalid
+            namespace of another robot.
     """
-    _raise_if_any(list(_size_problems(values)))
+    _raise_if_any([*_size_problems(values), *footprint_problems(values)])
     goals = follow_problems if values['follow.speed'] else goal_problems
     groups = (
         robot_problems,
@@ -75,6 +77,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         start_problems,
     )
     _raise_if_any([problem for group in groups for problem in group(values)])
+    footprint, radius = footprint_of(values)
     return GuidanceSettings(
         robot=robot_of(values),
         road=road_of(values),
@@ -102,7 +105,8 @@ def guidance_settings(values: Values) -> GuidanceSettings:
             values['others.radius'],
         ),
         sight=sight_of(values),
-        robot_radius=values['robot.radius'],
+        robot_radius=radius,
+        footprint=footprint,
         weights=Weights(**_section(values, 'weights')),
         solver=SolverSettings(**_section(values, 'solver')),
         initial_guess=InitialGuess(
@@ -151,12 +155,12 @@ def check_start(values: Values) -> None:
     """Refuses a start from which there is no lawful first step.
 
     Raises:
-        ParameterError: If an obstacle cannot be made, or the initial pose is off the road or in an
-            obstacle.
+        ParameterError: If the footprint or an obstacle cannot be made, or the initial pose is off
+            the road or in an obstacle.
     """
-    _raise_if_any(list(obstacle_problems(values)))
-    x, y, _ = values['initial_pose']
-    _raise_if_any(list(place_problems(values, 'initial_pose', (x, y))))
+    _raise_if_any([*footprint_problems(values), *obstacle_problems(values)])
+    x, y, heading = values['initial_pose']
+    _raise_if_any(list(place_problems(values, 'initial_pose', (x, y), heading)))
 
 
 def check_pace(values: Values) -> None:

@@ -12,6 +12,9 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 Array = NDArray[np.float64]
 
+REFERENCE_POINT = np.zeros((1, 2))
+"""A robot's reference point as the only one of some in its frame."""
+
 # Below this turn [rad] an arc is taken for its chord, from which it is nowhere further than an
 # eighth of that part of its length.
 _STRAIGHT = 1e-10
@@ -106,6 +109,35 @@ def arc_under(poses: Array, twists: Array, k: int, duration: float) -> Arc:
     forward, left = twists[k, 0], twists[k, 1]
     course = heading + math.atan2(left, forward)
     return arc_from(x, y, course, math.hypot(forward, left) * duration, twists[k, 2] * duration)
+
+
+@allocation_free
+def point_of(x: float, y: float, heading: float, points: Array, i: int) -> Any:
+    """Where a point of the robot is: one of some, shape ``(D, 2)``, in the robot's frame [m]."""
+    ahead, left = points[i, 0], points[i, 1]
+    if ahead == 0.0 and left == 0.0:
+        return x, y
+    cosine, sine = math.cos(heading), math.sin(heading)
+    return x + cosine * ahead - sine * left, y + sine * ahead + cosine * left
+
+
+@allocation_free
+def arc_of_point(arc: Arc, heading: float, points: Array, i: int) -> Arc:
+    """The arc of a point of the robot, about the same centre; points as of `point_of`.
+
+    Args:
+        arc: That of the robot's reference point.
+        heading: Of the robot at its beginning [rad].
+        points: The points.
+        i: Which one.
+    """
+    if points[i, 0] == 0.0 and points[i, 1] == 0.0:
+        return arc
+    x, y = point_of(arc.x, arc.y, heading, points, i)
+    along_x = arc.length * arc.cosine - arc.turn * (y - arc.y)
+    along_y = arc.length * arc.sine + arc.turn * (x - arc.x)
+    course = math.atan2(along_y, along_x)
+    return arc_from(x, y, course, math.hypot(along_x, along_y), arc.turn)
 
 
 @allocation_free

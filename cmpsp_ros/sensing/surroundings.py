@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.robots.arcs import REFERENCE_POINT
+from cmpsp_ros.robots.footprint import placed
 from cmpsp_ros.sensing.beams import Sensor, Sight, project
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.sensing.pose_history import PoseHistory
@@ -58,15 +60,18 @@ class Surroundings:
     is decided on.
     """
 
-    def __init__(self, settings: SightSettings, robot_radius: float) -> None:
+    def __init__(
+        self, settings: SightSettings, robot_radius: float, discs: Array = REFERENCE_POINT
+    ) -> None:
         """Know nothing.
 
         Args:
             settings: All of them.
-            robot_radius: Radius of the robot's footprint [m].
+            robot_radius: Radius of the discs that cover the robot's footprint [m].
+            discs: Their centres in the robot's frame, shape ``(D, 2)`` [m].
         """
         self._settings = settings
-        self._robot_radius = robot_radius
+        self._robot_radius, self._discs = robot_radius, discs
         self.forget()
 
     def forget(self) -> None:
@@ -109,7 +114,8 @@ class Surroundings:
             pose: Its pose, shape ``(3,)`` [m, m, rad].
         """
         if self._has_news:
-            self._grid.stand_at(float(pose[0]), float(pose[1]), self._robot_radius, stamp)
+            for x, y in placed(self._discs, pose).tolist():
+                self._grid.stand_at(x, y, self._robot_radius, stamp)
             self._sighting = Sighting(stamp, self._grid.at(stamp))
             self._has_news = False
         return self._sighting

@@ -34,7 +34,6 @@ from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.simulator.ray_casting import cast
 from cmpsp_ros.warmup.process_pool import new_pool
-from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 
 _GIGABYTE: Final = 1 << 30
@@ -180,8 +179,7 @@ def _drive(presets: Sequence[GuidanceSettings]) -> None:
 def _measure(settings: GuidanceSettings) -> None:
     """Find the clearance of a path driven, as is done of every run and of every bag."""
     pose = settings.road.middle()
-    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-    space.along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
+    settings.space().along(pose[None], np.zeros((1, 2)), np.array([settings.control_period]))
 
 
 def _scans() -> None:

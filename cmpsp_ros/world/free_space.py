@@ -1,17 +1,17 @@
-"""Where the robot's centre may be: the road shrunk and the obstacles grown by what it needs."""
+"""Where the discs of a robot may be: the road shrunk and the obstacles grown by what they need."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_under
+from cmpsp_ros.robots.arcs import REFERENCE_POINT, arc_of_point, arc_under, point_of
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
@@ -53,12 +53,13 @@ class FreeSpace:
     corners; see `cmpsp_ros.world.obstacles.shape_functions`.
 
     Attributes:
-        road: Where on the road the robot's centre may be.
+        road: Where on the road the centre of a disc may be.
         corners: Of all shapes, one after the other, shape ``(K, C, 2)`` [m]; ``K`` is 1 where they
             stand still.
         first: Where the corners of each shape begin, and where the last end, shape ``(M + 1,)``.
         radii: Of the shapes, shape ``(M,)`` or ``(K, M)`` [m].
         grids: The shapes that have no corners but a distance field, two at most.
+        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
     road: RoadSpace
@@ -66,9 +67,12 @@ class FreeSpace:
     first: Indices
     radii: Array
     grids: tuple[GridObstacle, ...] = ()
+    discs: Array = field(default_factory=REFERENCE_POINT.copy)
 
     @classmethod
-    def of(cls, road: Road, obstacles: Sequence[Shape], distance: float) -> FreeSpace:
+    def of(
+        cls, road: Road, obstacles: Sequence[Shape], distance: float, discs: Array = REFERENCE_POINT
+    ) -> FreeSpace:
         """Space whose every point is at least ``distance`` [m] from road edges and obstacles."""
         corners = [corner for obstacle in obstacles for corner in obstacle.corners]
         counts = [len(obstacle.corners) for obstacle in obstacles]
@@ -78,6 +82,7 @@ class FreeSpace:
             np.cumsum([0, *counts], dtype=np.int64),
             np.array([obstacle.radius + distance for obstacle in obstacles], dtype=float),
             tuple(each for each in obstacles if isinstance(each, GridObstacle)),
+            discs,
         )
 
     @property
@@ -138,7 +143,7 @@ class FreeSpace:
         """Space to keep to at samples so that any arcs between them stay within this one.
 
         Args:
-            limits: What the robot can drive.
+            limits: What the centres of all discs can drive.
             period: Time between two samples [s].
         """
         grown = np.array([outside(radius, limits, period) for radius in self.radii.tolist()])
@@ -148,7 +153,8 @@ class FreeSpace:
         """Space to keep to at the samples of one plan so that its own arcs stay within this one.
 
         Args:
-            twists: Speed and turn rate between samples, shape ``(N, 2)`` [m/s, rad/s].
+            twists: Speed of the fastest disc and turn rate between samples, shape ``(N, 2)``
+                [m/s, rad/s].
             period: Time between two samples [s].
 
         Returns:
@@ -195,7 +201,7 @@ class FreeSpace:
         )
 
     def at(self, poses: Array, near: float = math.nan) -> Array:
-        """Clearance of single poses.
+        """Clearance of single poses, the least of all discs.
 
         Args:
             poses: Shape ``(K, 3)`` [m, m, rad]; the samples, where the space is one for each.
@@ -207,12 +213,13 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         poses = np.ascontiguousarray(poses)
-        _fill_at(found, self.road, self.fields, self.corners, self.first, poses, float(near))
+        things = self.discs, self.road, self.fields, self.corners, self.first
+        _fill_at(found, *things, poses, float(near))
         found[:, 2:] -= self.radii
         return found
 
     def along(self, poses: Array, twists: Array, durations: Array, near: float = math.nan) -> Array:
-        """Least clearance of arcs, from end to end, along a path.
+        """Least clearance of arcs, from end to end and of all discs, along a path.
 
         Where the road crosses itself a path keeps to the branch that it is on.
 
@@ -227,7 +234,8 @@ class FreeSpace:
         """
         found = np.empty((len(poses), 1 + len(self.first)))
         arcs = [np.ascontiguousarray(each) for each in (poses, twists, durations)]
-        _fill_along(found, self.road, self.fields, self.corners, self.first, float(near), *arcs)
+        things = self.discs, self.road, self.fields, self.corners, self.first
+        _fill_along(found, *things, float(near), *arcs)
         found[:, 2:] -= self.radii
         return found
 
@@ -235,6 +243,7 @@ class FreeSpace:
 @allocation_free
 def _fill_at(
     found: Array,
+    discs: Array,
     road: RoadSpace,
     fields: Fields,
     corners: Array,
@@ -243,19 +252,22 @@ def _fill_at(
     near: float,
 ) -> None:
     for k in range(poses.shape[0]):
-        x, y = poses[k, 0], poses[k, 1]
-        place = road_functions.project(road, x, y, poses[k, 2], near)
-        _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
-        found[k, 0] = min(-over, road_functions.FAR)
-        found[k, 1] = min(-over_other, road_functions.FAR)
         at = min(k, corners.shape[0] - 1)
-        for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = distance_from(fields, corners, first, at, j, x, y)
+        for i in range(discs.shape[0]):
+            x, y = point_of(poses[k, 0], poses[k, 1], poses[k, 2], discs, i)
+            place = road_functions.project(road, x, y, poses[k, 2], near)
+            _, _, over, over_other = road_functions.lateral_error(road, k, x, y, place)
+            _put_least(found, k, 0, i, min(-over, road_functions.FAR))
+            _put_least(found, k, 1, i, min(-over_other, road_functions.FAR))
+            for j in range(first.shape[0] - 1):
+                distance = distance_from(fields, corners, first, at, j, x, y)
+                _put_least(found, k, 2 + j, i, distance)
 
 
 @allocation_free
 def _fill_along(
     found: Array,
+    discs: Array,
     road: RoadSpace,
     fields: Fields,
     corners: Array,
@@ -271,7 +283,20 @@ def _fill_along(
         if not math.hypot(x - end_x, y - end_y) <= _JUMP:
             place = road_functions.project(road, x, y, heading, near if k == 0 else math.nan)
         arc = arc_under(poses, twists, k, times[k])
-        place, found[k, 0], found[k, 1] = road_functions.sweep(road, arc, place, math.inf, math.inf)
-        end_x, end_y = arc.end_x, arc.end_y
-        for j in range(first.shape[0] - 1):
-            found[k, 2 + j] = sweep(arc, fields, corners, first, j, math.inf)
+        end_x, end_y, before = arc.end_x, arc.end_y, place
+        for i in range(discs.shape[0]):
+            driven = arc_of_point(arc, heading, discs, i)
+            after, clearance, other = road_functions.sweep(road, driven, before, math.inf, math.inf)
+            place = after if i == 0 else place
+            _put_least(found, k, 0, i, clearance)
+            _put_least(found, k, 1, i, other)
+            for j in range(first.shape[0] - 1):
+                least = sweep(driven, fields, corners, first, j, math.inf)
+                _put_least(found, k, 2 + j, i, least)
+
+
+@allocation_free
+def _put_least(found: Array, k: int, column: int, i: int, clearance: float) -> None:
+    """Put the clearance of a disc where none before has less; NaN stays."""
+    if i == 0 or clearance < found[k, column] or math.isnan(clearance):
+        found[k, column] = clearance

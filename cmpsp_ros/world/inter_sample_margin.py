@@ -72,7 +72,7 @@ def inside(distance: float, limits: TwistLimits, period: float) -> float:
         Distance not to exceed at the samples [m], not more than ``distance``; 0 where the disc
         is so small that the robot may cross it in one period.
     """
-    if distance <= limits.speed * period:
+    if distance <= limits.top_speed * period:
         return 0.0
 
     def squared(R: Array, a: Array) -> Array:
@@ -194,7 +194,8 @@ def at_ends(worse: Callable[[Any, Any], Any], of_arcs: NDArray[Scalar]) -> NDArr
 def _ranges(limits: TwistLimits) -> tuple[Array, Array]:
     """Ranges of the turn rate: greatest speed and greatest turn rate in each, shape ``(R,)``."""
     w = np.linspace(0.0, limits.turn_rate, _RANGES + 1)
-    return np.maximum(limits.speed - limits.half_track * w[:-1], 0.0), w[1:]
+    speeds = limits.speed - limits.half_track * w
+    return np.maximum(np.maximum(speeds[:-1], speeds[1:]), 0.0), w[1:]
 
 
 def _outside_moving(distance: Array, speeds: Array, v: Array, w: Array, period: float) -> Array:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.audit.history import History
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -41,17 +40,12 @@ class Sweep:
         return f'obstacle {self.settings.obstacles[column - EDGES].name}'
 
 
-def space_of(settings: GuidanceSettings) -> FreeSpace:
-    """Where the robot's centre may be, without any margin."""
-    return FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
-
-
 def sweep(path: Driven, history: History) -> Iterator[Sweep]:
     """The arcs of a path, by the parameters in force at the beginning of each."""
     begins = path.stamps[:-1]
     edges = np.searchsorted(begins, [each.since for each in history.epochs[1:]])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
-            space = space_of(epoch.settings)
-            clearance = space.along(path.poses[index], path.twists[index], path.durations[index])
+            arcs = path.poses[index], path.twists[index], path.durations[index]
+            clearance = epoch.settings.space().along(*arcs)
             yield Sweep(epoch.settings, begins[index], clearance)

@@ -10,7 +10,7 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit.clearance import EDGES, space_of
+from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import AuditRecord, Leg, RunSpan
@@ -256,7 +256,7 @@ def _spare(
     settings: GuidanceSettings, pose: Array, twist: Array, period: float, near: float
 ) -> Array:
     """Clearance of an arc above the clearance required, ``(2 + M,)`` [m]."""
-    space = space_of(settings)
+    space = settings.space()
     start, held = pose[None], np.array([period])
     floor = np.minimum(space.at(start, near)[0], 0.0)
     if settings.safety.between_samples:

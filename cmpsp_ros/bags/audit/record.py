@@ -101,20 +101,19 @@ class AuditRecord:
         """The same path, with the moving obstacles at their predicted positions."""
         settings = self.history.epochs[0].settings
         radius, timeout = settings.robot_radius, settings.moving_obstacles.timeout
+        around = radius, timeout, settings.footprint.discs
         paths = (leg.guided for leg in self.legs)
-        return tuple(
-            each for path in paths for each in encounters(path, self.tracks, radius, timeout)
-        )
+        return tuple(each for path in paths for each in encounters(path, self.tracks, *around))
 
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the positions of the other robots at that time."""
         settings = self.history.epochs[0].settings
         both = settings.robot_radius + settings.moving_obstacles.others_radius
-        timeout = settings.moving_obstacles.timeout
+        around = both, settings.moving_obstacles.timeout, settings.footprint.discs
         paths = (leg.guided for leg in self.legs)
         return tuple(
-            each for path in paths for each in robot_encounters(path, self.others, both, timeout)
+            each for path in paths for each in robot_encounters(path, self.others, *around)
         )
 
     @property

@@ -1,4 +1,4 @@
-"""What the robot's centre keeps to: the free space, tightened by what happens between samples."""
+"""What the robot's discs keep to: the free space, tightened by what happens between samples."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from cmpsp_ros.world.free_space import FreeSpace
 
 def path_space(settings: GuidanceSettings) -> FreeSpace:
     """Space for every point of the path: robot radius and margin away from edges and obstacles."""
-    distance = settings.robot_radius + settings.safety.margin
-    return FreeSpace.of(settings.road, settings.obstacles, distance)
+    return settings.space(settings.safety.margin)
 
 
 def sample_space(settings: GuidanceSettings, longest: float = 0.0) -> FreeSpace:
@@ -33,7 +32,7 @@ def sample_space(settings: GuidanceSettings, longest: float = 0.0) -> FreeSpace:
     period = max(settings.control_period, longest)
     space = path_space(settings)
     if settings.safety.between_samples and math.isfinite(settings.robot.max_wheel_speed):
-        return space.tightened(settings.robot.twist_limits(), period)
+        return space.tightened(settings.footprint.twist_limits(settings.robot), period)
     return space
 
 
@@ -61,7 +60,8 @@ def goal_space(
     heading = math.nan if target.heading is None else target.heading
     goal = np.array([[*target.position, heading]])
     samples, path = sample_space(settings, longest), path_space(settings)
-    near = samples.at(goal)[0] < 0.0
+    # NaN where a disc is beside the reference point, and the heading may be any.
+    near = ~(samples.at(goal)[0] >= 0.0)
     if not near.any() or path.at(goal).min() < 0.0:
         return None
     road: Any = path.road if near[:N_EDGE_CONSTRAINTS].any() else samples.road

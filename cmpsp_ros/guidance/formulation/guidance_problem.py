@@ -86,7 +86,7 @@ class GuidanceProblem(OptimalControlProblem):
 
         Args:
             robot: Kinematics and wheel-speed limit.
-            space: Where the robot's centre may be at the samples.
+            space: Where the robot's discs may be at the samples.
             cost: Weights of the cost.
             pose: Present pose, shape ``(3,)`` [m, m, rad].
             goal: Point to pass at the end, shape ``(2,)`` [m].
@@ -101,7 +101,7 @@ class GuidanceProblem(OptimalControlProblem):
             state=3,
             control=robot.n_controls,
             output=outputs,
-            path=N_EDGE_CONSTRAINTS + len(space.first) - 1 + robot.limit_rows,
+            path=len(space.discs) * (N_EDGE_CONSTRAINTS + len(space.first) - 1) + robot.limit_rows,
         )
         self.control_upper = np.tile(robot.bounds, (steps + 1, 1))
         self.control_lower = -self.control_upper
@@ -158,6 +158,7 @@ def guidance_data(
         corners=np.ascontiguousarray(space.corners),
         first=space.first,
         radii=np.atleast_2d(space.radii),
+        discs=space.discs,
     )
     return with_parameters(
         data,

@@ -14,7 +14,6 @@ from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.models.control_rate import rate_rows
-from cmpsp_ros.robots.arcs import speeds_and_turns
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.inter_sample_margin import at_ends
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
@@ -35,8 +34,8 @@ class OcpFormulation:
     Attributes:
         settings: All settings of the guidance law.
         cost: Weights of the cost.
-        penalty_path: Weight of each path constraint, shape ``(2 + M + S + R,)`` [1/m]: edges first,
-            then static obstacles, the slots of moving ones, and limits of wheels.
+        penalty_path: Weight of each path constraint, shape ``(D (2 + M + S) + R,)`` [1/m]: of every
+            disc edges first, then static obstacles and the slots of moving ones; limits of wheels.
         heading_trust_region: Largest change of heading in one iteration, infinite for none [rad].
         remembers_control: Whether the previous control is part of the state: it has a cost, or a
             limit.
@@ -51,8 +50,8 @@ class OcpFormulation:
         # What exceeds its limits the robot cannot do: that is never relaxed.
         changes = rate_rows(settings.max_wheel_change, settings.robot.changes)
         self.penalty_path = np.array(
-            [PENALTIES['edge']] * N_EDGE_CONSTRAINTS
-            + [PENALTIES['obstacle']] * obstacles
+            len(settings.footprint.centers)
+            * ([PENALTIES['edge']] * N_EDGE_CONSTRAINTS + [PENALTIES['obstacle']] * obstacles)
             + [math.inf] * (settings.robot.limit_rows + changes)
         )
         self.heading_trust_region = settings.solver.heading_trust_region or math.inf
@@ -73,7 +72,7 @@ class OcpFormulation:
         """Space to keep to at the samples without moving obstacles; arguments as of `space`."""
         period = self.settings.control_period
         if self._by_guess:
-            twists = _RESERVE * speeds_and_turns(self.settings.robot.twist(guess[:-1]))
+            twists = _RESERVE * self._speeds_and_turns(guess)
             longest = max(period, _rounded_up(float(durations.max())))
             return self._static(period).for_samples_of(twists, longest)
         space = self._static(period)
@@ -142,17 +141,22 @@ class OcpFormulation:
         period = max(settings.control_period, _rounded_up(float(durations.max())))
         discs = moving.grown(distance + settings.safety.margin)
         if self._by_guess:
-            twists = _RESERVE * speeds_and_turns(settings.robot.twist(guess[:-1]))
+            twists = _RESERVE * self._speeds_and_turns(guess)
             found = discs.for_samples_of(times, twists, period)
         else:
-            limits = settings.robot.twist_limits() if settings.safety.between_samples else None
-            found = discs.tightened(times, limits, period, pose)
+            footprint, is_swept = settings.footprint, settings.safety.between_samples
+            limits = footprint.twist_limits(settings.robot) if is_swept else None
+            found = discs.tightened(times, limits, period, pose, footprint.reach)
         centers = np.zeros((len(times), self._slots, 2))
         radii = np.full((len(times), self._slots), -np.inf)
         inside = discs.slots >= 0
         centers[:, discs.slots[inside]] = found[0][:, inside]
         radii[:, discs.slots[inside]] = found[1][:, inside]
         return centers, radii
+
+    def _speeds_and_turns(self, guess: Array) -> Array:
+        settings = self.settings
+        return settings.footprint.speeds_and_turns(settings.robot.twist(guess[:-1]))
 
 
 def terminal_constraint(target: Target) -> TerminalConstraint:

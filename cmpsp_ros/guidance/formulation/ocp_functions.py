@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.robots.arcs import point_of
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.robot_functions import put_gradients, roll_out
 from cmpsp_ros.world.grids.field_functions import Fields
@@ -22,7 +23,9 @@ Indices = NDArray[np.int64]
 Records = NDArray[np.void]
 
 N_EDGE_CONSTRAINTS = 2
-"""Path constraints of the road, one an edge; the obstacles' and those of wheel speeds follow."""
+"""Path constraints of the road, one an edge; the obstacles' and those of wheel speeds follow.
+
+Where several discs cover the robot each of them has both, one disc after the other."""
 
 WHEEL_ROUNDING: Final = 1e-6
 """What plans keep from a limit of the wheels that is a constraint, for what a solver leaves over
@@ -77,12 +80,13 @@ class GuidanceData(NamedTuple):
         robot: The robot.
         wheel_rows: How many path constraints limit its wheel speeds; the last ones of a stage, but
             for those of a control rate.
-        road: Where on the road the robot's centre may be.
+        road: Where on the road the centre of a disc may be.
         fields: The distance fields of obstacles without corners.
         corners: Of the obstacles, as `shape_functions` has them, shape ``(K, C, 2)`` [m].
         first: Where the corners of each obstacle begin, shape ``(M + 1,)``.
         radii: Least distances from the obstacles without their radii, ``-inf`` where there is
             nothing to keep to, shape ``(K, M)`` [m].
+        discs: Centres of the robot's discs, in its frame, shape ``(D, 2)`` [m].
     """
 
     pose: Array
@@ -96,6 +100,7 @@ class GuidanceData(NamedTuple):
     corners: Array
     first: Indices
     radii: Array
+    discs: Array
 
 
 @allocation_free
@@ -129,19 +134,25 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
     p, cost = data.parameters[0], 0.0
     N, outputs = data.durations.shape[0], output_error.shape[0]
     progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
+    rows = N_EDGE_CONSTRAINTS + data.radii.shape[1]
+    wheels = data.discs.shape[0] * rows
     for k in range(N + 1):
         progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
-        g[k, 0], g[k, 1] = (first, second) if k > 0 else (-math.inf, -math.inf)
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-        for j in range(data.radii.shape[1]):
-            distance, _, _ = away_from(
-                data.fields, data.corners, data.first, there, j, X[k, 0], X[k, 1]
-            )
-            g[k, N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
+        for i in range(data.discs.shape[0]):
+            x, y, out_x, out_y = _disc_at(data, X, k, i)
+            over, over_other = first, second
+            if out_x != 0.0 or out_y != 0.0:
+                _, _, over, over_other = road_functions.lateral_error(data.road, k, x, y, progress)
+            row = i * rows
+            g[k, row], g[k, row + 1] = (over, over_other) if k > 0 else (-math.inf, -math.inf)
+            for j in range(data.radii.shape[1]):
+                distance, _, _ = away_from(data.fields, data.corners, data.first, there, j, x, y)
+                g[k, row + N_EDGE_CONSTRAINTS + j] = _keep_away(distance, data.radii[at, j], k)
         for i in range(data.wheel_rows):
-            g[k, N_EDGE_CONSTRAINTS + data.radii.shape[1] + i] = _over_limit(data, U, k, i)
+            g[k, wheels + i] = _over_limit(data, U, k, i)
         squared = 0.0
         for a in range(U.shape[1]):
             squared += U[k, a] * U[k, a]
@@ -175,6 +186,8 @@ def linearise(
     """
     p, N = data.parameters[0], data.durations.shape[0]
     q, curvature = p.road_center, p.control_change + p.control_effort
+    rows = N_EDGE_CONSTRAINTS + data.radii.shape[1]
+    wheels = data.discs.shape[0] * rows
     _linearise_motion(data, X, U, stages)
     progress = road_functions.project(data.road, X[0, 0], X[0, 1], X[0, 2], data.progress)
     for k in range(N + 1):
@@ -182,12 +195,8 @@ def linearise(
         progress, off_center, first, second = road_functions.lateral_error(
             data.road, k, X[k, 0], X[k, 1], progress
         )
-        edge, other = path[k, 0], path[k, 1]
-        # Where the robot is now it cannot be changed: no constraint applies there.
-        edge.value, other.value = (first, second) if k > 0 else (-math.inf, -math.inf)
-        x, y, along, edge.X[0], edge.X[1], other.X[0], other.X[1] = road_functions.gradients(
-            data.road, X[k, 0], X[k, 1], progress
-        )
+        gradients = road_functions.gradients(data.road, X[k, 0], X[k, 1], progress)
+        x, y, along, _, _, _, _ = gradients
         if p.hessian == GAUSS_NEWTON:
             along = 0.0
         elif p.hessian == PROJECTED:
@@ -203,15 +212,33 @@ def linearise(
             stage.L_U[a] = p.control_effort * U[k, a]
             stage.L_UU[a, a] = curvature
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
-        for j in range(data.radii.shape[1]):
-            row = path[k, N_EDGE_CONSTRAINTS + j]
-            distance, x, y = away_from(
-                data.fields, data.corners, data.first, there, j, X[k, 0], X[k, 1]
-            )
-            row.value = _keep_away(distance, data.radii[at, j], k)
-            row.X[0], row.X[1] = -x, -y
+        for i in range(data.discs.shape[0]):
+            x, y, out_x, out_y = _disc_at(data, X, k, i)
+            is_beside = out_x != 0.0 or out_y != 0.0
+            over, over_other, slopes = first, second, gradients
+            if is_beside:
+                place, _, over, over_other = road_functions.lateral_error(
+                    data.road, k, x, y, progress
+                )
+                slopes = road_functions.gradients(data.road, x, y, place)
+            edge, other = path[k, i * rows], path[k, i * rows + 1]
+            # Where the robot is now it cannot be changed: no constraint applies there.
+            edge.value, other.value = (over, over_other) if k > 0 else (-math.inf, -math.inf)
+            _, _, _, edge.X[0], edge.X[1], other.X[0], other.X[1] = slopes
+            if is_beside:
+                edge.X[2] = edge.X[1] * out_x - edge.X[0] * out_y
+                other.X[2] = other.X[1] * out_x - other.X[0] * out_y
+            for j in range(data.radii.shape[1]):
+                row = path[k, i * rows + N_EDGE_CONSTRAINTS + j]
+                distance, away_x, away_y = away_from(
+                    data.fields, data.corners, data.first, there, j, x, y
+                )
+                row.value = _keep_away(distance, data.radii[at, j], k)
+                row.X[0], row.X[1] = -away_x, -away_y
+                if is_beside:
+                    row.X[2] = away_x * out_y - away_y * out_x
         for i in range(data.wheel_rows):
-            row = path[k, N_EDGE_CONSTRAINTS + data.radii.shape[1] + i]
+            row = path[k, wheels + i]
             row.value = _over_limit(data, U, k, i)
             for a in range(U.shape[1]):
                 row.U[a] = _sign(i) * data.robot.wheels[i // 2, a]
@@ -232,6 +259,13 @@ def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -
     """Fill `A` and `B`, in a loop of its own: together with the rest both take longer."""
     for k in range(data.durations.shape[0]):
         put_gradients(stages[k].A, stages[k].B, X[k, 2], U, k, data.durations[k], data.robot)
+
+
+@allocation_free
+def _disc_at(data: GuidanceData, X: Array, k: int, i: int) -> Any:
+    """Centre of a disc at a stage, and the way there from the reference point (x, y) [m]."""
+    x, y = point_of(X[k, 0], X[k, 1], X[k, 2], data.discs, i)
+    return x, y, x - X[k, 0], y - X[k, 1]
 
 
 @allocation_free

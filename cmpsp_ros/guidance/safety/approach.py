@@ -87,7 +87,7 @@ class Approach:
 
     def _take(self, settings: GuidanceSettings) -> None:
         self._settings = settings
-        self._space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        self._space = settings.space()
         self._seen = settings.grid(SEEN) if settings.safety.stop_within_sight else None
         self._map = settings.grid(MAP)
 
@@ -126,8 +126,12 @@ class Approach:
         what = int(np.where(hits[step], swept[step], np.inf).argmin())
         # As near as it came to it before, it is at least as far away where that arc begins.
         before = begins[what] if step == 0 else swept[step - 1, what]
-        lengths = np.abs(speeds_and_turns(twists[:step])[:, 0]) * durations[:step]
-        distance = float(lengths.sum()) + max(float(before), 0.0)
+        speeds = np.abs(speeds_and_turns(twists[: step + 1])[:, 0])
+        distance = float((speeds[:step] * durations[:step]).sum())
+        # Of a robot that turns some discs are faster than its reference point.
+        fastest = abs(self._settings.footprint.speeds_and_turns(twists[step : step + 1])[0, 0])
+        ratio = float(speeds[step] / fastest) if fastest > 0.0 else 1.0
+        distance += ratio * max(float(before), 0.0)
         return Contact(names[what], distance, self._speed(distance, float(durations[0])))
 
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
@@ -250,16 +254,18 @@ class Approach:
             grid: What has been seen; beside it, what the map says is known.
             poses: Along the path, shape ``(K, 3)`` [m, m, rad].
         """
-        points, radius = poses[:, :2], self._settings.robot_radius
+        points, footprint = poses[:, :2], self._settings.footprint
+        radius = self._settings.robot_radius
         known = grid.at(points)
         if self._map is not None:
             known = np.where(known == Cell.UNKNOWN, self._map.grid.at(points), known)
         beyond = np.append(known != Cell.FREE, True).argmax() + 1
         longest = float(np.hypot(*np.diff(points[:beyond], axis=0).T).max(initial=0.0))
-        near = grid.around(points[:beyond], radius + longest + _SOME_CELLS * grid.resolution)
+        reach = radius + footprint.reach + longest + _SOME_CELLS * grid.resolution
+        near = grid.around(points[:beyond], reach)
         if self._map is not None:
             near = near.completed_by(self._map.grid)
-        return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius)
+        return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius, footprint.discs)
 
     def _to_rest(self, plan: Plan) -> tuple[Array, Array]:
         """Commands of a plan, until the robot is at rest at the latest, and their durations."""

@@ -17,7 +17,7 @@ from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.robots.footprint import placed
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
 Array = NDArray[np.float64]
@@ -94,13 +94,15 @@ class Audit:
             settings: All settings of the guidance law.
             with_margin: Whether `safety.margin` counts as part of the robot.
         """
-        self._radius = settings.robot_radius + (settings.safety.margin if with_margin else 0.0)
+        self._margin = settings.safety.margin if with_margin else 0.0
+        self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
         self.see(settings)
         self._names = (
             *settings.road.edge_names,
             *(f'obstacle {obstacle.name}' for obstacle in settings.obstacles),
         )
+        self._slots = settings.moving_obstacles.slots
         self._period, self._max_change = settings.control_period, settings.max_wheel_change
         self._found, self._scratch = np.empty(FOUND), np.empty((2, len(self._names)))
         start = PlanStart(np.zeros(3), settings.robot)
@@ -109,7 +111,7 @@ class Audit:
 
     def see(self, settings: GuidanceSettings) -> None:
         """Take settings that differ in what an obstacle is like, not in how many there are."""
-        self._space = FreeSpace.of(settings.road, settings.obstacles, self._radius)
+        self._space = settings.space(self._margin)
 
     def check(
         self,
@@ -283,6 +285,7 @@ class Audit:
             discs.legs(durations),
             discs.growth,
             float(progress),
+            space.discs,
         )
 
     def clearance_at(
@@ -292,7 +295,8 @@ class Audit:
         static = self._space.at(pose[None], progress)[0]
         if not len(moving):
             return np.asarray(static)
-        return np.concatenate([static, moving.clearance(pose) - self._radius])
+        away = [moving.clearance(point) for point in placed(self._space.discs, pose)]
+        return np.concatenate([static, np.min(away, axis=0) - self._radius])
 
     def why_no_start(self, pose: Array) -> str:
         """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
@@ -315,7 +319,9 @@ class Audit:
     def names(self, constraints: Sequence[int], moving: MovingDiscs = NOTHING_MOVES) -> str:
         """Names of path constraints by their index, for messages."""
         known, slots = len(self._names), moving.slots.tolist()
-        places = [i if i < known else known + slots.index(i - known) for i in constraints]
+        # Every disc of the robot has the same ones.
+        things = dict.fromkeys(i % (known + self._slots) for i in constraints)
+        places = [i if i < known else known + slots.index(i - known) for i in things]
         return ', '.join(self._name(index, moving) for index in places)
 
     def _name(self, index: int, moving: MovingDiscs) -> str:

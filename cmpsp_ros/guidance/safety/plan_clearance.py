@@ -9,7 +9,6 @@ from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
 
 
 def plan_clearance(settings: GuidanceSettings, decision: Decision) -> NDArray[np.float64]:
@@ -34,13 +33,13 @@ def plan_clearance(settings: GuidanceSettings, decision: Decision) -> NDArray[np
     # The end is an arc that takes no time.
     durations = np.append(plan.horizon.durations, 0.0)
     twists = (1.0 - decision.wheel_slip) * settings.robot.twist(plan.controls)
-    space = FreeSpace.of(settings.road, settings.obstacles, radius)
-    clearance = space.along(plan.poses, twists, durations)
+    clearance = settings.space().along(plan.poses, twists, durations)
     if decision.tracks:
         known = settings.moving_obstacles
         moving = ObstacleTracker().update(decision.stamp, plan.poses[0], decision.tracks, known)
         times = plan.delay / NANOSECONDS + np.cumsum(durations) - durations
-        discs = moving.grown(radius).along(plan.poses, twists, durations, times)
+        points = settings.footprint.discs
+        discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)
         clearance = np.hstack([clearance, discs])
     least: NDArray[np.float64] = clearance.min(axis=1)
     return least

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_from
+from cmpsp_ros.robots.arcs import arc_from, arc_of_point, point_of
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.robot_functions import arc_of, fastest_wheel
 from cmpsp_ros.world.grids.field_functions import Fields
@@ -49,8 +49,9 @@ def sweep_plan(
     moving: Array,
     growth: float,
     progress: float,
+    discs: Array,
 ) -> None:
-    """Drive a plan arc by arc.
+    """Drive a plan arc by arc, with every disc of the robot: each drives an arc of its own.
 
     Args:
         found: Filled with the largest wheel speed; the least clearance of the committed steps and
@@ -64,7 +65,7 @@ def sweep_plan(
         robot: The robot.
         committed: How many steps must be clear.
         between: Whether the path between samples counts.
-        road: Where on it the robot's centre may be.
+        road: Where on it the centre of a disc may be.
         fields: The distance fields of obstacles without corners.
         corners: Of the obstacles, as `shape_functions` has them.
         first: Where the corners of each begin.
@@ -72,6 +73,7 @@ def sweep_plan(
         moving: States of the moving discs at the beginning of each step, shape ``(N, D, 5)``.
         growth: Of their radii [m/s].
         progress: Arc length along the road of a place near the pose [m].
+        discs: Centres of the robot's discs, in its frame, shape ``(E, 2)``.
     """
     fastest = 0.0
     for k in range(controls.shape[0]):
@@ -81,48 +83,56 @@ def sweep_plan(
     found[0] = fastest
     x, y, heading = pose[0], pose[1], pose[2]
     progress = road_functions.project(road, x, y, heading, progress)
-    progress, _, over, over_other = road_functions.lateral_error(road, 0, x, y, progress)
-    # A robot that is too close already must not get closer: what it keeps if it stands.
     worst, at_rest = scratch[0], scratch[1]
-    at_rest[0], at_rest[1] = -over, -over_other
     moved = N_EDGE_CONSTRAINTS + radii.shape[0]
-    for j in range(radii.shape[0]):
-        distance = distance_from(fields, corners, first, 0, j, x, y)
-        at_rest[N_EDGE_CONSTRAINTS + j] = distance - radii[j]
-        if first[j + 1] - first[j] != 1:
-            at_rest[N_EDGE_CONSTRAINTS + j] -= ROUGHNESS
     standing = durations[0]
     for k in range(1, committed):
         standing += durations[k]
-    for j in range(moving.shape[1]):
-        at_rest[moved + j] = (
-            _clearance_at_rest(moving, j, growth, x, y, standing, between) - ROUGHNESS
-        )
+    # A robot that is too close already must not get closer: what it keeps if it stands.
+    for i in range(discs.shape[0]):
+        there_x, there_y = point_of(x, y, heading, discs, i)
+        at, _, over, over_other = road_functions.lateral_error(road, 0, there_x, there_y, progress)
+        progress = at if i == 0 else progress
+        _keep_least(at_rest, 0, i, -over)
+        _keep_least(at_rest, 1, i, -over_other)
+        for j in range(radii.shape[0]):
+            distance = distance_from(fields, corners, first, 0, j, there_x, there_y) - radii[j]
+            if first[j + 1] - first[j] != 1:
+                distance -= ROUGHNESS
+            _keep_least(at_rest, N_EDGE_CONSTRAINTS + j, i, distance)
+        for j in range(moving.shape[1]):
+            clearance = _clearance_at_rest(moving, j, growth, there_x, there_y, standing, between)
+            _keep_least(at_rest, moved + j, i, clearance - ROUGHNESS)
     for k in range(durations.shape[0]):
-        arc = arc_of(x, y, heading, controls, k, durations[k], robot)
-        x, y, heading = arc.end_x, arc.end_y, heading + arc.turn
+        whole = arc_of(x, y, heading, controls, k, durations[k], robot)
+        before, begin_heading = progress, heading
+        x, y, heading = whole.end_x, whole.end_y, heading + whole.turn
         if not between:
             # Only the arc's end counts.
-            arc = arc_from(x, y, heading, 0.0, 0.0)
-        bound, bound_other = (worst[0], worst[1]) if k > 0 else (math.inf, math.inf)
-        progress, clearance, other = road_functions.sweep(road, arc, progress, bound, bound_other)
+            whole, begin_heading = arc_from(x, y, heading, 0.0, 0.0), heading
         must = k < committed
-        _record(found, worst, at_rest, k, 0, clearance, must, between)
-        _record(found, worst, at_rest, k, 1, other, must, between)
-        for j in range(radii.shape[0]):
-            bound = worst[N_EDGE_CONSTRAINTS + j] + radii[j] if k > 0 else math.inf
-            least = sweep(arc, fields, corners, first, j, bound)
-            what = N_EDGE_CONSTRAINTS + j
-            _record(found, worst, at_rest, k, what, least - radii[j], must, between)
-        # Where only the samples count, so does only the end of the time.
-        begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
-        for j in range(moving.shape[1]):
-            radius = moving[k, j, RADIUS] + growth * begin
-            u, v = moving[k, j, VELOCITY_X], moving[k, j, VELOCITY_Y]
-            there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
-            bound = worst[moved + j] + radius if k > 0 else math.inf
-            least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
-            _record(found, worst, at_rest, k, moved + j, least - radius, must, between)
+        for i in range(discs.shape[0]):
+            begins = k == 0 and i == 0
+            arc = arc_of_point(whole, begin_heading, discs, i)
+            bound, bound_other = (math.inf, math.inf) if begins else (worst[0], worst[1])
+            after, clearance, other = road_functions.sweep(road, arc, before, bound, bound_other)
+            progress = after if i == 0 else progress
+            _record(found, worst, at_rest, begins, 0, clearance, must, between)
+            _record(found, worst, at_rest, begins, 1, other, must, between)
+            for j in range(radii.shape[0]):
+                what = N_EDGE_CONSTRAINTS + j
+                bound = math.inf if begins else worst[what] + radii[j]
+                least = sweep(arc, fields, corners, first, j, bound)
+                _record(found, worst, at_rest, begins, what, least - radii[j], must, between)
+            # Where only the samples count, so does only the end of the time.
+            begin, lasting = (0.0, durations[k]) if between else (durations[k], 0.0)
+            for j in range(moving.shape[1]):
+                radius = moving[k, j, RADIUS] + growth * begin
+                u, v = moving[k, j, VELOCITY_X], moving[k, j, VELOCITY_Y]
+                there_x, there_y = moving[k, j, X] + begin * u, moving[k, j, Y] + begin * v
+                bound = math.inf if begins else worst[moved + j] + radius
+                least = sweep_moving(arc, lasting, there_x, there_y, u, v, growth, bound)
+                _record(found, worst, at_rest, begins, moved + j, least - radius, must, between)
     nearest, total = 0, 0.0
     for what in range(worst.shape[0]):
         if worst[what] < worst[nearest]:
@@ -133,6 +143,12 @@ def sweep_plan(
     found[7], found[8] = min(worst[0], worst[1]), math.inf
     for what in range(N_EDGE_CONSTRAINTS, worst.shape[0]):
         found[8] = min(found[8], worst[what])
+
+
+@allocation_free
+def _keep_least(least: Array, what: int, i: int, clearance: float) -> None:
+    if i == 0 or clearance < least[what] or math.isnan(clearance):
+        least[what] = clearance
 
 
 @allocation_free
@@ -157,20 +173,20 @@ def _record(
     found: Array,
     worst: Array,
     at_rest: Array,
-    k: int,
+    begins: bool,
     what: int,
     clearance: float,
     must: bool,
     between: bool,
 ) -> None:
-    """Record the clearance of one step from one thing, and whether it must be clear."""
+    """Record the clearance of a disc in one step from one thing, and whether it must be clear."""
     if must:
-        begins = k == 0 and what == 0
+        is_first = begins and what == 0
         allowed = min(at_rest[what], 0.0) - (0.0 if between else _SAMPLE_TOLERANCE)
-        if begins or not clearance >= found[1]:
+        if is_first or not clearance >= found[1]:
             found[1] = clearance
-        if begins or not allowed - clearance <= found[4]:
+        if is_first or not allowed - clearance <= found[4]:
             found[4], found[5], found[6] = allowed - clearance, what, clearance
     # NaN comes in, and nothing replaces it.
-    if k == 0 or clearance < worst[what] or math.isnan(clearance):
+    if begins or clearance < worst[what] or math.isnan(clearance):
         worst[what] = clearance

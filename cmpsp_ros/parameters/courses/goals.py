@@ -84,8 +84,9 @@ def follow_problems(values: Values) -> Iterator[Problem]:
 
 def _goal_problems(values: Values, key: str) -> Iterator[Problem]:
     x, y = values[f'{key}.position']
-    yield from place_problems(values, f'{key}.position', (x, y))
     heading = values[f'{key}.heading']
+    known = heading[0] if len(heading) == 1 else None
+    yield from place_problems(values, f'{key}.position', (x, y), known)
     if len(heading) > 1:
         yield Problem(f'{key}.heading', describe(heading), 'a list of one number [rad], or of none')
 

@@ -9,6 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.footprints import footprint_of, radius_name
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.annulus import Annulus
@@ -17,7 +18,7 @@ from cmpsp_ros.world.roads.open_floor import OpenFloor
 from cmpsp_ros.world.roads.road import Road
 
 _ROUNDING = 1e-9
-_WANTED = 'more than robot.radius + safety.margin = {:.9g} m'
+_WANTED = 'more than {} + safety.margin = {:.9g} m'
 
 
 def lacks_road(values: Values) -> bool:
@@ -64,8 +65,10 @@ def road_problems(values: Values) -> Iterator[Problem]:
     except ParameterError as error:
         yield from error.problems
         return
-    needed = values['robot.radius'] + values['safety.margin']
-    yield from _KINDS[kind].problems(road, needed)
+    _, radius = footprint_of(values)
+    needed = radius + values['safety.margin']
+    wanted = _WANTED.format(radius_name(values), needed)
+    yield from _KINDS[kind].problems(road, needed, wanted)
 
 
 def off_road_problems(values: Values, key: str, point: tuple[float, float]) -> Iterator[Problem]:
@@ -80,14 +83,14 @@ def _annulus(values: Values) -> Annulus:
     return Annulus(center, values['road.inner_radius'], values['road.outer_radius'])
 
 
-def _annulus_problems(road: Annulus, needed: float) -> Iterator[Problem]:
+def _annulus_problems(road: Annulus, needed: float, wanted: str) -> Iterator[Problem]:
     if road.width <= 0.0:
         less = f'less than road.outer_radius = {road.outer_radius} m'
         yield Problem('road.inner_radius', f'{road.inner_radius} m', less)
     elif road.width / 2.0 <= needed:
         where = 'road.inner_radius, road.outer_radius'
         found = f'a road of half width {road.width / 2.0:.9g} m'
-        yield Problem(where, found, _WANTED.format(needed))
+        yield Problem(where, found, wanted)
 
 
 def _off_annulus(
@@ -102,12 +105,12 @@ def _off_annulus(
         yield Problem(key, f'{distance:.9g} m from road.center', wanted)
 
 
-def _corridor_problems(road: Corridor, needed: float) -> Iterator[Problem]:
+def _corridor_problems(road: Corridor, needed: float, wanted: str) -> Iterator[Problem]:
     for key, widths in (('left', road.left), ('right', road.right)):
         narrowest = int(np.argmin(widths))
         if widths[narrowest] <= needed:
             found = f'{widths[narrowest]:.9g} m to the {key} of point {narrowest}'
-            yield Problem('road.half_width', found, _WANTED.format(needed))
+            yield Problem('road.half_width', found, wanted)
 
 
 def _off_corridor(
@@ -125,7 +128,7 @@ def _off_corridor(
 
 def _stand_in(values: Values) -> Corridor:
     """A ring with room for the robot."""
-    half = 1.0 + values['robot.radius'] + values['safety.margin']
+    half = 1.0 + footprint_of(values)[1] + values['safety.margin']
     radius, count = 10.0 * half, 16
     angles = [math.tau * k / count for k in range(count)]
     points = tuple((radius * math.cos(angle), radius * math.sin(angle)) for angle in angles)
@@ -169,13 +172,14 @@ class _Kind(NamedTuple):
     Attributes:
         make: The road of a set of values.
         keys: Parameters that the checks need.
-        problems: Of a road and the clearance needed on either side of its centre line [m].
+        problems: Of a road, the clearance needed on either side of its centre line [m], and that in
+            words.
         off_road: Of a road, the robot's radius [m], a parameter and its point [m].
     """
 
     make: Callable[[Values], Road]
     keys: tuple[str, ...]
-    problems: Callable[[Any, float], Iterator[Problem]]
+    problems: Callable[[Any, float, str], Iterator[Problem]]
     off_road: Callable[[Any, float, str, tuple[float, float]], Iterator[Problem]]
 
 

@@ -16,7 +16,6 @@ from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
-from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -50,7 +49,7 @@ class Driven:
     def clearance(self) -> Array:
         """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
         settings = self.task.truth
-        space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        space = settings.space()
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
         durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
@@ -222,7 +221,7 @@ def _to_rest(plant: PlantSettings) -> float:
 
 def _is_outside(driven: Driven) -> bool:
     settings = driven.task.truth
-    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+    space = settings.space()
     return bool(space.at(driven.motions[0].pose[None]).min() < 0.0)
 
 

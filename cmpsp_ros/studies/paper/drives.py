@@ -16,7 +16,6 @@ from cmpsp_ros.guidance.warmup import warm_up
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
 from cmpsp_ros.view.drawing import along
-from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]
 
@@ -66,7 +65,7 @@ class Path:
     def clearance(self, *, between_samples: bool) -> Array:
         """Least clearance from outer edge, inner edge and obstacles, shape ``(2 + M,)`` [m]."""
         settings = self.settings
-        space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
+        space = settings.space()
         if between_samples:
             twists = settings.robot.twist(self.wheel_speeds)
             clearance = space.along(self.poses[:-1], twists, self.durations)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_under
+from cmpsp_ros.robots.arcs import REFERENCE_POINT, arc_of_point, arc_under
 from cmpsp_ros.robots.twist_limits import TwistLimits
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
@@ -114,7 +114,12 @@ class MovingDiscs:
         return legs
 
     def tightened(
-        self, times: Array, limits: TwistLimits | None, period: float, start: Array
+        self,
+        times: Array,
+        limits: TwistLimits | None,
+        period: float,
+        start: Array,
+        reach: float = 0.0,
     ) -> tuple[Array, Array]:
         """Where they will be at the samples of a plan, and what to keep from their centres there.
 
@@ -126,6 +131,7 @@ class MovingDiscs:
             limits: What the robot can drive; None where only the samples count.
             period: Longest time between two samples [s].
             start: Where the robot is at first, shape ``(2,)`` or more [m].
+            reach: How far from there its discs may be [m].
 
         Returns:
             As from `at_times`, for each sample.
@@ -136,7 +142,8 @@ class MovingDiscs:
         of_arcs = outside_moving(*self._between(times), limits, period)
         radii = at_ends(np.maximum, of_arcs)
         away = centers - start[:2]
-        nearest = np.hypot(away[..., 0], away[..., 1]) - limits.speed * times[:, None]
+        driven = limits.top_speed * times[:, None] + reach
+        nearest = np.hypot(away[..., 0], away[..., 1]) - driven
         radii[nearest > radii] = -np.inf
         return centers, radii
 
@@ -152,7 +159,14 @@ class MovingDiscs:
         of_arcs = outside_moving_known(*self._between(times), twists, period)
         return centers, at_ends(np.maximum, of_arcs)
 
-    def along(self, poses: Array, twists: Array, durations: Array, times: Array) -> Array:
+    def along(
+        self,
+        poses: Array,
+        twists: Array,
+        durations: Array,
+        times: Array,
+        points: Array = REFERENCE_POINT,
+    ) -> Array:
         """Least clearance of arcs that are driven while they move.
 
         Args:
@@ -160,13 +174,14 @@ class MovingDiscs:
             twists: Along it, shape ``(K, 2)`` or ``(K, 3)``; see `Robot`.
             durations: Shape ``(K,)`` [s].
             times: When each begins, from now on, shape ``(K,)`` [s].
+            points: Of the robot, the nearest of which counts, in its frame, shape ``(D, 2)`` [m].
 
         Returns:
             From each disc, never more than it is; shape ``(K, M)`` [m].
         """
         clearance = np.empty((len(poses), len(self)))
         arrays = (np.ascontiguousarray(each) for each in (poses, twists, durations, times))
-        _along(clearance, self.states, self.growth, *arrays)
+        _along(clearance, points, self.states, self.growth, *arrays)
         return clearance
 
     def _between(self, times: Array) -> tuple[Array, Array]:
@@ -211,6 +226,7 @@ def _astray(way: Array, times: Array, places: Array) -> Array:
 @allocation_free
 def _along(
     clearance: Array,
+    points: Array,
     states: Array,
     growth: float,
     poses: Array,
@@ -219,9 +235,13 @@ def _along(
     times: Array,
 ) -> None:
     for k in range(durations.shape[0]):
-        arc = arc_under(poses, twists, k, durations[k])
-        for j in range(states.shape[0]):
-            u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
-            x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v
-            least = sweep_moving(arc, durations[k], x, y, u, v, growth, np.inf)
-            clearance[k, j] = least - (states[j, RADIUS] + growth * times[k])
+        whole = arc_under(poses, twists, k, durations[k])
+        for i in range(points.shape[0]):
+            arc = arc_of_point(whole, poses[k, 2], points, i)
+            for j in range(states.shape[0]):
+                u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
+                x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v
+                least = sweep_moving(arc, durations[k], x, y, u, v, growth, np.inf)
+                least -= states[j, RADIUS] + growth * times[k]
+                if i == 0 or least < clearance[k, j] or np.isnan(least):
+                    clearance[k, j] = least

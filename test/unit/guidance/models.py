@@ -7,7 +7,6 @@ from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.settings import plant_settings
 from cmpsp_ros.simulator.plant import Plant
-from cmpsp_ros.world.free_space import FreeSpace
 
 
 def drive(preset, *given):
@@ -28,10 +27,9 @@ def drive(preset, *given):
 
 
 def clearance(settings, motions):
-    space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
     poses, twists = (np.array([getattr(m, name) for m in motions]) for name in ('pose', 'twist'))
     durations = np.diff([each.stamp_ns for each in motions]) / 1e9
-    return space.along(poses[:-1], twists[:-1], durations).min()
+    return settings.space().along(poses[:-1], twists[:-1], durations).min()
 
 
 def assert_arrives(settings, decisions, motions, pose):

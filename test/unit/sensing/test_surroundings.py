@@ -118,3 +118,16 @@ def test_the_same_is_known_until_a_sensor_shows_more():
     known.forget()
     assert known.at(0, np.zeros(3)) is None
     assert known.blindness(0) != ''
+
+
+def test_a_long_robot_stands_on_all_of_its_discs():
+    """Nothing is under its front, which no sensor sees; beside it something may be."""
+    discs = np.array([[0.0, 0.0], [0.5, 0.0]])
+    known = Surroundings(SETTINGS, 0.2, discs)
+    pose = np.array([0.0, 0.0, np.pi / 2.0])
+    known.note(0, pose)
+    known.hear(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.34), (0.51, -2.0)))
+    known.note(20 * MS, pose)
+    points = np.array([[0.01, 0.01], [0.01, 0.51], [0.01, 0.65], [-0.34, 0.51], [0.71, 0.01]])
+    found = known.at(20 * MS, pose).grid.at(points).tolist()
+    assert found == [Cell.FREE, Cell.FREE, Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN]

@@ -250,10 +250,12 @@ def test_known_arcs_are_attained():
         assert greatest == pytest.approx(9.0, abs=1e-9)
 
 
-@pytest.mark.parametrize('bad', [-1.0, math.nan, math.inf])
-@pytest.mark.parametrize('place', [0, 1, 2])
-def test_limits_must_be_finite_and_not_negative(bad, place):
+@pytest.mark.parametrize(
+    ('place', 'bad'),
+    [*((place, bad) for place in range(3) for bad in (math.nan, math.inf)), (0, -1.0), (1, -1.0)],
+)
+def test_limits_must_be_finite_and_speeds_not_negative(place, bad):
     bounds = [1.0, 1.0, 1.0]
     bounds[place] = bad
-    with pytest.raises(ValueError, match='wanted finite numbers >= 0'):
+    with pytest.raises(ValueError, match='wanted finite numbers, speed and turn rate >= 0'):
         TwistLimits(*bounds)

@@ -44,7 +44,8 @@ class SensorInput:
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
         """Open the topics."""
         self._node, self._frame_id = node, settings.frame_id
-        self._surroundings = Surroundings(settings.sight, settings.robot_radius)
+        footprint = settings.robot_radius, settings.footprint.discs
+        self._surroundings = Surroundings(settings.sight, *footprint)
         self._refusals: dict[str, str] = {}
         self._sensors = settings.sight.sensors
         self._subscriptions = [

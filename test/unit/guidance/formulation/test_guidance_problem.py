@@ -20,9 +20,12 @@ from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.roads.corridor import Corridor
 from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads.road_functions import FAR
 
 KINDS = ('gauss_newton', 'projected', 'exact')
+BENT = Corridor(((-2.0, -9.5), (4.0, -9.0), (9.0, -5.0), (10.0, 2.0)), (2.0,) * 4, (2.0,) * 4)
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
 
 
@@ -52,6 +55,25 @@ def test_derivatives(kind):
     assert_derivatives(posed, U, atol=2e-6)
     lin = posed.linearise(posed.predict(U), U, kind)
     np.testing.assert_array_equal(lin.L_UU, np.tile(2.3 * np.eye(2), (7, 1, 1)))
+
+
+@pytest.mark.parametrize('road', [Annulus(), OpenFloor(), BENT], ids=['ring', 'floor', 'bent'])
+def test_derivatives_of_several_discs(road):
+    """Each disc has its rows, which depend on the heading unless it is at the reference point."""
+    discs = np.array([[0.0, 0.0], [0.6, 0.0], [-0.4, 0.3]])
+    whole = FreeSpace.of(road, OBSTACLES, 0.2, discs)
+    cost, pose, goal = Cost(15.0, 2.0, 0.3), np.array([0.0, -9.25, 0.3]), np.array([10.0, 0.0])
+    posed = GuidanceProblem(DifferentialDrive(), whole, cost, pose, goal, np.full(6, 0.5))
+    assert posed.size.path == 3 * (2 + len(OBSTACLES))
+    U = np.array([45.0, 44.5]) + 0.5 * np.random.default_rng(0).normal(size=(7, 2))
+    assert_derivatives(posed, U, atol=5e-6)
+    X = posed.predict(U)
+    g = posed.evaluate(X, U).g.reshape(7, 3, -1)[1:]
+    clearance = np.minimum(-g, FAR)
+    np.testing.assert_allclose(clearance.min(axis=1), whole.at(X)[1:], atol=1e-9)
+    for i in range(3):
+        alone = FreeSpace.of(road, OBSTACLES, 0.2, discs[i : i + 1])
+        np.testing.assert_allclose(clearance[:, i], alone.at(X)[1:], atol=1e-9)
 
 
 @pytest.mark.parametrize('radius', [7.0, 10.0])

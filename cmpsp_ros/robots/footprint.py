@@ -1,0 +1,147 @@
+"""What of the floor a robot takes up: a disc, or a polygon that a few discs cover."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.arcs import speeds_and_turns, with_side
+from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots.twist_limits import TwistLimits
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+
+_MOST: Final = 5
+_TOLERANCE: Final = 0.125
+"""By how much of half the width across their row discs may reach beyond a footprint on the side."""
+
+_WIDE: Final = 2.0
+"""Width in lengths from which on the discs stand side by side, and not one behind the other."""
+
+_ROUNDING: Final = 1e-9
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A polygon, and centres of equal discs that cover it, all in the robot's frame.
+
+    Without a polygon it is one disc about the reference point.
+
+    Attributes:
+        corners: Of the polygon, anticlockwise [m].
+        centers: Of the discs [m].
+    """
+
+    corners: tuple[Point, ...] = ()
+    centers: tuple[Point, ...] = ((0.0, 0.0),)
+
+    @cached_property
+    def discs(self) -> Array:
+        """Centres of the discs, shape ``(D, 2)`` [m]."""
+        return np.array(self.centers)
+
+    @cached_property
+    def reach(self) -> float:
+        """Greatest distance of a disc's centre from the reference point [m]."""
+        return float(np.hypot(*self.discs.T).max())
+
+    @cached_property
+    def inscribed(self) -> float:
+        """Radius of the largest disc about the reference point inside the polygon [m]."""
+        starts = np.array(self.corners)
+        along = np.roll(starts, -1, axis=0) - starts
+        part = -(starts * along).sum(axis=1) / np.square(along).sum(axis=1)
+        nearest = starts + np.clip(part, 0.0, 1.0)[:, None] * along
+        return float(np.hypot(*nearest.T).min())
+
+    def at(self, pose: Array) -> Array:
+        """The polygon at a pose ``(x, y, heading)`` [m, m, rad], shape ``(C, 2)`` [m]."""
+        return placed(np.array(self.corners), pose)
+
+    def twist_limits(self, robot: Robot) -> TwistLimits:
+        """Twists of the centres of all discs: one beside the reference point is faster in turns.
+
+        The greatest speed is a convex function of the turn rate, below the straight line between
+        its ends.
+
+        Raises:
+            ValueError: The robot has no wheel-speed limit.
+        """
+        limits = robot.twist_limits()
+        if self.reach == 0.0:
+            return limits
+        turn_rate = limits.turn_rate
+        slowest = limits.speed - limits.half_track * turn_rate
+        ahead, left = turn_rate * np.abs(self.discs.T)
+        fastest = np.hypot(slowest + left, ahead)
+        if robot.drives_sideways:
+            fastest = slowest + np.hypot(left, ahead)
+        half_track = (limits.speed - float(fastest.max())) / turn_rate
+        return TwistLimits(limits.speed, turn_rate, half_track)
+
+    def speeds_and_turns(self, twists: Array) -> Array:
+        """Speed of the fastest disc, and turn rate, of twists of either form, ``(N, 2)``."""
+        if self.reach == 0.0:
+            return speeds_and_turns(twists)
+        forward, left, turning = with_side(twists).T[..., None]
+        ahead, aside = self.discs.T
+        speeds = np.hypot(forward - turning * aside, left + turning * ahead)
+        return np.column_stack([speeds.max(axis=1), turning])
+
+
+def placed(points: Array, pose: Array) -> Array:
+    """Points of the robot's frame at a pose ``(x, y, heading)`` [m, m, rad], ``(C, 2)`` [m]."""
+    cosine, sine = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(pose[:2] + points @ np.array([[cosine, sine], [-sine, cosine]]))
+
+
+def covered(corners: Sequence[Point]) -> tuple[Footprint, float]:
+    """A polygon covered by as few equal discs in a row as are little wider than it.
+
+    It is cut into slices of equal length, and each disc contains the corners of its slice. The row
+    lies along the robot: a gap is driven through in that direction.
+
+    Args:
+        corners: Of a polygon that does not cross itself, in either sense of rotation [m].
+
+    Returns:
+        The footprint, and the radius of the discs [m].
+    """
+    points = np.array(corners, dtype=float)
+    after = np.roll(points, -1, axis=0)
+    if (points[:, 0] * after[:, 1] - points[:, 1] * after[:, 0]).sum() < 0.0:
+        points = points[::-1]
+    low, high = points.min(axis=0), points.max(axis=0)
+    length, width = (high - low).tolist()
+    axis = int(width > _WIDE * length)
+    half, centers, radius = (width, length)[axis] / 2.0, np.empty((0, 2)), math.inf
+    for count in range(1, _MOST + 1):
+        cuts = np.linspace(low[axis], high[axis], count + 1).tolist()
+        slices = [_slice(points, axis, begin, end) for begin, end in pairwise(cuts)]
+        centers = np.array([(each.min(axis=0) + each.max(axis=0)) / 2.0 for each in slices])
+        away = [np.hypot(*(part - center).T) for part, center in zip(slices, centers, strict=True)]
+        radius = (1.0 + _ROUNDING) * float(max(each.max() for each in away))
+        if radius <= (1.0 + _TOLERANCE) * half:
+            break
+    as_points = [tuple(map(tuple, each.tolist())) for each in (points, centers)]
+    return Footprint(*as_points), radius
+
+
+def _slice(points: Array, axis: int, begin: float, end: float) -> Array:
+    """Points whose hull contains what of a polygon lies between two lines across an axis."""
+    found = [each for each in points if begin <= each[axis] <= end]
+    for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
+        for cut in (begin, end):
+            if (a[axis] - cut) * (b[axis] - cut) < 0.0:
+                crossing = a + (cut - a[axis]) / (b[axis] - a[axis]) * (b - a)
+                crossing[axis] = cut
+                found.append(crossing)
+    return np.array(found)

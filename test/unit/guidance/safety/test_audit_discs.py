@@ -1,0 +1,147 @@
+"""The audit of a robot that several discs cover: each is swept along an arc of its own."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenarios import start_of
+
+from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles, Safety
+from cmpsp_ros.robots.ackermann import Ackermann
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.footprint import covered, placed
+from cmpsp_ros.robots.omnidirectional import mecanum
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
+from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world.roads.open_floor import OpenFloor
+
+# Long, and the reference point is near its rear.
+FOOTPRINT, RADIUS = covered([(-0.3, -0.2), (1.2, -0.2), (1.2, 0.2), (-0.3, 0.2)])
+SHAPES = (
+    Obstacle('pole', (1.6, 0.9), 0.2),
+    Capsule('wall', (-1.5, -1.2), (1.0, -1.6), 0.1),
+    Polygon('box', ((2.4, -0.6), (3.0, -0.6), (3.0, 0.2), (2.4, 0.2))),
+)
+ROBOTS = {
+    'differential': (DifferentialDrive(max_wheel_speed=51.0), (30.0, 30.0)),
+    'car': (
+        Ackermann(wheel_radius=1.0, wheel_base=0.8, max_steering_angle=0.6, max_wheel_speed=2.0),
+        (1.5, 0.6),
+    ),
+    'sideways': (mecanum(0.2, 0.2, wheel_radius=0.05, max_wheel_speed=40.0), (0.6, 0.6, 1.0)),
+}
+TIMES = np.full(4, 0.2)
+CART = MovingDiscs(('cart',), np.array([[2.5, 1.5, -0.5, -0.3, 0.3]]), 0.05, np.zeros(1, np.int64))
+
+
+def given_for(robot, obstacles=SHAPES, road=None):
+    return GuidanceSettings(
+        robot=robot,
+        road=road or OpenFloor(),
+        goal=(5.0, 0.0),
+        obstacles=obstacles,
+        robot_radius=RADIUS,
+        footprint=FOOTPRINT,
+        moving_obstacles=MovingObstacles(capacity=1),
+    )
+
+
+def sampled(given, pose, plan, moving):
+    """Least clearance of all discs on 200 poses a step, ``(4, 200)``."""
+    fine = given.robot.roll_out(pose, np.repeat(plan[:-1], 200, axis=0), np.full(800, 1e-3))
+    point = replace(given, footprint=type(FOOTPRINT)()).space()
+    least = []
+    for k, at in enumerate(fine[1:]):
+        discs = placed(FOOTPRINT.discs, at)
+        still = point.at(np.column_stack([discs, np.full(len(discs), at[2])])).min()
+        later = moving.after(1e-3 * (k + 1))
+        cart = min(later.clearance(each).min() for each in discs) - RADIUS
+        least.append(min(still, cart))
+    return np.array(least).reshape(4, 200)
+
+
+@pytest.mark.parametrize('name', ROBOTS)
+@pytest.mark.parametrize('bent', [False, True])
+def test_margins_are_those_of_a_fine_sampling_of_every_disc(name, bent):
+    robot, spread = ROBOTS[name]
+    points, width = ((-3.0, 0.0), (0.0, 0.0), (3.0, 0.5), (5.0, 2.0)), (2.0,) * 4
+    road = Corridor(points, width, width) if bent else None
+    given, rng, seen = given_for(robot, road=road), np.random.default_rng(3), set()
+    audit = Audit(given)
+    for _ in range(25):
+        pose = np.array([*rng.uniform(-0.4, 0.4, 2), rng.uniform(-0.5, 0.5)])
+        plan = rng.uniform(-1.0, 1.0, (5, len(spread))) * spread
+        start = start_of(given, pose, moving=CART, previous_control=np.zeros(len(spread)))
+        verdict, least = audit.check(start, plan, TIMES), sampled(given, pose, plan, CART)
+        gap = 5e-3 + 0.01 * abs(least.min())
+        assert least[0].min() - gap <= verdict.margin <= least[0].min() + gap
+        assert least.min() - gap <= verdict.worst_margin <= least.min() + gap
+        at_rest = audit.clearance_at(pose, CART).min()
+        if at_rest >= 0.0 and abs(least[0].min()) > gap:
+            assert verdict.passed == (least[0].min() > 0.0), verdict.reason
+            seen.add(verdict.passed)
+    assert True in seen
+
+
+def test_a_turn_on_the_spot_that_swings_the_front_into_something_is_refused():
+    """The reference point, and a disc about it alone, never come near the pole."""
+    robot, _ = ROBOTS['differential']
+    given = given_for(robot, (Obstacle('pole', (0.6, 0.75), 0.1),))
+    plan = np.tile([10.0, -10.0], (5, 1))
+    start = start_of(given, np.zeros(3))
+    assert Audit(replace(given, footprint=type(FOOTPRINT)())).check(start, plan, TIMES).passed
+    verdict = Audit(given).check(start, plan, TIMES)
+    assert not verdict.passed
+    assert 'too close to obstacle pole' in verdict.reason
+    assert Audit(given).check(start, -plan, TIMES).passed
+
+
+def test_between_samples_the_front_is_nearest_in_the_middle_of_a_turn():
+    """At both ends of the step it is clear; its sweep is not."""
+    robot, _ = ROBOTS['differential']
+    radius = FOOTPRINT.discs[-1, 0] + RADIUS
+    pole = Obstacle('pole', (radius + 0.095, 0.0), 0.1)
+    given = given_for(robot, (pole,))
+    plan = np.tile([7.0, -7.0], (5, 1))
+    turn = float(robot.twist(plan[0])[1]) * 0.2
+    start = start_of(given, np.array([0.0, 0.0, -turn / 2.0]))
+    assert Audit(given).clearance_at(start.pose).min() > 0.01
+    assert 'too close to obstacle pole' in Audit(given).check(start, plan, TIMES).reason
+    samples = replace(given, safety=Safety(between_samples=False))
+    assert Audit(samples).check(start, plan, TIMES).passed
+
+
+def test_a_robot_whose_front_is_in_an_obstacle_may_leave_it_and_not_go_deeper():
+    robot, _ = ROBOTS['differential']
+    given = given_for(robot, (Obstacle('pole', (1.3, 0.0), 0.1),))
+    start, plan = start_of(given, np.zeros(3)), np.tile([10.0, 10.0], (5, 1))
+    audit = Audit(given)
+    assert audit.clearance_at(start.pose).min() < -0.05
+    assert audit.why_no_start(start.pose).endswith('inside obstacle pole: nothing is begun there.')
+    assert audit.check(start, -plan, TIMES).passed
+    assert not audit.check(start, plan, TIMES).passed
+
+
+def test_a_stop_must_be_clear_for_every_disc():
+    """Braking takes the front into the box, while the reference point is far from it."""
+    robot, _ = ROBOTS['differential']
+    robot = replace(robot, max_wheel_acceleration=20.0)
+    given, held = given_for(robot), np.array([30.0, 30.0])
+    plan = np.tile(held, (5, 1))
+    start = start_of(given, np.array([0.85, -0.2, 0.0]), previous_control=held)
+    verdict = Audit(given).check(start, plan, TIMES)
+    assert verdict.reason.startswith('To stop after the next 0.2 s leads ')
+    assert verdict.reason.endswith(' into obstacle box.')
+    back = start_of(given, np.array([0.2, -0.2, 0.0]), previous_control=held)
+    assert Audit(given).check(back, plan, TIMES).passed
+
+
+def test_rows_of_every_disc_have_the_same_names():
+    audit = Audit(given_for(ROBOTS['differential'][0]))
+    rows = 2 + len(SHAPES) + 1
+    names = 'obstacle pole, obstacle box, cart'
+    assert audit.names([2, 4, rows + 2, rows + 4, rows + 5], CART) == names
+    assert not math.isnan(audit.clearance_at(np.zeros(3)).min())

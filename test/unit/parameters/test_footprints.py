@@ -1,0 +1,127 @@
+"""Footprints from parameters: what is refused, by the name of its key."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.plausibility import plausibility_warnings
+from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.settings import check_start, guidance_settings
+
+BOX = '[[-0.2, -0.15], [0.1, -0.15], [0.1, 0.15], [-0.2, 0.15]]'
+
+
+def values(preset=None, **changes):
+    given = {'road.type': 'none'} if preset is None else load_parameter_file(preset)
+    return TABLE.resolve(given | {key.replace('__', '.'): each for key, each in changes.items()})
+
+
+def test_a_footprint_counts_instead_of_the_radius():
+    given = values(robot__footprint=BOX, robot__radius=3.0)
+    settings = guidance_settings(given)
+    assert settings.footprint.corners[0] == (-0.2, -0.15)
+    assert settings.robot_radius == pytest.approx(math.hypot(0.15, 0.075), rel=1e-8)
+    assert settings.inscribed_radius == pytest.approx(0.1)
+    assert 'robot.radius does not count' in ' '.join(plausibility_warnings(given))
+    assert not list(plausibility_warnings(values(robot__footprint=BOX)))
+
+
+def test_without_one_the_robot_is_a_disc():
+    settings = guidance_settings(values(robot__radius=0.2))
+    assert settings.footprint.centers == ((0.0, 0.0),)
+    assert settings.robot_radius == settings.inscribed_radius == 0.2
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        BOX.replace(' ', ''),
+        '[[-.2, -.15], [+.1, -15e-2], [1e-1, .15], [-.2, .15]]',
+        '[[-1, -1], [1, -1], [0, 1]]',
+        '[[-0.2, 0.15], [0.1, 0.15], [0.1, -0.15], [-0.2, -0.15]]',
+        '[[-1, -1], [0.5, -0.1], [2, -1], [0, 1]]',
+        '[[-1, -1], [0, -1], [1, -1], [0, 1]]',
+    ],
+    ids=['tight', 'floats', 'integers', 'clockwise', 'not convex', 'corner on a side'],
+)
+def test_what_can_be_read(text):
+    given = values(robot__footprint=text)
+    assert len(guidance_settings(given).footprint.corners) == text.count('[') - 1
+
+
+@pytest.mark.parametrize(
+    ('text', 'found'),
+    [
+        ('round', "found 'round', wanted corners around the robot"),
+        ('[[0.1, 0.2], [0.3', 'wanted corners around the robot'),
+        ('[[0.1, 0.2, 0.3], [1, 1], [0, 1]]', 'wanted corners around the robot'),
+        ('[[0.1, "a"], [1, 1], [0, 1]]', 'wanted corners around the robot'),
+        ('[[True, 1], [1, 1], [0, 1]]', 'wanted corners around the robot'),
+        ('[[1e999, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
+        ('[[nan, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
+        (f'[[1{"0" * 400}, 0.1], [-1, 1], [-1, -1]]', 'wanted corners around the robot'),
+        ('[' * 5000, 'wanted corners around the robot'),
+        ('[]', 'found 0 corners, wanted three or more'),
+        ('[[1, 1], [-1, -1]]', 'found 2 corners, wanted three or more'),
+        ('[[-1, -1], [1, 1], [1, -1], [-1, 1]]', 'found sides that cross, from corners 0 and 2'),
+        ('[[-1, -1], [1, -1], [0, 1], [0, -1]]', 'found sides that cross, from corners 0 and 2'),
+        ('[[-1, -1], [2, -1], [1, -1], [0, 1]]', 'found sides that cross, from corners 0 and 1'),
+        ('[[-1, -1], [1, -1], [1, -1], [0, 1]]', 'corner 2 (from 0) at the place of the one'),
+        ('[[-1, 0], [0, 0.0], [1, 0]]', 'found sides that cross'),
+        ('[[1, -1], [2, -1], [1.5, 1]]', 'found corners that do not go around [0, 0]'),
+    ],
+)
+def test_what_is_refused(text, found):
+    for check in (guidance_settings, check_start):
+        with pytest.raises(ParameterError) as refused:
+            check(values(robot__footprint=text))
+        assert str(refused.value).startswith('robot.footprint: found')
+        assert found in str(refused.value)
+
+
+def test_millimetres():
+    given = values(robot__footprint=BOX.replace('0.', '100.'))
+    assert 'robot.footprint looks like millimetres' in ' '.join(plausibility_warnings(given))
+
+
+def test_a_road_that_is_too_narrow_for_the_discs():
+    with pytest.raises(ParameterError, match=r'road\.half_width.* radius of the discs of'):
+        guidance_settings(
+            values('corridor', robot__footprint='[[-2, -2], [2, -2], [2, 2], [-2, 2]]')
+        )
+
+
+def test_a_long_robot_may_begin_along_a_wall_and_not_across():
+    """The wall is 0.3 m to the left of it."""
+    given = {
+        'robot__footprint': '[[-0.2, -0.2], [1.0, -0.2], [1.0, 0.2], [-0.2, 0.2]]',
+        'obstacles__names': ['wall'],
+        'obstacles.wall.type': 'polygon',
+        'obstacles.wall.vertices': [-3.0, 0.3, 3.0, 0.3, 3.0, 0.5, -3.0, 0.5],
+        'goal__position': [2.0, 0.0],
+        'goal__heading': [0.0],
+        'initial_pose': [0.0, 0.0, 0.0],
+    }
+    check_start(values(**given))
+    guidance_settings(values(**given))
+    turned = values(**given | {'initial_pose': [0.0, 0.0, 0.5], 'goal__heading': [0.5]})
+    with pytest.raises(
+        ParameterError, match=r'initial_pose: found .* inside or beyond obstacle wall'
+    ):
+        check_start(turned)
+    with pytest.raises(ParameterError, match=r'goal\.position: found .* beyond obstacle wall'):
+        guidance_settings(turned)
+    # Where the heading is free some may do.
+    guidance_settings(values(**given | {'goal__heading': []}))
+    with pytest.raises(ParameterError, match=r'goal\.position'):
+        guidance_settings(values(**given | {'goal__heading': [], 'goal__position': [2.0, 0.15]}))
+
+
+def test_on_the_command_line():
+    key, value = parse_assignment(f'robot.footprint="{BOX}"')
+    assert (key, value) == ('robot.footprint', BOX)
+    footprint = guidance_settings(values(robot__footprint=value)).footprint
+    np.testing.assert_allclose(np.mean(footprint.corners, axis=0), [-0.05, 0.0], atol=1e-12)

@@ -105,7 +105,10 @@ def drive(task: Task) -> Driven:
                 if eyes is not None:
                     eyes.note(*driven.motions[noted:])
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                computer.take(law, law.update(stamp, pose, (), sighting))
+                decision = law.update(stamp, pose, (), sighting)
+                computer.take(law, decision)
+                if decision is not None:
+                    law.search(pose)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.world.free_space import FreeSpace
@@ -175,7 +176,14 @@ def outcome(driven: Driven) -> Outcome:
         x=x,
         y=y,
         time=driven.end / NANOSECONDS,
+        pace=_pace(driven) if task.has_map else None,
     )
+
+
+def _pace(driven: Driven) -> float:
+    task = driven.task
+    length = shortest_length(task.truth, np.array(task.scenario.pose))
+    return length / (driven.end / NANOSECONDS) / task.settings.pace
 
 
 def farthest(task: Task) -> float:

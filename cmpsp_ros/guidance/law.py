@@ -28,7 +28,7 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.sensing.surroundings import Sighting
@@ -117,7 +117,11 @@ class GuidanceLaw:
         """
         if not self.is_due(stamp):
             return None
-        self._see(sighting, pose)
+        self._see(sighting)
+        if sighting is not None and self._state.start is None:
+            # Before time 0 there is time for it.
+            self.search(pose)
+            self._see(sighting)
         state, settings = self._state, self._settings
         late = state.lateness.begin_step()
         state.start = stamp if state.start is None else state.start
@@ -155,19 +159,19 @@ class GuidanceLaw:
         state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
         return self._sent(decision, tracks)
 
-    def _see(self, sighting: Sighting | None, pose: Array) -> None:
-        """Take in what has been seen since the last control step."""
-        known = self._state.sighting
-        if sighting is None or (known is not None and sighting.stamp == known.stamp):
+    def _see(self, sighting: Sighting | None) -> None:
+        """Take in what has been seen and searched since the last control step."""
+        state, known = self._state, self._state.sighting
+        is_searched = state.searched is not self._settings.searched
+        if sighting is None or (
+            known is not None and sighting.stamp == known.stamp and not is_searched
+        ):
             return
-        self._state.sighting = sighting
+        state.sighting = sighting
         if known is None:
             self._configure(self._given)
-        settings = replace(self._given.seeing(sighting.grid), searched=self._state.searched)
-        goal = self._state.goals.target.position
-        self._state.searched = searched_with(settings, pose[:2], goal)
-        if self._state.searched is not settings.searched:
-            settings = replace(settings, searched=self._state.searched)
+        settings = replace(self._given.seeing(sighting.grid), searched=state.searched)
+        if is_searched and state.searched.is_another:
             self._selector.look_again()
         self._settings = settings
         for each in (
@@ -175,6 +179,23 @@ class GuidanceLaw:
             self._state.goals,
         ):
             each.see(settings)
+
+    def search(self, pose: Array) -> None:
+        """Search the grid for the paths to the next goals, for the control steps that follow.
+
+        It takes longer than a control step may: the command should be out before. After each
+        decision of `update` it is called once, so that a replay does as the run did.
+
+        Args:
+            pose: What was decided on, shape ``(3,)`` [m, m, rad].
+        """
+        state, goals = self._state, self._state.goals.next_positions
+        settings = replace(self._settings, searched=state.searched)
+        state.searched = searched_with(settings, pose[:2], goals[0])
+        search = replace(settings, searched=state.searched).map_search
+        if search is not None:
+            for each in goals:
+                search.prepare(each)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.
@@ -274,6 +295,8 @@ class GuidanceLaw:
         """Begin towards another goal; with a plan where no road says how."""
         self._selector.forget()
         self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
+        fresh = NOT_SEARCHED.reluctance
+        self._state.searched = self._state.searched._replace(reluctance=fresh)
         if not self._state.goals.is_return:
             return None
         goal, start, horizon = context.goal, context.start, context.horizon

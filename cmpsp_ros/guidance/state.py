@@ -19,11 +19,10 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings, Searched
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import Sighting
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Road
@@ -93,7 +92,7 @@ class LawState:
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
     sighting: Sighting | None = None
-    searched: GridObstacle | None = None
+    searched: Searched = NOT_SEARCHED
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 

@@ -15,13 +15,11 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
 from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
 from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_points
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 
 _LOOKAHEAD = 1.0
-_OF_PACE = 0.6
 SHORTEST_LOOKAHEAD: Final = 0.3
 """Nearest point that is pursued [m]."""
 
@@ -79,46 +77,13 @@ def guess_arrays(start: PlanStart, durations: Array) -> tuple[Array, Array]:
 
 
 def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
-    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s]."""
-    if target.heading is None or target.is_line or not start.robot.drives_sideways:
-        return 0.0
-    return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
+    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s].
 
-
-def turning_in_moves(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
-) -> list[Array]:
-    """Guesses of a car that turns back and forth towards the goal, and then pursues the road.
-
-    Each of two moves turns it by a third of what it has to turn, as tightly as it can; they are
-    driven forward or backward first, to the left or to the right.
-
-    Returns:
-        Controls ``(N + 1, r)`` each, none where the time is too short or the car does not face the
-        wrong way. Arguments as in `initial_guess`.
+    NaN where the goal has none, either.
     """
-    robot, pose, guesses = start.robot, start.pose, []
-    ahead = math.copysign(
-        SHORTEST_LOOKAHEAD, arc_length_to(settings.road, pose, target.position, target.heading)
-    )
-    x, y = lookahead_points(settings.road, pose, np.array([ahead]), target.position)[0]
-    needed = math.remainder(math.atan2(y - pose[1], x - pose[0]) - float(pose[2]), math.tau)
-    if abs(needed) < math.pi / 2.0:
-        return []
-    wheel, steering = _OF_PACE * settings.pace / robot.wheel_radius, robot.bounds[1]
-    turn_rate = abs(float(robot.twist(np.array([wheel, steering]))[1]))
-    for turn in (needed, needed - math.copysign(math.tau, needed)):
-        steps = math.ceil(abs(turn) / 3.0 / turn_rate / settings.control_period)
-        for gear in (-1.0, 1.0):
-            if 2 * steps >= len(durations):
-                continue
-            side = math.copysign(steering, turn)
-            moves = [[gear * wheel, gear * side]] * steps + [[-gear * wheel, -gear * side]] * steps
-            controls = np.array(moves)
-            there = robot.roll_out(pose, controls, durations[: 2 * steps])[-1]
-            rest = along_road(settings, start._replace(pose=there), target, durations[2 * steps :])
-            guesses.append(np.concatenate([controls, rest]))
-    return guesses
+    if target.heading is None or target.is_line or not start.robot.drives_sideways:
+        return math.nan
+    return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
 
 
 def largest_turn(settings: GuidanceSettings) -> float:
@@ -218,17 +183,19 @@ def steer(
         speed: Along the arc [m/s].
         robot: The robot.
         max_turn: Largest turn in the step [rad].
-        free_turn_rate: Turn rate of a robot that drives sideways [rad/s].
+        free_turn_rate: Turn rate of a robot that drives sideways; NaN for as it likes [rad/s].
     """
     distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
     angle = wrapped(math.atan2(offset_y, offset_x) - poses[k, 2])
     trusted = max_turn / duration
     if robot.model == OMNIDIRECTIONAL:
-        turn_rate = min(max(free_turn_rate, -trusted), trusted) / robot.gain
-        course = angle - turn_rate * robot.gain * duration / 2.0
-        controls[k, 0] = speed / robot.gain * math.cos(course)
-        controls[k, 1] = speed / robot.gain * math.sin(course)
-        controls[k, 2] = turn_rate
+        is_free = math.isnan(free_turn_rate)
+        turn_rate = 0.0 if is_free else min(max(free_turn_rate, -trusted), trusted)
+        _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
+        if is_free and fastest_wheel(controls, k, robot) > robot.max_wheel_speed:
+            # Sideways it cannot go as fast as ahead: it turns to where it goes.
+            turn_rate = min(max(angle / duration, -trusted), trusted)
+            _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
     elif robot.model == ACKERMANN:
         # As far as it goes towards what is beside or behind.
         bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
@@ -246,6 +213,24 @@ def steer(
     for a in range(controls.shape[1] if robot.model != ACKERMANN else 1):
         controls[k, a] *= slowed
     drive(poses, controls, k, duration, robot)
+
+
+@allocation_free
+def _drive_sideways(
+    controls: Array,
+    k: int,
+    duration: float,
+    angle: float,
+    speed: float,
+    robot: Kinematics,
+    turn_rate: float,
+) -> None:
+    """Fill the control of an omnidirectional robot that goes at an angle while it turns."""
+    course = angle - turn_rate * duration / 2.0
+    forward, left = speed * math.cos(course), speed * math.sin(course)
+    for a in range(3):
+        of_twists = robot.of_twists[a]
+        controls[k, a] = of_twists[0] * forward + of_twists[1] * left + of_twists[2] * turn_rate
 
 
 @allocation_free

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from bag_messages import (
     EVENT,
+    GRID,
     ODOMETRY,
     PATH,
     SECOND,
     STAMPED,
     TWIST,
+    grid,
     header,
     make,
     odometry,
@@ -60,6 +62,7 @@ class Drive:
     decisions: list = field(default_factory=list)
     changes: list = field(default_factory=list)
     restarts: list = field(default_factory=list)
+    sightings: list = field(default_factory=list)
     frame_id: str = 'odom'
     namespace: str = ''
     stamped: bool = False
@@ -113,6 +116,10 @@ class Drive:
                 bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
             if self.decisions:
                 self._write_decisions(bag, f'{prefix}/guidance')
+            if self.sightings:
+                bag.topic(f'{prefix}/guidance/sighting', GRID)
+            for stamp, cells in self.sightings:
+                bag.write(f'{prefix}/guidance/sighting', stamp, raw(grid(stamp, cells)))
             if self.changes:
                 bag.topic('/parameter_events', EVENT)
             for stamp, key, value in self.changes:
@@ -160,7 +167,8 @@ def drive_case(preset='case3', rest=0.4, **changes):
         if decision is not None:
             drive.decisions.append(decision._replace(phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))
-            under_way.append((stamp + delay, decision.wheel_speeds))
+            steering = [] if decision.steering_angle is None else [decision.steering_angle]
+            under_way.append((stamp + delay, np.append(decision.wheel_speeds, steering)))
         while under_way and under_way[0][0] <= stamp:
             _, held = under_way.popleft()
         pose = settings.robot.roll_out(pose, held[None], np.array([ODOM_PERIOD / SECOND]))[-1]

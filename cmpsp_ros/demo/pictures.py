@@ -23,6 +23,7 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.view.drawing import (
     along,
     draw_around,
+    draw_footprints,
     draw_obstacles,
     draw_road,
     map_corners,
@@ -71,6 +72,7 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
+    draw_footprints(axes, settings, part.poses, _DRIVEN)
     axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
     if len(goals):

@@ -10,7 +10,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rcl_interfaces.srv import GetParameters
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
+from rclpy.parameter import Parameter, parameter_value_to_python
 
 from cmpsp_ros.nodes.common import topics
 from cmpsp_ros.nodes.common.runtime import StartupError, run
@@ -48,7 +48,7 @@ _TRAIL_STEP = 0.01
 """Way after which a point is added to the path driven [m]."""
 
 _ASK_PERIOD = 0.5
-_ASKED = ('robot.radius', 'robot.max_wheel_speed', 'final_time')
+_ASKED = ('robot.radius', 'robot.footprint', 'robot.max_wheel_speed', 'final_time')
 
 
 class Viewer(Node):
@@ -166,7 +166,7 @@ class Viewer(Node):
     def _on_parameters(self, future: Future) -> None:
         values = future.result().values
         if len(values) == len(_ASKED):
-            named = zip(_ASKED, (each.double_value for each in values), strict=True)
+            named = zip(_ASKED, map(parameter_value_to_python, values), strict=True)
             self._state.show('robot', dict(named))
 
 

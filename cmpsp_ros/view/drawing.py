@@ -47,6 +47,18 @@ def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTA
     axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
 
 
+def draw_footprints(axes: Axes, settings: GuidanceSettings, poses: Array, color: str) -> None:
+    """Draw the outline of a robot that has corners, a length apart along a path ``(N, 3)``."""
+    if not settings.footprint.corners:
+        return
+    apart = float(np.ptp(settings.footprint.corners, axis=0).max())
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
+    _, chosen = np.unique(np.cumsum(steps) // apart, return_index=True)
+    for pose in poses[[*chosen.tolist(), -1]]:
+        outline = settings.footprint.at(pose)
+        axes.fill(*outline.T, fill=False, ec=color, lw=0.6, alpha=0.6, zorder=5)
+
+
 def map_corners(settings: GuidanceSettings) -> Array:
     """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
     known = settings.grid(MAP)

@@ -103,7 +103,8 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     updates = wait_until(under_way, LIMIT)
     assert updates['decision']['reason'].endswith('.')
     assert updates['robot'] == {
-        'robot.radius': 0.0, 'robot.max_wheel_speed': 51.0, 'final_time': 10.0,
+        'robot.radius': 0.0, 'robot.footprint': '',
+        'robot.max_wheel_speed': 51.0, 'final_time': 10.0,
     }  # fmt: skip
     drawn = {(each['kind'], each['of']) for each in updates['course']}
     assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn

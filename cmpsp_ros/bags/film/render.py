@@ -119,7 +119,7 @@ def _frames(
     two_wheels = isinstance(settings.robot, DifferentialDrive)
     height = settings.robot.wheel_radius if two_wheels else 0.0
     # Who is larger is looked at from further away.
-    farther = 1.0 if two_wheels else max(1.0, settings.robot_radius / _USUAL_RADIUS)
+    farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)
     camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
     width, height = size
     try:

@@ -64,7 +64,7 @@ def scene(
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))
     two_wheels = isinstance(settings.robot, DifferentialDrive)
-    robot = mjcf(settings.robot, Physics(), 0.0) if two_wheels else _disc_shaped(settings)
+    robot = mjcf(settings.robot, Physics(), 0.0) if two_wheels else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
     discs = ''.join(map(_disc, moving))
@@ -72,16 +72,21 @@ def scene(
     return f'{head}{_LOOK}\n    {decoration}{body}'
 
 
-def _disc_shaped(settings: GuidanceSettings) -> str:
+def _shaped(settings: GuidanceSettings) -> str:
     """A robot of any model, its footprint with a nose, in MuJoCo's own format."""
     radius, height = max(settings.robot_radius, 2.0 * _LINE), HEIGHT / 2.0
+    shape, asset = f'type="cylinder" size="{radius!r} {height!r}" pos="0 0 {height!r}"', ''
+    if corners := settings.footprint.corners:
+        ends = (f'{x!r} {y!r} {z!r}' for x, y in corners for z in (0.0, HEIGHT))
+        asset = f'<asset><mesh name="footprint" vertex="{" ".join(ends)}"/></asset>'
+        shape = 'type="mesh" mesh="footprint"'
     return f"""<mujoco>
+  {asset}
   <worldbody>
     <geom type="plane" size="0 0 1"/>
     <body name="robot">
       <freejoint/>
-      <geom type="cylinder" size="{radius!r} {height!r}" pos="0 0 {height!r}" mass="1"
-            contype="0" conaffinity="0" rgba="0.12 0.35 0.65 1"/>
+      <geom {shape} mass="1" contype="0" conaffinity="0" rgba="0.12 0.35 0.65 1"/>
       <geom type="box" size="{radius / 2.0!r} {radius / 10.0!r} {height / 4.0!r}" mass="0"
             pos="{radius / 2.0!r} 0 {HEIGHT!r}" contype="0" conaffinity="0" rgba="0.9 0.9 0.9 1"/>
     </body>

@@ -250,14 +250,26 @@ function stroke(pen, points, to, color, width, dashes) {
   pen.setLineDash([]);
 }
 
+// Corners of a footprint as Nav2 writes it, on the screen: y is down there.
+function cornersOf(text, scale) {
+  const numbers = (text.match(/[-+]?[\d.]+(e[-+]?\d+)?/gi) || []).map(Number);
+  const corners = [];
+  for (let i = 0; i + 1 < numbers.length; i += 2) {
+    corners.push([numbers[i] * scale, -numbers[i + 1] * scale]);
+  }
+  return corners;
+}
+
 function drawRobot(pen, place, to, scale) {
   const [x, y] = to(place);
-  const radius = ((latest.robot || {})['robot.radius'] || 0) * scale;
+  const corners = cornersOf((latest.robot || {})['robot.footprint'] || '', scale);
+  const radius = corners.length ? 0 : ((latest.robot || {})['robot.radius'] || 0) * scale;
   pen.save();
   pen.translate(x, y);
   pen.rotate(-place[2]);
   pen.beginPath();
-  pen.arc(0, 0, radius, 0, 2 * Math.PI);
+  if (corners.length) corners.forEach((corner) => pen.lineTo(...corner));
+  else pen.arc(0, 0, radius, 0, 2 * Math.PI);
   pen.fillStyle = 'rgb(0 114 178 / 25%)';
   pen.fill();
   const size = Math.max(radius, 10);

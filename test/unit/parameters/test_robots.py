@@ -56,7 +56,8 @@ def test_a_robot_fits_a_course_and_is_what_its_maker_says(name):
 @pytest.mark.parametrize('name', sorted(CARS))
 def test_a_car_fits_a_course_and_is_what_its_maker_says(name):
     given = load_robot(name)
-    values = TABLE.resolve(load_parameter_file('lane_change') | given)
+    wide = {'road.left_width': [9.0], 'road.right_width': [5.0]}
+    values = TABLE.resolve(load_parameter_file('lane_change') | wide | given)
     check_start(values)
     settings = guidance_settings(values)
     robot = settings.robot

@@ -43,9 +43,10 @@ class PlanMarkers:
 
     The plan is a band in the colour of its fallback level, and in it a line in the colours of the
     clearance: from `NEAR` where only `safety.margin` is left to `FAR` where `PLENTY` is left
-    beside. A plan that is gone is removed, the reason stays where the robot was last. A moving
-    obstacle is shown where it is, with an arrow to where it will be a second later; the rings
-    around it and around the arrow's tip are what the robot's centre keeps from it.
+    beside. Where it begins is the outline of a robot that has corners. A plan that is gone is
+    removed, the reason stays where the robot was last. A moving obstacle is shown where it is, with
+    an arrow to where it will be a second later; the rings around it and around the arrow's tip are
+    what the robot's centre, or that of its discs, keeps from it.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -90,8 +91,22 @@ class PlanMarkers:
             each.action = Marker.DELETE if plan is None else Marker.ADD
             each.points = points
         self._line.colors = colors
-        self._array.markers = [self._band, self._line, self._text, *self._moving(decision)]
+        outline = self._outline(decision)
+        self._array.markers = [self._band, self._line, self._text, *outline]
+        self._array.markers += self._moving(decision)
         return self._array
+
+    def _outline(self, decision: Decision) -> Iterator[Marker]:
+        """The corners of the robot where the plan begins."""
+        footprint, plan = self._settings.footprint, decision.plan
+        if footprint.corners and plan is not None:
+            corners = footprint.at(plan.poses[0]).tolist()
+            marker = Marker(ns='footprint', type=Marker.LINE_STRIP, color=self._text.color)
+            marker.header, marker.lifetime = self._band.header, self._band.lifetime
+            marker.pose.orientation.w = 1.0
+            marker.scale.x = _RING
+            marker.points = [Point(x=x, y=y) for x, y in (*corners, corners[0])]
+            yield marker
 
     def _moving(self, decision: Decision) -> Iterator[Marker]:
         for each in decision.tracks:

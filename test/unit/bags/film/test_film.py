@@ -69,6 +69,17 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
     assert lines.sum() == 2 * (len(edge) - 1) + 2
 
 
+def test_a_robot_with_corners_is_a_prism():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))
+    model = mujoco.MjModel.from_xml_string(scene(settings, np.zeros((2, 2)), [settings.goal]))
+    (body,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    state = mujoco.MjData(model)
+    mujoco.mj_forward(model, state)
+    corners = model.mesh_vert @ state.geom_xmat[body].reshape(3, 3).T + state.geom_xpos[body]
+    found = np.unique(corners[:, :2].round(4), axis=0)
+    np.testing.assert_allclose(found, np.unique(settings.footprint.corners, axis=0), atol=1e-4)
+
+
 @pytest.mark.slow
 def test_stills_show_the_robot_beside_the_obstacle_and_at_the_goal(drawing, bag, tmp_path):
     path = tmp_path / 'film.png'

@@ -169,3 +169,16 @@ def test_what_moves_reddens_the_stages_that_it_comes_near(fill, decision):
     _, line, *_ = fill(decision._replace(tracks=(standing,)))
     assert line.colors[25] == NEAR
     assert line.colors[:15] == before.colors[:15]
+
+
+def test_a_robot_with_corners_is_drawn_where_the_plan_begins():
+    given = settings_of('slot')
+    decision = GuidanceLaw(given).update(0, np.array([0.0, -0.3, 0.5]))
+    (outline,) = [
+        each for each in PlanMarkers(given).fill(decision).markers if each.ns == 'footprint'
+    ]
+    corners = [(point.x, point.y) for point in outline.points]
+    np.testing.assert_allclose(corners[:-1], given.footprint.at(decision.plan.poses[0]))
+    assert corners[0] == corners[-1]
+    assert outline.action == Marker.ADD
+    assert outline.color == PlanMarkers(given).fill(decision).markers[0].color

@@ -88,11 +88,19 @@ def study(
     judge: Annotated[
         bool, typer.Option('--judge', help='Solve each failed run with IPOPT (CasADi).')
     ] = False,
+    costs: Annotated[
+        int,
+        typer.Option(min=0, help="Of so many runs that arrived, compare the cost with IPOPT's."),
+    ] = 0,
     only: Annotated[
         int | None,
         typer.Option('--run', min=0, metavar='NUMBER', help='Instead, repeat and draw one run.'),
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
+    robot: Annotated[
+        str,
+        typer.Option(metavar='NAME', help='Robot, or its file: nominal courses made for it.'),
+    ] = '',
     assignments: Assignments = None,
 ) -> None:
     """Drive many random courses and count what happens.
@@ -101,7 +109,7 @@ def study(
     """
     from cmpsp_ros.studies import monte_carlo  # noqa: PLC0415 (plots, kernels)
 
-    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()))
+    chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot)
     folder = output or Path(f'study_{name}')
     with exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:
@@ -118,7 +126,7 @@ def study(
                     task = bar.add_task(part, total=pieces)
                     return lambda count: bar.advance(task, count)
 
-                order = monte_carlo.Order(chosen, runs, folder, workers, scheduler, judge)
+                order = monte_carlo.Order(chosen, runs, folder, workers, scheduler, judge, costs)
                 values = monte_carlo.run(order, progress)
         except KeyboardInterrupt:
             complain(f'{folder}: interrupted; the same command continues')

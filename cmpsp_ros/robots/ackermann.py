@@ -96,6 +96,11 @@ class Ackermann(Robot):
         """Of wheel speed and steering angle, shape ``(2,)`` [rad/s, rad]."""
         return np.array([self.max_wheel_speed, self.max_steering_angle])
 
+    @property
+    def steering_limits(self) -> tuple[float, float]:
+        """Limits of steering angle and rate [rad, rad/s]."""
+        return self.max_steering_angle, self.max_steering_rate
+
     def slipping(self, slip: float) -> Ackermann:
         """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
         return replace(self, wheel_radius=(1.0 - slip) * self.wheel_radius) if slip else self

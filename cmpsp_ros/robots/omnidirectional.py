@@ -76,9 +76,16 @@ class Omnidirectional(Robot):
         return self.grip * self.wheel_radius * self.max_wheel_acceleration / steepest
 
     @cached_property
+    def driven(self) -> list[int]:
+        """The wheels whose speeds are the controls."""
+        rims = np.array(self.rims)
+        threes = combinations(range(len(rims)), 3)
+        return list(max(threes, key=lambda three: abs(np.linalg.det(rims[list(three)]))))
+
+    @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""
-        rest = [wheel for wheel in range(len(self.rims)) if wheel not in self._driven]
+        rest = [wheel for wheel in range(len(self.rims)) if wheel not in self.driven]
         return Kinematics(
             OMNIDIRECTIONAL,
             float(self.wheel_radius),
@@ -87,7 +94,7 @@ class Omnidirectional(Robot):
             float(self.max_wheel_speed),
             float(self.max_speed),
             twists=self._twists,
-            of_twists=self._turning[self._driven],
+            of_twists=self._turning[self.driven],
         )
 
     @property
@@ -116,7 +123,7 @@ class Omnidirectional(Robot):
 
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., 3)`` of twists, of either form."""
-        controls: Array = self.wheel_speeds(twist)[..., self._driven]
+        controls: Array = self.wheel_speeds(twist)[..., self.driven]
         return controls
 
     def wheel_speeds(self, twist: Array) -> Array:
@@ -152,22 +159,15 @@ class Omnidirectional(Robot):
         return turning
 
     @cached_property
-    def _driven(self) -> list[int]:
-        """The wheels whose speeds are the controls."""
-        rims = np.array(self.rims)
-        threes = combinations(range(len(rims)), 3)
-        return list(max(threes, key=lambda three: abs(np.linalg.det(rims[list(three)]))))
-
-    @cached_property
     def _twists(self) -> Array:
         """Twist of a control, as a matrix ``(3, 3)``."""
-        return np.asarray(np.linalg.inv(self._turning[self._driven]), float)
+        return np.asarray(np.linalg.inv(self._turning[self.driven]), float)
 
     @cached_property
     def _wheels(self) -> Array:
         """Wheel speeds of a control, as a matrix ``(W, 3)``."""
         wheels: Array = self._turning @ self._twists
-        wheels[self._driven] = np.eye(3)
+        wheels[self.driven] = np.eye(3)
         return wheels
 
     @cached_property

@@ -98,6 +98,11 @@ class Robot(ABC):
         return np.full(self.n_controls, self.max_wheel_speed)
 
     @property
+    def steering_limits(self) -> tuple[float, float] | None:
+        """Limits of steering angle and rate [rad, rad/s]; None for a robot that is not steered."""
+        return None
+
+    @property
     def at_rest(self) -> Array:
         """The control of a robot at rest, shape ``(r,)``."""
         return np.zeros(self.n_controls)

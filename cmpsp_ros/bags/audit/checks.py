@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from cmpsp_ros.bags.audit import command_checks, fallback_checks, path_checks
+from cmpsp_ros.bags.audit import change_checks, command_checks, fallback_checks, path_checks
 from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
@@ -46,9 +46,10 @@ CHECKS: Final = (
     _Check(
         'acceleration',
         'Commands: acceleration',
-        command_checks.acceleration,
+        change_checks.acceleration,
         (*_WHEELS[:2], 'control_period'),
     ),
+    _Check('steering', 'Commands: steering', change_checks.steering, ('control_period',)),
     _Check(
         'commanded',
         'Commands: safe to drive',

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -15,7 +14,6 @@ from cmpsp_ros.bags.audit.odometry import mean_twists
 from cmpsp_ros.bags.audit.record import AuditRecord, Leg
 from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 Array = NDArray[np.float64]
@@ -78,30 +76,6 @@ def wheel_limits(record: AuditRecord) -> Verdict:
     return passed_if(
         passed, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
     )
-
-
-def acceleration(record: AuditRecord) -> Verdict:
-    """Whether the wheels can follow from each command to the next, and to the first from rest.
-
-    A halt is exempt: it answers faults that no plan can foresee.
-    """
-    settings = record.history.epochs[0].settings
-    limit = settings.max_wheel_change
-    if not math.isfinite(limit):
-        return skipped('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
-    wheels = settings.robot.wheel_speeds(record.commands.twists)
-    changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
-    changes[_unplanned(record)] = 0.0
-    index = int(changes.argmax())
-    worst = float(changes[index])
-    passed = worst <= limit + CHANGE_ROUNDING
-    sentence = (
-        'The wheels can follow from each command to the next.'
-        if passed
-        else f'A wheel is to change by {worst:.4g} rad/s from one command to the next.'
-    )
-    at = record.seconds(int(record.commands.stamps[index]))
-    return passed_if(passed, sentence, worst=worst, limit=limit, unit='rad/s', at=at)
 
 
 def as_decided(record: AuditRecord) -> Verdict:
@@ -247,21 +221,6 @@ def silence(record: AuditRecord) -> Verdict:
     return passed_if(
         worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
     )
-
-
-def _unplanned(record: AuditRecord) -> NDArray[np.bool_]:
-    """Commands without a known predecessor: halts, and the first after a gap."""
-    if not record.decisions:
-        unplanned = ~record.commands.moving
-        unplanned[0] = True
-        return unplanned
-    unplanned = np.zeros(len(record.commands.stamps), dtype=bool)
-    pairs, decisions = record.pairs, record.decisions
-    unplanned[: pairs.commands + 1] = decisions[pairs.decisions].step > 0
-    answered = decisions[pairs.decisions :][: pairs.count]
-    for index, (before, after) in enumerate(pairwise(answered), pairs.commands + 1):
-        unplanned[index] = after.halted or after.run != before.run
-    return unplanned
 
 
 def _held(

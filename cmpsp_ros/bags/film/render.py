@@ -21,8 +21,8 @@ from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -33,6 +33,7 @@ _WAY_POINTS, _WAY_RATE = 400, 25
 
 # The camera: behind the robot and above it, looking at a point ahead of it.
 _DISTANCE, _ELEVATION, _AHEAD = 1.3, -32.0, 0.5
+_USUAL_RADIUS = 0.15
 
 
 def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
@@ -71,9 +72,6 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
-    if not isinstance(settings.robot, DifferentialDrive):
-        found = type(settings.robot).__name__
-        raise BagError(f'{bag}: found a robot of the model {found}, wanted a differential drive')
     model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))
     moments = [
         _Moment(
@@ -83,7 +81,7 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
         )
         for stamp in stamps
     ]
-    frames = list(_frames(model, settings.robot, moments, _MOVING if moving else _STILL))
+    frames = list(_frames(model, settings, moments, _MOVING if moving else _STILL))
     try:
         if moving:
             frames[0].save(
@@ -112,13 +110,17 @@ class _Moment:
 
 
 def _frames(
-    model: str, robot: Robot, moments: Sequence[_Moment], size: tuple[int, int]
+    model: str, settings: GuidanceSettings, moments: Sequence[_Moment], size: tuple[int, int]
 ) -> Iterator[Image.Image]:
     mujoco = _mujoco()
     world = mujoco.MjModel.from_xml_string(model)
     state = mujoco.MjData(world)
     camera = mujoco.MjvCamera()
-    camera.distance, camera.elevation = _DISTANCE, _ELEVATION
+    two_wheels = isinstance(settings.robot, DifferentialDrive)
+    height = settings.robot.wheel_radius if two_wheels else 0.0
+    # Who is larger is looked at from further away.
+    farther = 1.0 if two_wheels else max(1.0, settings.robot_radius / _USUAL_RADIUS)
+    camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
     width, height = size
     try:
         renderer = mujoco.Renderer(world, height, width)
@@ -131,11 +133,12 @@ def _frames(
         for moment in moments:
             x, y, heading = moment.pose.tolist()
             turn = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
-            state.qpos[:7] = (x, y, robot.wheel_radius, *turn)
+            state.qpos[:7] = (x, y, height, *turn)
             _arrange(world, state, moment)
             mujoco.mj_forward(world, state)
-            ahead = (x + _AHEAD * math.cos(heading), y + _AHEAD * math.sin(heading))
-            camera.lookat[:] = (*ahead, robot.wheel_radius)
+            reach = farther * _AHEAD
+            ahead = (x + reach * math.cos(heading), y + reach * math.sin(heading))
+            camera.lookat[:] = (*ahead, height)
             camera.azimuth = math.degrees(heading)
             renderer.update_scene(state, camera)
             yield Image.fromarray(renderer.render())

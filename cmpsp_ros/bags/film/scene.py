@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.physics import Physics, mjcf
 from cmpsp_ros.world.obstacles.shapes import outlines
 
@@ -62,12 +63,31 @@ def scene(
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))
-    robot = mjcf(settings.robot, Physics(), 0.0)
+    two_wheels = isinstance(settings.robot, DifferentialDrive)
+    robot = mjcf(settings.robot, Physics(), 0.0) if two_wheels else _disc_shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
     discs = ''.join(map(_disc, moving))
     body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
+
+
+def _disc_shaped(settings: GuidanceSettings) -> str:
+    """A robot of any model, its footprint with a nose, in MuJoCo's own format."""
+    radius, height = max(settings.robot_radius, 2.0 * _LINE), HEIGHT / 2.0
+    return f"""<mujoco>
+  <worldbody>
+    <geom type="plane" size="0 0 1"/>
+    <body name="robot">
+      <freejoint/>
+      <geom type="cylinder" size="{radius!r} {height!r}" pos="0 0 {height!r}" mass="1"
+            contype="0" conaffinity="0" rgba="0.12 0.35 0.65 1"/>
+      <geom type="box" size="{radius / 2.0!r} {radius / 10.0!r} {height / 4.0!r}" mass="0"
+            pos="{radius / 2.0!r} 0 {HEIGHT!r}" contype="0" conaffinity="0" rgba="0.9 0.9 0.9 1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
 
 
 def _disc(number: int) -> str:

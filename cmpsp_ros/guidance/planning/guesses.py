@@ -16,7 +16,8 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
     searched_paths,
     turning_first,
 )
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess, turning_in_moves
+from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
+from cmpsp_ros.guidance.planning.manoeuvres import has_to_turn, manoeuvres
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 
 Array = NDArray[np.float64]
@@ -41,7 +42,10 @@ class Guesses:
         if self._limit == 1:
             return [given]
         if settings.initial_guess.type == 'road':
-            return self.fresh(context, self._limit)
+            turning = []
+            if has_to_turn(settings, context.start, context.target):
+                turning = self.turning(context)
+            return turning + self.fresh(context, self._limit)
         return [given, *self.fresh(context, self._limit - 1)]
 
     def fresh(
@@ -61,13 +65,13 @@ class Guesses:
         """Of the most promising homotopy classes, but each begins with a turn on the spot.
 
         A searched path is among them: a way may lead on where a robot could not follow it. One that
-        drives sideways needs none, and a car turns in moves instead.
+        drives sideways needs none, and a car turns back and forth instead.
         """
         settings, start, durations = context.settings, context.start, context.horizon.durations
         if start.robot.drives_sideways:
             return []
         if not start.robot.turns_on_the_spot:
-            return turning_in_moves(settings, start, context.target, durations)
+            return manoeuvres(settings, start, context.target, durations)
         paths = self._paths(context, guide_paths, self._limit)
         paths += self._paths(context, searched_paths)
         return [turning_first(settings, path, start, durations) for path in paths]

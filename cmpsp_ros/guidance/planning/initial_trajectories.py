@@ -15,13 +15,11 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
 from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
 from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_points
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
 Array = NDArray[np.float64]
 
 _LOOKAHEAD = 1.0
-_OF_PACE = 0.6
 SHORTEST_LOOKAHEAD: Final = 0.3
 """Nearest point that is pursued [m]."""
 
@@ -86,42 +84,6 @@ def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
     if target.heading is None or target.is_line or not start.robot.drives_sideways:
         return math.nan
     return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
-
-
-def turning_in_moves(
-    settings: GuidanceSettings, start: PlanStart, target: Target, durations: Array
-) -> list[Array]:
-    """Guesses of a car that turns back and forth towards the goal, and then pursues the road.
-
-    Each of two moves turns it by a third of what it has to turn, as tightly as it can; they are
-    driven forward or backward first, to the left or to the right.
-
-    Returns:
-        Controls ``(N + 1, r)`` each, none where the time is too short or the car does not face the
-        wrong way. Arguments as in `initial_guess`.
-    """
-    robot, pose, guesses = start.robot, start.pose, []
-    ahead = math.copysign(
-        SHORTEST_LOOKAHEAD, arc_length_to(settings.road, pose, target.position, target.heading)
-    )
-    x, y = lookahead_points(settings.road, pose, np.array([ahead]), target.position)[0]
-    needed = math.remainder(math.atan2(y - pose[1], x - pose[0]) - float(pose[2]), math.tau)
-    if abs(needed) < math.pi / 2.0:
-        return []
-    wheel, steering = _OF_PACE * settings.pace / robot.wheel_radius, robot.bounds[1]
-    turn_rate = abs(float(robot.twist(np.array([wheel, steering]))[1]))
-    for turn in (needed, needed - math.copysign(math.tau, needed)):
-        steps = math.ceil(abs(turn) / 3.0 / turn_rate / settings.control_period)
-        for gear in (-1.0, 1.0):
-            if 2 * steps >= len(durations):
-                continue
-            side = math.copysign(steering, turn)
-            moves = [[gear * wheel, gear * side]] * steps + [[-gear * wheel, -gear * side]] * steps
-            controls = np.array(moves)
-            there = robot.roll_out(pose, controls, durations[: 2 * steps])[-1]
-            rest = along_road(settings, start._replace(pose=there), target, durations[2 * steps :])
-            guesses.append(np.concatenate([controls, rest]))
-    return guesses
 
 
 def largest_turn(settings: GuidanceSettings) -> float:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
@@ -43,6 +44,18 @@ class Driven:
     decisions: list[Decision] = field(default_factory=list)
     exception: str = ''
     end: int = 0
+
+    @property
+    def controls(self) -> Array:
+        """What was commanded until the final time, shape ``(K, r)``."""
+        robot = self.task.settings.robot
+        sent = [each for each in self.decisions if not each.late]
+        controls = np.array([robot.controls(each.twist) for each in sent])
+        for index, each in enumerate(sent):
+            if each.steering_angle is not None:
+                # At rest a twist says nothing of it.
+                controls[index, -1] = each.steering_angle
+        return controls.reshape(-1, robot.n_controls)
 
     def at(self, stamp: int) -> Array:
         """Pose at an instant that is among the motions, shape ``(3,)`` [m, m, rad]."""
@@ -162,6 +175,7 @@ def outcome(driven: Driven) -> Outcome:
         began_outside=_is_outside(driven),
         max_wheel_speed=max(largest, default=0.0),
         too_fast=sum(each > limit for each in largest),
+        over_limit=_over_limit(driven),
         not_finite=len(speeds) - len(largest),
         nominal=levels[FallbackLevel.NOMINAL],
         elastic=levels[FallbackLevel.ELASTIC],
@@ -178,6 +192,18 @@ def outcome(driven: Driven) -> Outcome:
         time=driven.end / NANOSECONDS,
         pace=_pace(driven) if task.has_map else None,
     )
+
+
+def _over_limit(driven: Driven) -> int:
+    """Commands that change more than the robot can, or steer too far."""
+    settings, controls = driven.task.settings, driven.controls
+    if not np.isfinite(controls).all():
+        return 0
+    robot = settings.robot
+    before = np.vstack([robot.at_rest, controls])
+    changes = np.abs(np.diff(before, axis=0) @ robot.changes.T).max(axis=1)
+    sudden = changes > settings.max_wheel_change + CHANGE_ROUNDING
+    return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
 
 
 def _pace(driven: Driven) -> float:

@@ -15,6 +15,7 @@ class Verdict(StrEnum):
     EXCEPTION = 'exception'
     NOT_FINITE = 'command not finite'
     TOO_FAST = 'command above the wheel limit'
+    OVER_LIMIT = 'command changed or steered too much'
     LEFT_ROAD = 'left the road'
     TOUCHED = 'touched an obstacle'
     ARRIVED = 'arrived'
@@ -40,6 +41,7 @@ class Outcome:
         began_outside: Whether the start itself was not clear.
         max_wheel_speed: Largest wheel speed commanded [rad/s].
         too_fast: Commands above the wheel limit.
+        over_limit: Commands beyond a limit of acceleration, or of a steering angle or its rate.
         not_finite: Commands that were not finite.
         nominal: Control steps at this fallback level.
         elastic: See `nominal`.
@@ -65,6 +67,7 @@ class Outcome:
     began_outside: bool
     max_wheel_speed: float
     too_fast: int
+    over_limit: int
     not_finite: int
     nominal: int
     elastic: int
@@ -125,6 +128,7 @@ class Outcome:
             Verdict.EXCEPTION: bool(self.exception),
             Verdict.NOT_FINITE: self.not_finite > 0,
             Verdict.TOO_FAST: self.too_fast > 0,
+            Verdict.OVER_LIMIT: self.over_limit > 0,
             Verdict.LEFT_ROAD: self.left_road,
             Verdict.TOUCHED: self.touched,
             Verdict.ARRIVED: self.miss <= tolerance,

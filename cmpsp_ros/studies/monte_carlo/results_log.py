@@ -99,6 +99,7 @@ def _head(study: Study) -> dict[str, Any]:
         'code': digest(),
         'study': study.name,
         'seed': study.seed,
+        'robot': study.robot,
         'obstacles': study.most_obstacles,
         'parameters': study.values(),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -12,10 +13,11 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome
+from cmpsp_ros.studies.monte_carlo.judging import costs
 from cmpsp_ros.studies.monte_carlo.judging import judge as judges
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.results_log import open_results_log
-from cmpsp_ros.studies.monte_carlo.study import Study
+from cmpsp_ros.studies.monte_carlo.study import Study, Task
 from cmpsp_ros.studies.monte_carlo.summary import figures, to_json, write_parquet
 from cmpsp_ros.studies.monte_carlo.workers import make, make_on
 
@@ -34,6 +36,7 @@ class Order:
         workers: Processes that share the runs.
         scheduler: Address of a Dask scheduler that distributes them instead, if any.
         judge: Whether IPOPT is run on failed runs.
+        costs: Of how many runs that arrived the cost is compared with IPOPT's.
     """
 
     study: Study
@@ -42,6 +45,7 @@ class Order:
     workers: int = 1
     scheduler: str = ''
     judge: bool = False
+    costs: int = 0
 
 
 Progress = Callable[[str, int], Callable[[int], None]]
@@ -69,15 +73,11 @@ def run(order: Order, progress: Progress) -> dict[str, Any]:
         there[made.number] = made
     outcomes = [there[number] for number in range(order.runs)]
     failed = [each.number for each in outcomes if each.failed(study.tolerance)]
-    judged = judges.kept(folder)
-    if order.judge:
-        advance = progress('judge', len(failed))
-        for number in failed:
-            if number not in judged:
-                judged[number] = judges.judged(study.run(number))
-                judges.keep(folder, judged)
-            advance(1)
-    values = figures(study, outcomes, judged)
+    arrived = [each.number for each in outcomes if each.miss <= study.tolerance]
+    solved = partial(_solved, order, progress)
+    judged = solved('judge', failed if order.judge else [], judges.NAME, judges.judged)
+    compared = solved('costs', arrived[: order.costs], costs.NAME, costs.compared)
+    values = figures(study, outcomes, judged, compared)
     try:
         (folder / 'summary.json').write_text(to_json(values), encoding='utf-8')
         write_parquet(folder / 'runs.parquet', outcomes, study.tolerance, judged)
@@ -110,6 +110,27 @@ def run_one(study: Study, number: int, folder: Path) -> tuple[Outcome, list[str]
     except OSError as error:
         raise StudyError(f'{folder}: {error.strerror or error}') from error
     return outcome(driven), _changes(driven), picture
+
+
+def _solved(
+    order: Order,
+    progress: Progress,
+    part: str,
+    numbers: list[int],
+    name: str,
+    solve: Callable[[Task], dict[str, Any]],
+) -> dict[int, dict[str, Any]]:
+    """What IPOPT finds of some runs, and has found of others before."""
+    found = judges.kept(order.folder, name)
+    if not numbers:
+        return found
+    advance = progress(part, len(numbers))
+    for number in numbers:
+        if number not in found:
+            found[number] = solve(order.study.run(number))
+            judges.keep(order.folder, found, name)
+        advance(1)
+    return found
 
 
 def _made(order: Order, numbers: list[int], advance: Callable[[int], None]) -> Iterator[Outcome]:

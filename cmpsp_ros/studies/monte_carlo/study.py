@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Final
@@ -12,13 +12,15 @@ import numpy as np
 
 from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
+from cmpsp_ros.parameters.robots import robot_of
 from cmpsp_ros.parameters.scans import laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.laser import LaserSettings
 from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.errors import StudyError
-from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, Scenario
+from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
+from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.kinds import KINDS, Kind
@@ -47,12 +49,14 @@ class Study:
         seed: Of all its scenarios.
         most_obstacles: Maximum number on the road in one run.
         assignments: Further parameters, each as `key=value`.
+        robot: Name or file of a robot, for which the courses are made then.
     """
 
     name: str
     seed: int = 1
     most_obstacles: int = MOST_OBSTACLES
     assignments: tuple[str, ...] = ()
+    robot: str = ''
 
     @property
     def tolerance(self) -> float:
@@ -68,7 +72,8 @@ class Study:
         """All parameters, without obstacles.
 
         Raises:
-            StudyError: There is no study of that name, or there is no room on its road.
+            StudyError: There is no study of that name, or there is no room on its road, or it has
+                no courses for the robot.
             ParameterError: An assignment is wrong.
         """
         if self.name not in KINDS:
@@ -76,20 +81,34 @@ class Study:
         given = load_parameter_file(self.kind.preset)
         given = {key: value for key, value in given.items() if not key.startswith(_DRAWN)}
         given |= {**_ALWAYS, **self.kind.changes}
-        given.update(parse_assignment(each) for each in self.assignments)
-        values = TABLE.resolve(given)
+        assigned = dict(parse_assignment(each) for each in self.assignments)
+        if self.robot:
+            given |= self._fitted(given, assigned)
+        values = TABLE.resolve(given | assigned)
         settings = guidance_settings(values)
         plant_settings(values)
         wanted = 'none' if self.kind.sees or self.kind.has_map else 'annulus'
         if values['road.type'] != wanted:
             raise StudyError(f'road.type: found {values["road.type"]}, wanted {wanted}')
         width = settings.road.width
-        needed = max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
+        scale = width / WIDTH
+        needed = scale * max(GAP, 2.0 * FROM_EDGE) + 2.0 * settings.robot_radius
         if width <= needed:
             raise StudyError(f'road: found {width:g} m of width, wanted more than {needed:g} m')
         if settings.obstacles:
             raise StudyError('obstacles.names: found obstacles, wanted none: they are drawn')
         return dict(values)
+
+    def _fitted(self, given: Mapping[str, Any], assigned: Mapping[str, Any]) -> dict[str, Any]:
+        """The robot, and a course in proportion to it."""
+        if self.kind is not KINDS['nominal']:
+            raise StudyError(f'--robot: found study {self.name}, wanted nominal: it has its own')
+        changes = load_robot(self.robot) | _ALWAYS
+        values = TABLE.resolve({**given, **changes, **assigned})
+        robot = robot_of(values)
+        if not math.isfinite(robot.max_speed):
+            raise StudyError('robot.max_wheel_speed: found 0.0, wanted a limit for --robot')
+        return changes | in_proportion(robot, given, values['robot.radius'])
 
     def setup(self) -> tuple[GuidanceSettings, PlantSettings]:
         """Settings of law and plant in every run, but for start, obstacles and seed."""
@@ -98,7 +117,8 @@ class Study:
     def run(self, number: int) -> Task:
         """What the run of that number is."""
         settings, plant = self.setup()
-        drawn = self.kind.draw(settings, self.seed, number, self.most_obstacles)
+        draw = robot_scenario if self.robot else self.kind.draw
+        drawn = draw(settings, self.seed, number, self.most_obstacles)
         if self.kind.lag is not None:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
             plant = replace(plant, wheel_lag=lag)
@@ -124,6 +144,7 @@ class Study:
         """The command that makes one run again."""
         words: Sequence[str] = (
             f'cmpsp study {self.name} --seed {self.seed} --run {number}',
+            *([f'--robot {self.robot}'] * bool(self.robot)),
             *([f'--obstacles {self.most_obstacles}'] * (self.most_obstacles != MOST_OBSTACLES)),
             *(f'--set {each}' for each in self.assignments),
         )

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from scipy.stats import binomtest
 
+from cmpsp_ros.studies.monte_carlo.judging.costs import WITHIN
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
 
@@ -70,6 +71,7 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
         runs('exceptions', *(bool(each.exception) for each in outcomes)),
         runs('commands not finite', *(each.not_finite > 0 for each in outcomes)),
         runs('commands above the wheel limit', *(each.too_fast > 0 for each in outcomes)),
+        runs('commands changed or steered too much', *(each.over_limit > 0 for each in outcomes)),
         runs('stopped on the way', *(each.stop > 0 for each in outcomes)),
         runs('nominal all the way', *(not each.trouble for each in outcomes)),
         runs('elastic at some step', *(each.elastic > 0 for each in outcomes)),
@@ -78,7 +80,10 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
 
 
 def figures(
-    study: Study, outcomes: Sequence[Outcome], judged: Mapping[int, Mapping[str, Any]]
+    study: Study,
+    outcomes: Sequence[Outcome],
+    judged: Mapping[int, Mapping[str, Any]],
+    compared: Mapping[int, Mapping[str, Any]],
 ) -> dict[str, Any]:
     """All figures of a study, ready for JSON."""
     verdicts = Counter(each.verdict(study.tolerance) for each in outcomes)
@@ -91,6 +96,7 @@ def figures(
         'study': study.name,
         'seed': study.seed,
         'obstacles': study.most_obstacles,
+        'robot': study.robot,
         'assignments': list(study.assignments),
         'runs': len(outcomes),
         'tolerance_m': study.tolerance,
@@ -108,6 +114,7 @@ def figures(
         **({'time_s': _quantiles([each.time for each in outcomes])} if free else {}),
         **({'pace': _quantiles(paces), 'mean_pace': float(np.mean(paces))} if paces else {}),
         **({'mean_score': float(np.mean(scores))} if scores else {}),
+        **({'costs': _costs(compared)} if compared else {}),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
         'failures': [
             {
@@ -145,6 +152,10 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         counts.add_row(f'control steps {level.replace("_", " ")}', str(count), str(steps), '')
     if 'mean_score' in values:
         counts.add_row('mean score', f'{values["mean_score"]:.4f}', '0.25', '')
+    if 'costs' in values:
+        costs = values['costs']
+        count, total = costs['at_most_5_percent_more'], costs['of_the_same_class']
+        counts.add_row('cost at most 5 % above the least', str(count), str(total), '')
     if 'mean_pace' in values:
         counts.add_row('mean speed', f'{values["mean_pace"]:.4f}', '1', '')
     counts.add_section()
@@ -211,6 +222,22 @@ def write_parquet(
         table = table.set_column(place, name, table.column(name).cast(kind))
     parquet.write_table(table, path)
     return True
+
+
+def _costs(compared: Mapping[int, Mapping[str, Any]]) -> dict[str, Any]:
+    """Of runs of which IPOPT found the least cost in their own homotopy class."""
+    ratios = {
+        number: each['cost'] / each['least']
+        for number, each in compared.items()
+        if each.get('same_class')
+    }
+    return {
+        'compared': len(compared),
+        'of_the_same_class': len(ratios),
+        'at_most_5_percent_more': sum(each <= 1.0 + WITHIN for each in ratios.values()),
+        **({'ratio': _quantiles(list(ratios.values()))} if ratios else {}),
+        'more': sorted(number for number, each in ratios.items() if each > 1.0 + WITHIN),
+    }
 
 
 def _quantiles(numbers: Sequence[float]) -> dict[str, float]:

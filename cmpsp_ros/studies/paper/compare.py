@@ -72,7 +72,7 @@ def least_clearance(drives: Iterable[Drive], *, between_samples: bool) -> float:
 def within_limits(drives: Iterable[Drive]) -> bool:
     """Whether no wheel is ever faster than its limit."""
     return all(
-        np.abs(drive.path.wheel_speeds).max() <= drive.path.settings.robot.max_wheel_speed
+        np.abs(drive.path.controls).max() <= drive.path.settings.robot.max_wheel_speed
         for drive in drives
     )
 
@@ -90,10 +90,7 @@ def apart(paths: Sequence[Path]) -> Array:
 def wheels_apart(paths: Sequence[Path]) -> Array:
     """Largest difference of a wheel speed at equal times, in the order of pairs [rad/s]."""
     return np.array(
-        [
-            np.abs(one.wheel_speeds - other.wheel_speeds).max()
-            for one, other in combinations(paths, 2)
-        ]
+        [np.abs(one.controls - other.controls).max() for one, other in combinations(paths, 2)]
     )
 
 
@@ -106,7 +103,7 @@ def spans(active: NDArray[np.bool_]) -> int:
 def saturated(path: Path) -> NDArray[np.bool_]:
     """Whether each wheel is at its limit at each step, shape ``(N, 2)``."""
     at_limit: NDArray[np.bool_] = (
-        np.abs(path.wheel_speeds) >= path.settings.robot.max_wheel_speed - 1e-6
+        np.abs(path.controls) >= path.settings.robot.max_wheel_speed - 1e-6
     )
     return at_limit
 

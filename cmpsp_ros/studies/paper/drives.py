@@ -23,17 +23,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Path:
-    """A path driven under zero-order hold, and its wheel speeds.
+    """A path driven under zero-order hold, and its controls.
 
     Attributes:
         settings: Of the law, or of the controller used instead.
         poses: At each control instant and at the end, shape ``(N + 1, 3)`` [m, m, rad].
-        wheel_speeds: Right and left, shape ``(N, 2)`` [rad/s].
+        controls: Shape ``(N, r)``; of the paper's robot the speeds of its right and left wheel
+            [rad/s].
     """
 
     settings: GuidanceSettings
     poses: Array
-    wheel_speeds: Array
+    controls: Array
 
     @property
     def times(self) -> Array:
@@ -43,7 +44,7 @@ class Path:
     @property
     def durations(self) -> Array:
         """Length of every step, shape ``(N,)`` [s]."""
-        return np.full(len(self.wheel_speeds), self.settings.control_period)
+        return np.full(len(self.controls), self.settings.control_period)
 
     @property
     def miss(self) -> float:
@@ -68,7 +69,7 @@ class Path:
         settings = self.settings
         space = FreeSpace.of(settings.road, settings.obstacles, settings.robot_radius)
         if between_samples:
-            twists = settings.robot.twist(self.wheel_speeds)
+            twists = settings.robot.twist(self.controls)
             clearance = space.along(self.poses[:-1], twists, self.durations)
         else:
             clearance = space.at(self.poses)
@@ -77,13 +78,13 @@ class Path:
 
     def points(self) -> Array:
         """Positions along the path, several on each arc, shape ``(K, 2)`` [m]."""
-        twists = self.settings.robot.twist(self.wheel_speeds)
+        twists = self.settings.robot.twist(self.controls)
         return along(self.poses, twists, self.durations)
 
     def measures(self) -> dict[str, Any]:
         """The figures of this path, under the names that `results.json` has."""
         limit = self.settings.robot.max_wheel_speed
-        right, left = self.wheel_speeds.T
+        right, left = self.controls.T
         return {
             'miss_m': self.miss,
             'clearance_at_samples_m': float(self.clearance(between_samples=False).min()),
@@ -121,7 +122,7 @@ class Drive:
     def series(self) -> dict[str, Any]:
         """The run as numbers."""
         x, y, heading = self.path.poses.T
-        right, left = self.path.wheel_speeds.T
+        right, left = self.path.controls.T
         return {
             't_s': self.path.times.tolist(),
             'x_m': x.tolist(),

@@ -103,7 +103,7 @@ def draw_wheel_speeds(
 
     def draw(axes: Axes, row: int, drive: Drive, look: Look) -> None:
         look = {**look, 'lw': 0.7 * look['lw']}
-        speeds = drive.path.wheel_speeds[:, row]
+        speeds = drive.path.controls[:, row]
         held = np.append(speeds, speeds[-1])
         axes.step(drive.path.times, held, where='post', color=drive.experiment.color, **look)
 

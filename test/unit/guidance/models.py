@@ -1,5 +1,7 @@
 """Runs of presets in this process, for robots of every model."""
 
+import math
+
 import numpy as np
 
 from cmpsp_ros.demo.scenario import load_scenario
@@ -39,7 +41,7 @@ def assert_arrives(settings, decisions, motions, pose):
     assert {each.level for each in on_the_way} == {FallbackLevel.NOMINAL}
     assert np.hypot(*(pose[:2] - settings.goal)) < 1e-3
     if settings.goal_heading is not None:
-        assert abs(pose[2] - settings.goal_heading) < 1e-2
+        assert abs(math.remainder(pose[2] - settings.goal_heading, math.tau)) < 1e-2
     assert clearance(settings, motions) > 0.0
     fastest = max(np.abs(each.wheel_speeds).max() for each in decisions)
     assert fastest <= settings.robot.max_wheel_speed

@@ -61,6 +61,20 @@ def test_it_turns_back_and_forth_where_it_cannot_drive_around():
     assert max(speeds) > 0.3
 
 
+@pytest.mark.parametrize('heading', [1.5707963, -1.5707963])
+def test_into_a_bay_in_reverse_and_forward(heading):
+    given = f'goal.heading=[{heading}]'
+    run = drive('parking', given)
+    settings, decisions, motions, pose = run
+    assert_arrives(settings, decisions, motions, pose)
+    assert_within_limits(settings, decisions, motions)
+    # It stands there, too.
+    assert np.hypot(*(motions[-1].pose[:2] - settings.goal)) < 1e-3
+    last = [each.twist[0] for each in decisions if each.twist.any()][-30:]
+    assert np.mean(last) * heading < 0.0
+    assert_the_same(run, drive('parking', given))
+
+
 def test_a_small_car_among_obstacles_on_a_bend():
     settings, decisions, motions, pose = drive(
         'case3_wide',

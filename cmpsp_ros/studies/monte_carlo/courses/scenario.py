@@ -1,4 +1,7 @@
-"""Start and obstacles of a run, drawn from the study's seed and the run's number."""
+"""Start and obstacles of a run, drawn from the study's seed and the run's number.
+
+Lengths are those of a ring 2 m wide; on a wider one they grow with it.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,9 @@ import numpy as np
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
 from cmpsp_ros.world.roads.annulus import Annulus
+
+WIDTH: Final = 2.0
+"""Of the ring of case 3 [m]."""
 
 FROM_EDGE: Final = 0.05
 """Least distance of the start from road edges, and of start and goal from obstacles [m]."""
@@ -49,7 +55,13 @@ class Scenario:
     changes: Mapping[str, Any] = field(default_factory=dict)
 
 
-def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles: int) -> Scenario:
+def scenario(
+    settings: GuidanceSettings,
+    seed: int,
+    number: int,
+    most_obstacles: int,
+    bearings: tuple[float, float] = (0.0, math.tau),
+) -> Scenario:
     """The scenario of a run, which depends on these arguments only.
 
     Args:
@@ -57,12 +69,14 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
         seed: Of the study, not negative.
         number: Of the run, not negative.
         most_obstacles: Maximum number on the road.
+        bearings: Where on the ring the start may be [rad].
     """
     random = np.random.default_rng(np.random.SeedSequence([seed, number]))
     plant_seed = int(random.integers(2**31))
     road, goal = settings.annulus, settings.goal
-    away = settings.robot_radius + FROM_EDGE
-    start = _point(random, road, (0.0, math.tau), away)
+    scale = (road.outer_radius - road.inner_radius) / WIDTH
+    away = settings.robot_radius + scale * FROM_EDGE
+    start = _point(random, road, bearings, away)
     ahead = road.angle_between(start, goal)
     bearing = _bearing(road, start)
     along = bearing + math.copysign(math.pi / 2.0, ahead)
@@ -73,9 +87,10 @@ def scenario(settings: GuidanceSettings, seed: int, number: int, most_obstacles:
     for _ in range(_ATTEMPTS):
         if len(obstacles) == wanted:
             break
-        drawn = _obstacle(random, road, (first, last), f'o{len(obstacles) + 1}')
+        drawn = _obstacle(random, road, (first, last), f'o{len(obstacles) + 1}', scale)
         clear = all(math.dist(each, drawn.center) >= drawn.radius + away for each in (start, goal))
-        if clear and is_open(road, [*obstacles, drawn], GAP + 2.0 * settings.robot_radius):
+        width = scale * GAP + 2.0 * settings.robot_radius
+        if clear and is_open(road, [*obstacles, drawn], width):
             obstacles.append(drawn)
     return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
 
@@ -106,9 +121,14 @@ def _gap(one: Obstacle, other: Obstacle) -> float:
 
 
 def _obstacle(
-    random: np.random.Generator, road: Annulus, bearings: tuple[float, float], name: str
+    random: np.random.Generator,
+    road: Annulus,
+    bearings: tuple[float, float],
+    name: str,
+    scale: float,
 ) -> Obstacle:
-    return Obstacle(name, _point(random, road, bearings, 0.0), float(random.uniform(*RADII)))
+    place = _point(random, road, bearings, 0.0)
+    return Obstacle(name, place, scale * float(random.uniform(*RADII)))
 
 
 def _point(

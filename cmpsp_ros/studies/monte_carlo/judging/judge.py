@@ -1,9 +1,9 @@
 """Whether a failed run was feasible, by an independent solver.
 
 IPOPT, through CasADi, solves the whole horizon at once, for a robot without noise or delay whose
-wheels are slowed down by the effects of delay, lag and slip. Only the exact arcs of its wheel
-speeds count: they are judged like any other path. If it finds nothing from any start, that proves
-nothing.
+wheels are slowed down by the effects of delay, lag and slip. Only the exact arcs of its controls
+count, until it is at rest: they are judged like any other path. If it finds nothing from any start,
+that proves nothing.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
+from cmpsp_ros.guidance.planning.manoeuvres import manoeuvres
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.robot import Robot
@@ -73,27 +74,24 @@ def judged(task: Task) -> dict[str, Any]:
     for answer, settings, wanted in spaces:
         for place, start in enumerate(_starts(settings, pose)):
             found = judge(settings, pose, start)
-            if not np.isfinite(found.wheel_speeds).all():
+            whole = np.vstack([found.controls, found.braking])
+            if not np.isfinite(whole).all():
                 continue
-            path = _driven(guarded, pose, found.wheel_speeds)
-            clearance = float(path.clearance(between_samples=True).min())
-            if path.miss <= _MISS and clearance >= wanted - _ROUNDING:
-                return {
-                    'answer': answer,
-                    'start': place,
-                    'clearance_m': clearance,
-                    'miss_m': path.miss,
-                }
+            miss = _driven(guarded, pose, found.controls).miss
+            clearance = float(_driven(guarded, pose, whole).clearance(between_samples=True).min())
+            kept = clearance >= wanted - _ROUNDING and found.excess <= _ROUNDING
+            if miss <= _MISS and kept:
+                return {'answer': answer, 'start': place, 'clearance_m': clearance, 'miss_m': miss}
     return {'answer': NOT_FOUND}
 
 
-def kept(folder: FilePath) -> dict[int, dict[str, Any]]:
-    """What the judge has found of runs of a study before, by number.
+def kept(folder: FilePath, name: str = NAME) -> dict[int, dict[str, Any]]:
+    """What was found of runs of a study before, by number.
 
     Raises:
         StudyError: The file is not one of the judge's.
     """
-    path = folder / NAME
+    path = folder / name
     try:
         if not path.exists():
             return {}
@@ -103,27 +101,32 @@ def kept(folder: FilePath) -> dict[int, dict[str, Any]]:
         raise StudyError(f'{path}: {error}') from error
 
 
-def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]]) -> None:
-    """Write the results of the judge atomically.
+def keep(folder: FilePath, found: Mapping[int, Mapping[str, Any]], name: str = NAME) -> None:
+    """Write what was found atomically.
 
     Raises:
         StudyError: The disk refuses.
     """
-    beside = folder / f'{NAME}.new'
+    beside = folder / f'{name}.new'
     try:
         beside.write_text(json.dumps(dict(sorted(found.items())), indent=1), encoding='utf-8')
-        beside.replace(folder / NAME)
+        beside.replace(folder / name)
     except OSError as error:
         raise StudyError(f'{beside}: {error.strerror or error}') from error
 
 
 def _slowed(task: Task) -> Robot:
+    """The robot without what is not modelled; the solver keeps its limits of acceleration."""
     robot = task.settings.robot
-    driven = farthest(task)
+    driven = farthest(replace(task, settings=replace(task.settings, robot=_at_once(robot))))
     if not math.isfinite(driven):
         return robot
-    limit = driven / task.settings.final_time / robot.wheel_radius
-    return replace(robot, max_wheel_speed=limit)
+    fraction = driven / task.settings.final_time / robot.max_speed
+    return replace(robot, max_wheel_speed=fraction * robot.max_wheel_speed)
+
+
+def _at_once(robot: Robot) -> Robot:
+    return replace(robot, max_wheel_acceleration=math.inf)
 
 
 def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
@@ -148,10 +151,14 @@ def _starts(settings: GuidanceSettings, pose: Array) -> Iterator[Path]:
         other, start = replace(settings, road=shifted), PlanStart(pose, settings.robot)
         controls = along_road(other, start, settings.target, durations)
         yield _driven(settings, pose, controls[:-1])
+    if not settings.robot.turns_on_the_spot:
+        start = PlanStart(pose, settings.robot)
+        for controls in manoeuvres(settings, start, settings.target, durations):
+            yield _driven(settings, pose, controls[:-1])
 
 
-def _driven(settings: GuidanceSettings, pose: Array, wheel_speeds: Array) -> Path:
-    limit = settings.robot.max_wheel_speed
-    within = np.clip(wheel_speeds, -limit, limit)
+def _driven(settings: GuidanceSettings, pose: Array, controls: Array) -> Path:
+    bounds = settings.robot.bounds
+    within = np.clip(controls, -bounds, bounds)
     durations = np.full(len(within), settings.control_period)
     return Path(settings, settings.robot.roll_out(pose, within, durations), within)

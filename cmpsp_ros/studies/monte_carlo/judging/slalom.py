@@ -24,8 +24,8 @@ def slalom(settings: GuidanceSettings, pose: Array) -> Path:
         pose: Shape ``(3,)`` [m, m, rad].
 
     Returns:
-        Poses along it and wheel speeds that nearly lead from one to the next; no robot could
-        follow its corners.
+        Poses along it and controls that nearly lead from one to the next; no robot could follow
+        its corners.
     """
     road = settings.annulus
     start = (float(pose[0]), float(pose[1]))
@@ -62,9 +62,9 @@ def at_constant_speed(settings: GuidanceSettings, pose: Array, fine: Array) -> P
     headings = np.unwrap(np.concatenate([[pose[2]], course]))
     turn_rates = np.diff(headings) / settings.control_period
     speed = np.full(steps, length[-1] / settings.final_time)
-    wheel_speeds = robot.wheel_speeds(np.column_stack([speed, turn_rates]))
-    limit = robot.max_wheel_speed
-    return Path(settings, np.column_stack([points, headings]), np.clip(wheel_speeds, -limit, limit))
+    controls = robot.controls(np.column_stack([speed, turn_rates]))
+    within = np.clip(controls, -robot.bounds, robot.bounds)
+    return Path(settings, np.column_stack([points, headings]), within)
 
 
 def _widest(settings: GuidanceSettings, center: tuple[float, float]) -> float:

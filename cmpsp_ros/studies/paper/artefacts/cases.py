@@ -154,7 +154,7 @@ def _avoid(plain: list[Drive], bound: list[Drive]) -> list[Claim]:
 
 def _steady(case1: Drive) -> Claim:
     path = case1.path
-    spread = float(np.ptp(path.wheel_speeds[path.times[:-1] >= 2.0], axis=0).max())
+    spread = float(np.ptp(path.controls[path.times[:-1] >= 2.0], axis=0).max())
     return Claim(
         f'{_SECTION}, Fig. 4',
         'Case 1: "nearly constant after 2s"',
@@ -165,9 +165,9 @@ def _steady(case1: Drive) -> Claim:
 
 
 def _peaks(plain: Drive, bound: Drive) -> Claim:
-    right, left = np.abs(plain.path.wheel_speeds).max(axis=0)
-    more = np.abs(bound.path.wheel_speeds).max(axis=0)
-    text = np.abs(follow(plain.experiment, Recipe.AS_WRITTEN).wheel_speeds).max(axis=0)
+    right, left = np.abs(plain.path.controls).max(axis=0)
+    more = np.abs(bound.path.controls).max(axis=0)
+    text = np.abs(follow(plain.experiment, Recipe.AS_WRITTEN).controls).max(axis=0)
     return Claim(
         f'{_SECTION}, Fig. 4',
         'Case 2: "maximum rate of 52.7rad/s for the right wheel and 50.4rad/s for the left wheel"',

@@ -60,7 +60,7 @@ def measure(path: Path) -> Conditions:
         np.array(settings.goal),
         path.durations,
     )
-    U = np.vstack([path.wheel_speeds, path.wheel_speeds[-1:]])
+    U = np.vstack([path.controls, path.controls[-1:]])
     qp = _condensed(problem, U)
     path_rows = qp.B_C[qp.g < _ACTIVE]
     # The last control moves nothing and is not counted.

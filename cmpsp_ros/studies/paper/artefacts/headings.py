@@ -109,7 +109,7 @@ def fig9(lab: Laboratory) -> Artefact:
                 f'{_SECTION}, Fig. 9',
                 '"satisfying all the path constraints", here the limit (94)',
                 'largest '
-                + ', '.join(f'{abs(drive.path.wheel_speeds).max():.2f}' for drive in panels[0])
+                + ', '.join(f'{abs(drive.path.controls).max():.2f}' for drive in panels[0])
                 + ' rad/s',
                 Verdict.of(within_limits([*panels[0], *panels[1]])),
                 'Limits are bounds of the quadratic program and are met exactly.',

@@ -43,7 +43,7 @@ def fig10(lab: Laboratory) -> Artefact:
         Claim(
             f'{_SECTION}, Fig. 10',
             'the trajectory of the guess "is a straight line"',
-            f'with equal wheels, {guess.wheel_speeds[0, 0]:g} rad/s, it turns by {turned:g} rad',
+            f'with equal wheels, {guess.controls[0, 0]:g} rad/s, it turns by {turned:g} rad',
             Verdict.UNDECIDABLE,
             'True of any equal speeds; the paper gives none. The second guess of Table 1 is used.',
         ),
@@ -134,7 +134,7 @@ def fig13(lab: Laboratory) -> Artefact:
 
 def _wheel_speeds(panels: tuple[list[Drive], list[Drive]], counts: str, figure: str) -> Artefact:
     guess = panels[0][0].experiment.settings.initial_guess.wheel_speeds
-    largest = max(float(abs(drive.path.wheel_speeds).max()) for drive in (*panels[0], *panels[1]))
+    largest = max(float(abs(drive.path.controls).max()) for drive in (*panels[0], *panels[1]))
     return Artefact(
         f'Wheel speeds with {counts} obstacles',
         numbers(panels, ('t_s', 'right_rad_s', 'left_rad_s')),

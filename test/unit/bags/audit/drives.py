@@ -167,7 +167,8 @@ def drive_case(preset='case3', rest=0.4, **changes):
         if decision is not None:
             drive.decisions.append(decision._replace(phases={'step': 2.5 + 0.1 * (stamp % 7)}))
             drive.commands.append(Command(stamp + LATENCY, stamp, decision.twist))
-            under_way.append((stamp + delay, decision.wheel_speeds))
+            steering = [] if decision.steering_angle is None else [decision.steering_angle]
+            under_way.append((stamp + delay, np.append(decision.wheel_speeds, steering)))
         while under_way and under_way[0][0] <= stamp:
             _, held = under_way.popleft()
         pose = settings.robot.roll_out(pose, held[None], np.array([ODOM_PERIOD / SECOND]))[-1]

@@ -181,3 +181,31 @@ def test_a_halt_may_be_sudden(gentle, outcomes):
         each.twist = np.zeros(2)
     drive.decisions[index + 1 :] = [each._replace(**stop) for each in drive.decisions[index + 1 :]]
     assert 'acceleration' not in failed(outcomes(drive))
+
+
+@pytest.fixture(scope='module')
+def steered():
+    """A car that changes lanes, and brakes to rest."""
+    return drive_case('lane_change', rest=3.0)
+
+
+def test_a_car_is_steered_as_far_and_as_fast_as_it_can_be(steered, outcomes):
+    findings = outcomes(steered)
+    assert findings['steering'].outcome is PASSED
+    assert 0.0 < findings['steering'].worst <= findings['steering'].limit == 1.066
+
+
+@pytest.mark.parametrize(('change', 'sentence'), [(0.045, 'from the one before'), (1.1, '1.1')])
+def test_steering_that_cannot_follow_is_caught(steered, outcomes, change, sentence):
+    drive, robot = steered.copy(), drive_settings(steered).robot
+    index = drive.at(4.0)
+    speed, steering = robot.controls(drive.commands[index].twist)
+    drive.commands[index].twist = robot.twist(np.array([speed, steering + change]))
+    findings = outcomes(drive)
+    assert 'steering' in failed(findings)
+    assert sentence in findings['steering'].sentence
+    assert findings['steering'].at == pytest.approx(4.0, abs=0.11)
+
+
+def test_a_robot_that_is_not_steered_has_no_such_check(gentle, outcomes):
+    assert 'not steered' in outcomes(gentle)['steering'].sentence

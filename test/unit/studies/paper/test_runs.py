@@ -30,7 +30,7 @@ def driven(key, between_samples):
 def swept(path):
     """Least clearance of many points on the path, by nothing but distances."""
     settings = path.settings
-    fine = np.repeat(path.wheel_speeds, 50, axis=0)
+    fine = np.repeat(path.controls, 50, axis=0)
     durations = np.full(len(fine), settings.control_period / 50)
     points = settings.robot.roll_out(path.poses[0], fine, durations)[:, :2]
     radius = np.linalg.norm(points - settings.road.center, axis=1)
@@ -48,11 +48,11 @@ def test_there_are_ten():
 @pytest.mark.parametrize('key', ALL)
 def test_with_the_bound_it_arrives_and_touches_nothing(key):
     path = driven(key, True)
-    assert len(path.wheel_speeds) == 50
+    assert len(path.controls) == 50
     assert path.miss < 1e-6
     assert path.clearance(between_samples=True).min() >= 0.0
     assert swept(path) >= 0.0
-    assert np.abs(path.wheel_speeds).max() <= path.settings.robot.max_wheel_speed
+    assert np.abs(path.controls).max() <= path.settings.robot.max_wheel_speed
 
 
 @pytest.mark.parametrize('key', ALL)
@@ -60,7 +60,7 @@ def test_as_the_paper_has_it_it_arrives_and_is_clear_at_the_samples(key):
     path = driven(key, False)
     assert path.miss < 1e-6
     assert path.clearance(between_samples=False).min() >= TOUCHED
-    assert np.abs(path.wheel_speeds).max() <= path.settings.robot.max_wheel_speed
+    assert np.abs(path.controls).max() <= path.settings.robot.max_wheel_speed
 
 
 def test_samples_alone_let_the_path_cut_obstacles():
@@ -76,7 +76,7 @@ def test_the_measured_clearance_is_that_of_many_points(key, between_samples):
 
 
 def test_case_2_peaks_near_the_papers():
-    peaks = np.abs(driven('case2', False).wheel_speeds).max(axis=0)
+    peaks = np.abs(driven('case2', False).controls).max(axis=0)
     assert peaks.max() == pytest.approx(52.7, abs=1.0)
 
 
@@ -119,10 +119,10 @@ def test_an_independent_solver_finds_every_layout_feasible(each, between_samples
     verdict = judge(settings, pose, drive_open(settings, pose, guess))
     assert verdict.feasible, verdict.status
     # Its own word is not taken for it.
-    path = drive_open(settings, pose, verdict.wheel_speeds)
+    path = drive_open(settings, pose, verdict.controls)
     assert path.miss < 1e-6
     assert path.clearance(between_samples=False).min() > -1e-6
-    assert np.abs(path.wheel_speeds).max() < settings.robot.max_wheel_speed + 1e-6
+    assert np.abs(path.controls).max() < settings.robot.max_wheel_speed + 1e-6
     if between_samples:
         assert swept(path) > 0.0
         assert path.cost <= driven(each.key, True).cost + 1e-6

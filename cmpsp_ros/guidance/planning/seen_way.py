@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -20,6 +21,19 @@ Point = tuple[float, float]
 
 _SPACING: Final = 0.1
 _MOST_RELUCTANT: Final = 5.0
+
+
+def search_ahead(settings: GuidanceSettings, place: Array, goals: Sequence[Point]) -> Searched:
+    """Search for the paths to the next goals; returns with what, as `searched_with`.
+
+    Arguments as there.
+    """
+    searched = searched_with(settings, place, goals[0])
+    search = replace(settings, searched=searched).map_search
+    if search is not None:
+        for each in goals:
+            search.prepare(each)
+    return searched
 
 
 def searched_with(settings: GuidanceSettings, place: Array, goal: Point) -> Searched:

@@ -22,6 +22,7 @@ def test_a_good_drive_passes_every_check(drive, outcomes):
         'others',
         'margin',
         'acceleration',
+        'steering',
     }
     assert failed(findings) == set()
     assert findings['goal'].worst < 1e-6

@@ -43,6 +43,14 @@ def allocation_free(function: Callable[_P, _R]) -> Callable[_P, _R]:
     return _compile(function, **ALLOCATION_FREE)
 
 
+def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Like `allocation_free`, for functions that are always made part of their callers.
+
+    A call passes all members of named tuples of arrays, which takes longer than a short function.
+    """
+    return _compile(function, forceinline=True, **ALLOCATION_FREE)
+
+
 def inner(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Like `allocation_free`, for functions that only compiled code calls.
 

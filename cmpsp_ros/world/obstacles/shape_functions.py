@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit.compiled import allocation_free, inlined
 from cmpsp_ros.robots.arcs import Arc, arc_part, reach_of
 from cmpsp_ros.world.grids import field_functions
 from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
@@ -44,7 +44,7 @@ def distance_from(
     return distance
 
 
-@allocation_free
+@inlined
 def away_from(
     fields: Fields, corners: Array, first: Indices, k: int, j: int, x: float, y: float
 ) -> Any:
@@ -89,7 +89,7 @@ def away_from(
     return _SOME
 
 
-@allocation_free
+@inlined
 def sweep(arc: Arc, fields: Fields, corners: Array, first: Indices, j: int, enough: float) -> float:
     """Least distance of an arc, from end to end, from a shape that stands still.
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
+
 from cmpsp_ros.bags.runs.encounters import robot_encounters
 from cmpsp_ros.bags.runs.run import Run, read_run
 from cmpsp_ros.demo.fleet_picture import draw_fleet
@@ -17,6 +19,7 @@ from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.demo.summary import Summary, summarise, window
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.presets import write_fleet_file
+from cmpsp_ros.robots.footprint import placed
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,10 @@ def load_fleet(
         if each.values[key]
     ]
     for one, other in combinations(fleet, 2):
-        away = math.dist(one.values['initial_pose'][:2], other.values['initial_pose'][:2])
-        least = one.settings.robot_radius + other.settings.robot_radius
+        (x, y), pose = other.values['initial_pose'][:2], np.array(one.values['initial_pose'])
+        discs = placed(one.settings.footprint.discs, pose)
+        away = float(np.hypot(*(discs - (x, y)).T).min())
+        least = one.settings.robot_radius + other.settings.circumscribed_radius
         if away < least:
             found, wanted = f'{away:.3g} m from {other.namespace}', f'{least:.3g} m or more'
             problems.append(Problem(f'{one.namespace}: initial_pose', found, wanted))
@@ -103,8 +108,8 @@ def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Ru
     path, apart = run.driven.between(first, last), math.inf
     for other, its in zip(fleet, runs, strict=True):
         if other is not own:
-            both = own.settings.robot_radius + other.settings.circumscribed_radius
-            around = both, own.settings.moving_obstacles.timeout, own.settings.footprint.discs
+            timeout = own.settings.moving_obstacles.timeout
+            around = other.settings.circumscribed_radius, own.settings.bodies, timeout
             met = robot_encounters(path, {other.namespace: its.driven}, *around)
             apart = min([apart, *(float(each.clearance.min()) for each in met)])
     return Robot(own.namespace, summarise(run, own.settings, own.name), apart)

@@ -10,12 +10,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch, Polygon
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
+from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.view.drawing import along, draw_obstacles, draw_road
 
 Array = NDArray[np.float64]
@@ -41,20 +42,24 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
         axes.plot(*driven.poses[0, :2], 'o', color=color, ms=6, zorder=5)
         axes.plot(*each.settings.goal, '*', color=color, ms=14, zorder=5)
         if nearest is not None:
-            _draw_robot(axes, driven, nearest, each.settings.robot_radius, color)
+            _draw_robot(axes, each.settings, driven.at(nearest), color)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     if nearest is not None:
         seconds = (nearest - min(first for first, _ in windows)) / 1e9
-        axes.set_title(f'discs: where they were nearest to each other, at {seconds:.1f} s')
+        axes.set_title(f'where they were nearest to each other, at {seconds:.1f} s')
     axes.set_aspect('equal')
     axes.autoscale_view()
     axes.legend(loc='best')
     figure.savefig(path, dpi=120)
 
 
-def _draw_robot(axes: Axes, driven: Driven, stamp: int, radius: float, color: Array) -> None:
-    center = driven.at(stamp)[:2].tolist()
-    axes.add_patch(Circle(center, max(radius, _SMALLEST), color=color, alpha=0.6, lw=0, zorder=6))
+def _draw_robot(axes: Axes, settings: GuidanceSettings, pose: Array, color: Array) -> None:
+    radius, footprint = max(settings.robot_radius, _SMALLEST), settings.footprint
+    shape: Patch = Circle(pose[:2].tolist(), radius)
+    if footprint.corners:
+        shape = Polygon(footprint.at(pose))
+    shape.set(color=color, alpha=0.6, lw=0, zorder=6)
+    axes.add_patch(shape)
 
 
 def _nearest(paths: Sequence[Driven]) -> int | None:

@@ -20,6 +20,7 @@ from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.arcs import REFERENCE_POINT
 from cmpsp_ros.view.drawing import (
     along,
     draw_around,
@@ -92,7 +93,8 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
     """The path of a moving obstacle, and its position at the closest approach."""
     timeout = settings.moving_obstacles.timeout
     nearest: dict[str, tuple[float, int]] = {}
-    for each in encounters(run.driven.between(first, last), run.tracks, 0.0, timeout):
+    bodies = [(REFERENCE_POINT, 0.0)]
+    for each in encounters(run.driven.between(first, last), run.tracks, bodies, timeout):
         index = int(each.clearance.argmin())
         found = float(each.clearance[index]), int(each.stamps[index])
         nearest[each.name] = min(found, nearest.get(each.name, found))

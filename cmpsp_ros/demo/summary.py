@@ -139,9 +139,10 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
     """
     first, last = window(run, settings)
     driven = run.driven.between(first, last)
-    clearance = settings.space().along(driven.poses[:-1], driven.twists[:-1], driven.durations)
-    timeout, discs = settings.moving_obstacles.timeout, settings.footprint.discs
-    met = encounters(driven, run.tracks, settings.robot_radius, timeout, discs)
+    arcs = driven.poses[:-1], driven.twists[:-1], driven.durations
+    clearance = settings.clearance(*arcs)
+    timeout = settings.moving_obstacles.timeout
+    met = encounters(driven, run.tracks, settings.bodies, timeout)
     nearest = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
     passings = []
     for goal in settings.goals:

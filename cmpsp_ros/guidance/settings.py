@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
-from cmpsp_ros.robots.footprint import Footprint
+from cmpsp_ros.robots.footprint import Bodies, Footprint
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import SightSettings
 from cmpsp_ros.world.free_space import FreeSpace
@@ -337,6 +337,23 @@ class GuidanceSettings:
     def inscribed_radius(self) -> float:
         """Radius about the reference point that is inside the footprint at any heading [m]."""
         return self.footprint.inscribed if self.footprint.corners else self.robot_radius
+
+    @property
+    def bodies(self) -> Bodies:
+        """What the robot's outline is certainly in: it has the clearance of the clearest.
+
+        The discs that cover it, and of a robot with corners those around its outline.
+        """
+        discs = self.footprint.discs, self.robot_radius
+        return (discs, self.footprint.outline) if self.footprint.corners else (discs,)
+
+    def clearance(self, poses: Array, twists: Array, durations: Array) -> Array:
+        """Least clearance of the robot itself along arcs; as from `FreeSpace.along`."""
+        spaces = [
+            FreeSpace.of(self.road, self.obstacles, radius, points)
+            for points, radius in self.bodies
+        ]
+        return np.asarray(np.max([each.along(poses, twists, durations) for each in spaces], axis=0))
 
     def space(self, margin: float = 0.0) -> FreeSpace:
         """Where the robot may be, with a margin [m] around it."""

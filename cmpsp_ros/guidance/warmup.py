@@ -80,7 +80,7 @@ def _see_something(settings: GuidanceSettings) -> None:
     """Make an obstacle of what a sensor shows."""
     sensor, nowhere = settings.sight.sensors[0], np.zeros(3)
     stamps, is_hit = np.zeros(2, np.int64), np.ones(2, dtype=bool)
-    surroundings = Surroundings(settings.sight, settings.robot_radius)
+    surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
     surroundings.hear(Sight(sensor, 0, stamps, np.eye(2), is_hit, is_sweep=True))
     surroundings.note(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robots.footprint import Footprint, Point, covered
+from cmpsp_ros.robots.footprint import Footprint, Point, contains, covered
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def _why_no_polygon(corners: Array) -> str:
         is_neighbour = 1 in (j - i, (i - j) % count)
         if _meet(corners[i], after[i], corners[j], after[j], is_neighbour=is_neighbour):
             return f'sides that cross, from corners {i} and {j} (from 0)'
-    if not _contains(corners, after):
+    if not contains(corners, np.zeros(2)):
         return 'corners that do not go around [0, 0], where odometry is of'
     return ''
 
@@ -114,11 +114,3 @@ def _meet(a: Array, b: Array, c: Array, d: Array, *, is_neighbour: bool) -> bool
 def _side(a: Array, b: Array, point: Array) -> float:
     (x, y), (out_x, out_y) = b - a, point - a
     return float(x * out_y - y * out_x)
-
-
-def _contains(corners: Array, after: Array) -> bool:
-    """Whether the origin is inside: how often a ray from it crosses the sides."""
-    (x, y), (to_x, to_y) = corners.T, after.T
-    crosses = (y > 0.0) != (to_y > 0.0)
-    rise = np.where(crosses, to_y - y, 1.0)
-    return bool((crosses & (x - y * (to_x - x) / rise > 0.0)).sum() % 2)

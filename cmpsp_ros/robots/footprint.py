@@ -18,6 +18,8 @@ from cmpsp_ros.robots.twist_limits import TwistLimits
 
 Array = NDArray[np.float64]
 Point = tuple[float, float]
+Bodies = Sequence[tuple[Array, float]]
+"""Unions of discs: their centres in the robot's frame, ``(D, 2)``, and their radius [m]."""
 
 _MOST: Final = 5
 _TOLERANCE: Final = 0.125
@@ -27,6 +29,9 @@ _WIDE: Final = 2.0
 """Width in lengths from which on the discs stand side by side, and not one behind the other."""
 
 _ROUNDING: Final = 1e-9
+
+_POINTS: Final = 400
+"""How many points an outline has, about."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,22 @@ class Footprint:
         nearest = starts + np.clip(part, 0.0, 1.0)[:, None] * along
         return float(np.hypot(*nearest.T).min())
 
+    @cached_property
+    def outline(self) -> tuple[Array, float]:
+        """Points all around the polygon, ``(P, 2)``, and half the way between two of them [m].
+
+        A disc of that radius about each: the outline is in their union, which is hardly larger.
+        """
+        corners = np.array(self.corners)
+        sides = np.roll(corners, -1, axis=0) - corners
+        lengths = np.hypot(*sides.T)
+        counts = np.ceil(_POINTS * lengths / lengths.sum()).astype(int)
+        parts = [
+            corner + np.linspace(0.0, 1.0, count, endpoint=False)[:, None] * side
+            for corner, side, count in zip(corners, sides, counts, strict=True)
+        ]
+        return np.vstack(parts), (0.5 + _ROUNDING) * float((lengths / counts).max())
+
     def at(self, pose: Array) -> Array:
         """The polygon at a pose ``(x, y, heading)`` [m, m, rad], shape ``(C, 2)`` [m]."""
         return placed(np.array(self.corners), pose)
@@ -95,6 +116,18 @@ class Footprint:
         ahead, aside = self.discs.T
         speeds = np.hypot(forward - turning * aside, left + turning * ahead)
         return np.column_stack([speeds.max(axis=1), turning])
+
+
+DISC: Final = Footprint()
+"""The footprint of a robot without corners."""
+
+
+def contains(corners: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points ``(..., 2)`` a polygon contains: a ray from them crosses sides oddly often."""
+    x, y = np.moveaxis(corners - points[..., None, :], -1, 0)
+    to_x, to_y = np.roll((x, y), -1, axis=-1)
+    crosses = ((y > 0.0) != (to_y > 0.0)) & ((x * to_y > y * to_x) == (to_y > y))
+    return np.asarray(crosses.sum(axis=-1) % 2 == 1)
 
 
 def placed(points: Array, pose: Array) -> Array:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.robots.footprint import contains
 from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.grid_functions import clear, mark
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
@@ -70,7 +71,9 @@ class LocalGrid:
         clear(*arrays, starts, ends, beams.hits, beams.stamp, beams.is_sweep)
         mark(*arrays, ends, beams.hits, beams.stamp)
 
-    def stand_at(self, x: float, y: float, radius: float, stamp: int) -> None:
+    def stand_at(
+        self, x: float, y: float, radius: float, stamp: int, corners: Array | None = None
+    ) -> None:
         """Know that nothing is where the robot is, or so near that it was never seen there.
 
         What was seen beside the footprint stays: no beam need meet it there again.
@@ -78,8 +81,9 @@ class LocalGrid:
         Args:
             x: Where its centre is [m].
             y: See `x`.
-            radius: Of its footprint [m].
+            radius: Of its footprint, or of a disc that covers some of it [m].
             stamp: When [ns].
+            corners: Of what of that is the robot itself, ``(C, 2)`` [m]; None for all of it.
         """
         side, cell = len(self._cells), self._resolution
         near = math.ceil(radius / cell + _BESIDE) + 1
@@ -90,7 +94,10 @@ class LocalGrid:
         squared = np.square(columns) + np.square(rows)[:, None]
         around = slice(low[0], high[0]), slice(low[1], high[1])
         covered = squared <= (radius + _BESIDE * cell) ** 2
-        covered &= (squared <= radius * radius) | (self._cells[around] != Cell.OCCUPIED)
+        body = squared <= radius * radius
+        if corners is not None:
+            body = contains(corners - (x, y), np.dstack(np.meshgrid(columns, rows)))
+        covered &= body | (self._cells[around] != Cell.OCCUPIED)
         self._cells[around][covered] = Cell.FREE
         self._seen[around][covered] = stamp
 

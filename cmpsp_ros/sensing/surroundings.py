@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.arcs import REFERENCE_POINT
-from cmpsp_ros.robots.footprint import placed
+from cmpsp_ros.robots.footprint import DISC, Footprint, placed
 from cmpsp_ros.sensing.beams import Sensor, Sight, project
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.sensing.pose_history import PoseHistory
@@ -61,17 +60,20 @@ class Surroundings:
     """
 
     def __init__(
-        self, settings: SightSettings, robot_radius: float, discs: Array = REFERENCE_POINT
+        self,
+        settings: SightSettings,
+        robot_radius: float,
+        footprint: Footprint = DISC,
     ) -> None:
         """Know nothing.
 
         Args:
             settings: All of them.
             robot_radius: Radius of the discs that cover the robot's footprint [m].
-            discs: Their centres in the robot's frame, shape ``(D, 2)`` [m].
+            footprint: Where those are, and what they cover.
         """
         self._settings = settings
-        self._robot_radius, self._discs = robot_radius, discs
+        self._robot_radius, self._footprint = robot_radius, footprint
         self.forget()
 
     def forget(self) -> None:
@@ -114,8 +116,9 @@ class Surroundings:
             pose: Its pose, shape ``(3,)`` [m, m, rad].
         """
         if self._has_news:
-            for x, y in placed(self._discs, pose).tolist():
-                self._grid.stand_at(x, y, self._robot_radius, stamp)
+            corners = self._footprint.at(pose) if self._footprint.corners else None
+            for x, y in placed(self._footprint.discs, pose).tolist():
+                self._grid.stand_at(x, y, self._robot_radius, stamp, corners)
             self._sighting = Sighting(stamp, self._grid.at(stamp))
             self._has_news = False
         return self._sighting

@@ -48,15 +48,19 @@ def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTA
 
 
 def draw_footprints(axes: Axes, settings: GuidanceSettings, poses: Array, color: str) -> None:
-    """Draw the outline of a robot that has corners, a length apart along a path ``(N, 3)``."""
+    """Draw the outlines of `footprints`."""
+    for outline in footprints(settings, poses):
+        axes.fill(*outline.T, fill=False, ec=color, lw=0.6, alpha=0.6, zorder=5)
+
+
+def footprints(settings: GuidanceSettings, poses: Array) -> list[Array]:
+    """Outlines of a robot that has corners, a length apart along a path ``(N, 3)``."""
     if not settings.footprint.corners:
-        return
+        return []
     apart = float(np.ptp(settings.footprint.corners, axis=0).max())
     steps = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
     _, chosen = np.unique(np.cumsum(steps) // apart, return_index=True)
-    for pose in poses[[*chosen.tolist(), -1]]:
-        outline = settings.footprint.at(pose)
-        axes.fill(*outline.T, fill=False, ec=color, lw=0.6, alpha=0.6, zorder=5)
+    return [settings.footprint.at(pose) for pose in poses[[*chosen.tolist(), -1]]]
 
 
 def map_corners(settings: GuidanceSettings) -> Array:

@@ -286,12 +286,15 @@ def _fill_along(
         end_x, end_y, before = arc.end_x, arc.end_y, place
         for i in range(discs.shape[0]):
             driven = arc_of_point(arc, heading, discs, i)
-            after, clearance, other = road_functions.sweep(road, driven, before, math.inf, math.inf)
+            # Of the points after the first only what is nearer counts.
+            bound, bound_other = (math.inf, math.inf) if i == 0 else (found[k, 0], found[k, 1])
+            after, clearance, other = road_functions.sweep(road, driven, before, bound, bound_other)
             place = after if i == 0 else place
             _put_least(found, k, 0, i, clearance)
             _put_least(found, k, 1, i, other)
             for j in range(first.shape[0] - 1):
-                least = sweep(driven, fields, corners, first, j, math.inf)
+                bound = math.inf if i == 0 else found[k, 2 + j]
+                least = sweep(driven, fields, corners, first, j, bound)
                 _put_least(found, k, 2 + j, i, least)
 
 

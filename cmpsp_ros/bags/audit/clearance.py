@@ -21,7 +21,7 @@ EDGES = 2
 
 @dataclass(frozen=True)
 class Sweep:
-    """Arcs with their clearance, less the robot's radius.
+    """Arcs with the clearance of the robot itself.
 
     Attributes:
         settings: Settings in force.
@@ -47,5 +47,5 @@ def sweep(path: Driven, history: History) -> Iterator[Sweep]:
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
             arcs = path.poses[index], path.twists[index], path.durations[index]
-            clearance = epoch.settings.space().along(*arcs)
+            clearance = epoch.settings.clearance(*arcs)
             yield Sweep(epoch.settings, begins[index], clearance)

@@ -224,7 +224,8 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
             row, column = np.unravel_index(int(part.argmin()), part.shape)
             worst, at = float(part[row, column]), int(each.stamps[row])
             nearest = each.name(int(column) + (columns.start or 0))
-            radius = each.settings.robot_radius
+            has_corners = each.settings.footprint.corners
+            radius = 0.0 if has_corners else each.settings.robot_radius
     passed = worst >= wanted - _ROUNDING
     around = f'the robot (radius {radius:.3g} m)' if radius else 'the robot'
     sentence = (

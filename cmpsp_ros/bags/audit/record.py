@@ -100,8 +100,7 @@ class AuditRecord:
     def encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the moving obstacles at their predicted positions."""
         settings = self.history.epochs[0].settings
-        radius, timeout = settings.robot_radius, settings.moving_obstacles.timeout
-        around = radius, timeout, settings.footprint.discs
+        around = settings.bodies, settings.moving_obstacles.timeout
         paths = (leg.guided for leg in self.legs)
         return tuple(each for path in paths for each in encounters(path, self.tracks, *around))
 
@@ -109,8 +108,8 @@ class AuditRecord:
     def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the positions of the other robots at that time."""
         settings = self.history.epochs[0].settings
-        both = settings.robot_radius + settings.moving_obstacles.others_radius
-        around = both, settings.moving_obstacles.timeout, settings.footprint.discs
+        known = settings.moving_obstacles
+        around = known.others_radius, settings.bodies, known.timeout
         paths = (leg.guided for leg in self.legs)
         return tuple(
             each for path in paths for each in robot_encounters(path, self.others, *around)

@@ -12,7 +12,7 @@ from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.view.drawing import map_corners
+from cmpsp_ros.view.drawing import footprints, map_corners
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
@@ -35,6 +35,10 @@ def path(views: Sequence[View]) -> Figure:
         shapes += _shapes(obstacle, kept)
         if obstacle.corners:
             annotations.append(_name(obstacle))
+    for number, view in enumerate(views):
+        line = {'color': bag_color(number), 'width': 0.8}
+        outlines_of = (f'{_line(each)} Z' for each in footprints(view.settings, view.poses))
+        shapes += [{'type': 'path', 'path': each, 'line': line} for each in outlines_of]
     x, y = frame(views)
     figure['layout'] |= {
         'shapes': shapes,

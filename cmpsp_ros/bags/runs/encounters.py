@@ -12,7 +12,7 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import Driven, driven_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.robots.arcs import REFERENCE_POINT
+from cmpsp_ros.robots.footprint import Bodies
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 
 Array = NDArray[np.float64]
@@ -42,18 +42,16 @@ class Encounter:
 def encounters(
     path: Driven,
     tracks: Sequence[Track],
-    robot_radius: float,
+    bodies: Bodies,
     timeout: float,
-    discs: Array = REFERENCE_POINT,
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
     Args:
         path: The driven path.
         tracks: As from `cmpsp_ros.bags.runs.tracks.read_tracks`.
-        robot_radius: Of the discs that cover the robot's footprint [m].
+        bodies: What the robot is certainly in; see `GuidanceSettings.bodies`.
         timeout: Age at which an obstacle that is not seen again is dropped [s].
-        discs: Their centres in the robot's frame, shape ``(D, 2)`` [m].
     """
     begin, end = int(path.stamps[0]), int(path.stamps[-1])
     for index, each in enumerate(tracks):
@@ -64,13 +62,15 @@ def encounters(
         if first >= last:
             continue
         part = path.between(first, last)
-        states = np.array([[each.x, each.y, each.vx, each.vy, each.radius + robot_radius]])
-        disc = MovingDiscs((each.name,), states, 0.0, np.zeros(1, np.int64))
         arcs = part.poses[:-1], part.twists[:-1], part.durations
         since = (part.stamps[:-1] - each.stamp) / NANOSECONDS
-        clearance = disc.along(*arcs, since, discs)
+        least = []
+        for points, radius in bodies:
+            states = np.array([[each.x, each.y, each.vx, each.vy, each.radius + radius]])
+            disc = MovingDiscs((each.name,), states, 0.0, np.zeros(1, np.int64))
+            least.append(disc.along(*arcs, since, points)[:, 0])
         stands = np.abs(part.twists[:-1]).max(axis=1) <= _STANDS
-        yield Encounter(each.name, part.stamps[:-1], clearance[:, 0], stands)
+        yield Encounter(each.name, part.stamps[:-1], np.max(least, axis=0), stands)
 
 
 def read_others(bag: Bag, namespaces: Iterable[str], own: str) -> dict[str, Driven]:
@@ -99,20 +99,21 @@ def robot_encounters(
     path: Driven,
     others: Mapping[str, Driven],
     radius: float,
+    bodies: Bodies,
     timeout: float,
-    discs: Array = REFERENCE_POINT,
 ) -> Iterator[Encounter]:
     """Every part of a path with the positions of each other robot at that time.
 
     Args:
         path: The driven path.
         others: As from `read_others`.
-        radius: Sum of the radii of both robots' footprints [m].
+        radius: Of their footprints [m].
+        bodies: Of the robot whose path it is; as of `encounters`.
         timeout: Time for which the last motion of another robot is extrapolated [s].
-        discs: As of `encounters`, of the robot whose path it is.
     """
+    grown = [(points, own + radius) for points, own in bodies]
     for namespace, other in others.items():
-        for each in encounters(path, _tracks(other), radius, timeout, discs):
+        for each in encounters(path, _tracks(other), grown, timeout):
             yield replace(each, name=f'robot {namespace}')
 
 

@@ -76,7 +76,7 @@ class ClosedRoad:
                     arc_length_to(road, pose, each, progress=progress) for each in shape.corners
                 ]
                 least = _SHORTEST * min(sense * each for each in along)
-                away[shape.name] = least - shape.radius - settings.robot_radius
+                away[shape.name] = least - shape.radius - settings.circumscribed_radius
         contact = approach.before(away, start)
         if contact.distance < self.nearest:
             self.nearest, self.nearest_at = contact.distance, now

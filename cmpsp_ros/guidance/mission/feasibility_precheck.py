@@ -44,7 +44,7 @@ def infeasibility_warnings(settings: GuidanceSettings, start: Point) -> list[str
 
 
 def _way(settings: GuidanceSettings, start: Point) -> float:
-    kept = settings.robot_radius + settings.safety.margin
+    kept = settings.inscribed_radius + settings.safety.margin
     way = settings.road.shortest_length(start, settings.goal, kept)
     return max(way - settings.goal_tolerance, 0.0)
 
@@ -72,7 +72,7 @@ def _too_fast(settings: GuidanceSettings, follow: Follow) -> Iterator[str]:
     steps = steps[np.hypot(*steps.T) > 0.0]
     headings = np.arctan2(steps[:, 1], steps[:, 0])
     turns = np.angle(np.exp(1j * np.diff(headings, append=headings[:1])))
-    aside = road.width / 2.0 - settings.kept
+    aside = road.width / 2.0 - settings.inscribed_radius - settings.safety.margin
     shortest = max(road.lap - aside * float(np.abs(turns).sum()), 0.0)
     wanted = abs(follow.speed)
     # A robot that drives sideways need not turn, and turning does not slow a car.
@@ -105,6 +105,7 @@ def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
             f'The map leaves no way from ({start[0]:.3g}, {start[1]:.3g}) m to the goal for this'
             f' robot, which is {wanted:.3f} m wide with safety.margin.'
         )
+    radius = "its discs' radius" if settings.footprint.corners else 'robot.radius'
     for names, gap in closures(settings.road, settings.obstacles, start, settings.goal, wanted):
         what = (
             f'There is no way past obstacle {names[0]}: the wider gap beside it'
@@ -113,5 +114,5 @@ def _closed(settings: GuidanceSettings, start: Point) -> Iterator[str]:
         )
         yield (
             f'{what} is {gap:.3f} m, and this robot needs {wanted:.3f} m'
-            ' (twice robot.radius and safety.margin).'
+            f' (twice {radius} and safety.margin).'
         )

@@ -10,7 +10,7 @@ import sys
 from dataclasses import replace
 
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
+from geometry_msgs.msg import PolygonStamped, PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from rcl_interfaces.msg import ParameterEvent
 from rosgraph_msgs.msg import Clock
@@ -148,6 +148,14 @@ PLAN_MARKERS = Topic(
     MarkerArray,
     'the plan coloured by fallback level and clearance, its reason, and moving obstacles with their'
     ' margins; only with a subscriber',
+    repeats=True,
+)
+FOOTPRINT = Topic(
+    'guidance',
+    'out',
+    '~/footprint',
+    PolygonStamped,
+    'with `robot.footprint`: where its corners are; only with a subscriber',
     repeats=True,
 )
 SIGHTING = Topic(

@@ -63,11 +63,10 @@ class Driven:
     def clearance(self) -> Array:
         """From outer edge, inner edge and obstacles along each arc, shape ``(K, 2 + M)`` [m]."""
         settings = self.task.truth
-        space = settings.space()
         poses = np.array([each.pose for each in self.motions])
         twists = np.array([each.twist for each in self.motions])
         durations = np.diff([each.stamp_ns for each in self.motions]) / NANOSECONDS
-        return space.along(poses[:-1], twists[:-1], durations)
+        return settings.clearance(poses[:-1], twists[:-1], durations)
 
 
 class Computer:

@@ -58,9 +58,7 @@ class Eyes:
         """
         (self._sensor,), self._scanner = settings.sight.sensors, scanner
         self._laser = Laser(scanner, 0)
-        self._surroundings = Surroundings(
-            settings.sight, settings.robot_radius, settings.footprint.discs
-        )
+        self._surroundings = Surroundings(settings.sight, settings.robot_radius, settings.footprint)
         self._edges, self._discs = edges_of(shapes), discs_of(shapes)
 
     def note(self, *motions: Motion) -> None:

@@ -241,7 +241,8 @@ def _along(
             for j in range(states.shape[0]):
                 u, v = states[j, VELOCITY_X], states[j, VELOCITY_Y]
                 x, y = states[j, X] + times[k] * u, states[j, Y] + times[k] * v
-                least = sweep_moving(arc, durations[k], x, y, u, v, growth, np.inf)
-                least -= states[j, RADIUS] + growth * times[k]
+                radius = states[j, RADIUS] + growth * times[k]
+                bound = np.inf if i == 0 else clearance[k, j] + radius
+                least = sweep_moving(arc, durations[k], x, y, u, v, growth, bound) - radius
                 if i == 0 or least < clearance[k, j] or np.isnan(least):
                     clearance[k, j] = least

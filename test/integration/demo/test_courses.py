@@ -15,6 +15,7 @@ from cmpsp_ros.bags.runs.encounters import encounters
 from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robots.arcs import REFERENCE_POINT
 
 pytestmark = pytest.mark.integration
 
@@ -146,7 +147,7 @@ def recorded_settings(folder):
 def distances(driven, tracks):
     """Least distance of a path from each obstacle, by name, as it was told of [m]."""
     nearest = {}
-    for each in encounters(driven, tracks, 0.0, 1.0):
+    for each in encounters(driven, tracks, [(REFERENCE_POINT, 0.0)], 1.0):
         known = nearest.get(each.name, math.inf)
         nearest[each.name] = min(known, float(each.clearance.min()))
     return nearest

@@ -7,7 +7,7 @@ import signal
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from geometry_msgs.msg import TwistStamped
+from geometry_msgs.msg import PolygonStamped, TwistStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
@@ -181,6 +181,22 @@ def test_the_plan_is_shown_in_the_colour_of_its_fallback_level_and_taken_away_wi
     client.park()
     client.until(lambda: shown[-1].markers[2].text.startswith('stop: '))
     assert [each.action for each in shown[-1].markers[:2]] == [Marker.DELETE] * 2
+
+
+def test_the_corners_of_a_robot_are_where_it_is(start_node, client):
+    corners = [[0.1, 0.05], [-0.05, 0.05], [-0.05, -0.05], [0.1, -0.05]]
+    parameters = {'autostart': True, 'robot.footprint': f'"{corners}"'}
+    start_node('guidance_node', parameters)
+    shown = []
+    client.node.create_subscription(PolygonStamped, '/guidance/footprint', shown.append, 10)
+    client.connect()
+    client.until(lambda: client.node.count_publishers('/guidance/footprint'))
+    client.drive()
+    client.until(lambda: shown)
+    points = np.array([(each.x, each.y) for each in shown[0].polygon.points])
+    assert shown[0].header.frame_id == 'odom'
+    sides = np.hypot(*np.diff(points, axis=0).T)
+    np.testing.assert_allclose(sides, [0.15, 0.1, 0.15], atol=1e-5)
 
 
 def test_a_stamped_command_has_the_stamp_of_its_odometry_and_a_reset_begins_again(

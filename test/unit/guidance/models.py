@@ -31,7 +31,7 @@ def drive(preset, *given):
 def clearance(settings, motions):
     poses, twists = (np.array([getattr(m, name) for m in motions]) for name in ('pose', 'twist'))
     durations = np.diff([each.stamp_ns for each in motions]) / 1e9
-    return settings.space().along(poses[:-1], twists[:-1], durations).min()
+    return settings.clearance(poses[:-1], twists[:-1], durations).min()
 
 
 def assert_arrives(settings, decisions, motions, pose):

@@ -8,7 +8,7 @@ import pytest
 from cmpsp_ros.robots.ackermann import Ackermann
 from cmpsp_ros.robots.arcs import arc_from, arc_of_point, arc_part, point_of
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.footprint import Footprint, covered, placed
+from cmpsp_ros.robots.footprint import Footprint, contains, covered, placed
 from cmpsp_ros.robots.omnidirectional import mecanum
 
 WAFFLE = ((-0.205, -0.145), (0.077, -0.145), (0.077, 0.145), (-0.205, 0.145))
@@ -69,6 +69,29 @@ def test_a_square_is_covered_by_fewer_discs_than_a_bus():
     assert len(square.centers) == 2
     assert square.inscribed == 1.0
     assert covered([(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)])[0].inscribed == 1.0
+
+
+def test_an_outline_is_in_discs_around_its_points_that_hardly_reach_beyond():
+    for corners in polygons(20):
+        footprint, _ = covered(corners.tolist())
+        points, radius = footprint.outline
+        after = np.roll(corners, -1, axis=0)
+        sides = np.vstack([corners + part * (after - corners) for part in np.linspace(0, 1, 777)])
+        away = np.hypot(*(sides[:, None] - points).transpose(2, 0, 1)).min(axis=1)
+        assert away.max() <= radius
+        assert radius < 0.002 * np.hypot(*(after - corners).T).sum()
+
+
+def test_points_inside_are_those_that_the_sides_go_around():
+    rng = np.random.default_rng(7)
+    for corners in polygons(100):
+        points = rng.uniform(corners.min(axis=0), corners.max(axis=0), (20, 2))
+        x, y = (corners - points[:, None]).transpose(2, 0, 1)
+        angles = np.arctan2(y, x)
+        turns = np.angle(np.exp(1j * np.diff(angles, append=angles[:, :1]))).sum(axis=1)
+        inside = contains(corners, points)
+        np.testing.assert_array_equal(inside, np.abs(turns) > math.pi)
+        assert contains(corners, np.zeros(2))
 
 
 def test_a_footprint_turns_with_the_robot():

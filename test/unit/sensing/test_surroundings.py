@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cmpsp_ros.robots.footprint import Footprint
 from cmpsp_ros.sensing.beams import Sensor, Sight
 from cmpsp_ros.sensing.surroundings import SightSettings, Surroundings
 from cmpsp_ros.world.grids.occupancy_grid import Cell
@@ -120,14 +121,28 @@ def test_the_same_is_known_until_a_sensor_shows_more():
     assert known.blindness(0) != ''
 
 
+LONG = Footprint(centers=((0.0, 0.0), (0.5, 0.0)))
+WEDGE = ((0.6, 0.0), (-0.2, 0.15), (-0.2, -0.15))
+NORTH = np.array([0.0, 0.0, np.pi / 2.0])
+
+
+def around(footprint):
+    """What is known under a robot that faces north, when two things were seen there."""
+    known = Surroundings(SETTINGS, 0.2, footprint)
+    known.note(0, NORTH)
+    known.hear(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.16), (0.51, 0.34), (0.51, -2.0)))
+    known.note(20 * MS, NORTH)
+    points = np.array([[0.01, 0.51], [-0.16, 0.51], [-0.34, 0.51], [0.01, 0.65], [0.71, 0.01]])
+    return known.at(20 * MS, NORTH).grid.at(points).tolist()
+
+
 def test_a_long_robot_stands_on_all_of_its_discs():
     """Nothing is under its front, which no sensor sees; beside it something may be."""
-    discs = np.array([[0.0, 0.0], [0.5, 0.0]])
-    known = Surroundings(SETTINGS, 0.2, discs)
-    pose = np.array([0.0, 0.0, np.pi / 2.0])
-    known.note(0, pose)
-    known.hear(seen(FRONT, 0, (0.51, 0.01), (0.51, 0.34), (0.51, -2.0)))
-    known.note(20 * MS, pose)
-    points = np.array([[0.01, 0.01], [0.01, 0.51], [0.01, 0.65], [-0.34, 0.51], [0.71, 0.01]])
-    found = known.at(20 * MS, pose).grid.at(points).tolist()
-    assert found == [Cell.FREE, Cell.FREE, Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN]
+    expected = [Cell.FREE, Cell.FREE, Cell.OCCUPIED, Cell.FREE, Cell.UNKNOWN]
+    assert around(LONG) == expected
+
+
+def test_what_is_seen_in_a_disc_but_beside_the_corners_stays():
+    footprint = Footprint(WEDGE, LONG.centers)
+    expected = [Cell.FREE, Cell.OCCUPIED, Cell.OCCUPIED, Cell.FREE, Cell.UNKNOWN]
+    assert around(footprint) == expected

@@ -44,7 +44,7 @@ class SensorInput:
     def __init__(self, node: LifecycleNode, settings: GuidanceSettings) -> None:
         """Open the topics."""
         self._node, self._frame_id = node, settings.frame_id
-        footprint = settings.robot_radius, settings.footprint.discs
+        footprint = settings.robot_radius, settings.footprint
         self._surroundings = Surroundings(settings.sight, *footprint)
         self._refusals: dict[str, str] = {}
         self._sensors = settings.sight.sensors

@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point32, PolygonStamped, PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
@@ -20,6 +20,8 @@ from cmpsp_ros.guidance.key_values import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
+    from numpy.typing import NDArray
     from sensor_msgs.msg import JointState
 
     from cmpsp_ros.guidance.decision import Decision, Plan
@@ -74,6 +76,14 @@ class DecisionMessage:
         found = self._values.get(key) or self._values.setdefault(key, KeyValue(key=key))
         found.value = value
         return found
+
+
+def polygon_message(corners: NDArray[np.float64], frame_id: str, stamp_ns: int) -> PolygonStamped:
+    """The message of a polygon ``(C, 2)`` [m] in a frame."""
+    message = PolygonStamped(header=Header(frame_id=frame_id))
+    set_stamp(message.header, stamp_ns)
+    message.polygon.points = [Point32(x=x, y=y) for x, y in corners.tolist()]
+    return message
 
 
 class PathMessage:

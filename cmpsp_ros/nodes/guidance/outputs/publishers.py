@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
 from sensor_msgs.msg import JointState
 
 from cmpsp_ros.nodes.common.health import hardware_id
 from cmpsp_ros.nodes.common.topics import (
     COMMAND,
     DECISION,
+    FOOTPRINT,
     MARKERS,
     OF_A_RUN,
     PLAN,
@@ -30,6 +32,7 @@ from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,
     fill_wheels,
+    polygon_message,
     set_stamp,
 )
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
@@ -72,6 +75,7 @@ class GuidanceOutputs:
         self._decisions = of_a_run(DECISION).publish_on(node)
         self._path = PLAN.publish_on(node)
         self._plan_markers = PLAN_MARKERS.publish_on(node)
+        self._corners = FOOTPRINT.publish_on(node)
         self._markers = MARKERS.publish_on(node)
         self.listeners = Listeners(
             node, self._command, (self._wheels, self._decisions), values['recorder_timeout']
@@ -85,9 +89,10 @@ class GuidanceOutputs:
         name = self._node.get_fully_qualified_name()
         self._path_message = PathMessage(values['frame_id'])
         self._plan_message = PlanMarkers(settings)
+        self._footprint = settings.footprint
         robot = hardware_id(self._node)
-        frame_id = values['frame_id']
-        self._decision_message = DecisionMessage(f'{name}: decision', robot, frame_id)
+        self._frame_id = values['frame_id']
+        self._decision_message = DecisionMessage(f'{name}: decision', robot, self._frame_id)
 
     @property
     def subscribers(self) -> dict[str, int]:
@@ -133,6 +138,9 @@ class GuidanceOutputs:
                 self._path.publish(self._path_message.stand(pose, decision.stamp))
         if self._plan_markers.get_subscription_count():
             self._plan_markers.publish(self._plan_message.fill(decision))
+        if self._footprint.corners and len(pose) and self._corners.get_subscription_count():
+            corners = self._footprint.at(np.array(pose))
+            self._corners.publish(polygon_message(corners, self._frame_id, decision.stamp))
 
     def show(self, settings: GuidanceSettings, ahead: Goal | None) -> None:
         """Send road, obstacles and goals to everybody, now and later.
@@ -146,10 +154,12 @@ class GuidanceOutputs:
         now = self._node.get_clock().now().to_msg()
         self._markers.publish(marker_array(settings, now, ahead))
         self._plan_message.take(settings)
+        self._footprint = settings.footprint
 
     def close(self) -> None:
         """Destroy all publishers."""
         self._node.destroy_lifecycle_publisher(self._command)
-        reports = (self._wheels, self._decisions, self._path, self._plan_markers, self._markers)
+        markers = self._corners, self._plan_markers, self._markers
+        reports = (self._wheels, self._decisions, self._path, *markers)
         for publisher in reports:
             self._node.destroy_publisher(publisher)

@@ -8,6 +8,9 @@ from drives import SECOND, START, drive_case, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome, Sources
 from cmpsp_ros.bags.audit.checks import CHECKS
+from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.robots.footprint import placed
 
 PASSED, FAILED, SKIPPED = CheckOutcome
 
@@ -96,6 +99,26 @@ def test_the_robot_s_radius_and_the_margin_count(drive, outcomes):
     assert findings['obstacles'].worst == pytest.approx(0.0134, abs=1e-3)
     assert failed(findings) == set()
     assert findings['margin'].outcome is PASSED
+
+
+def test_what_was_driven_is_judged_by_the_corners_of_a_robot(drive, outcomes):
+    box = np.array([[0.15, -0.04], [0.15, 0.04], [-0.05, 0.04], [-0.05, -0.04]])
+    drive.parameters['robot.footprint'] = str(box.tolist())
+    finding = outcomes(drive)['obstacles']
+    poses = np.array([each.pose for each in drive.odometry if each.stamp <= START + 10 * SECOND])
+    way = np.linspace(0.0, 4.0, 400, endpoint=False)[:, None]
+    sides = box[way[:, 0].astype(int)] * (1.0 - way % 1.0)
+    sides += box[(way[:, 0].astype(int) + 1) % 4] * (way % 1.0)
+    settings = guidance_settings(TABLE.resolve(drive.parameters))
+    away = np.inf
+    for pose in poses:
+        points = placed(sides, pose)
+        for each in settings.obstacles:
+            away = min(away, np.hypot(*(points - each.center).T).min() - each.radius)
+    assert away - 3e-3 < finding.worst <= away + 1e-6
+    assert 'radius' not in finding.sentence
+    # A disc that covers it reaches further.
+    assert away > settings.space().at(poses)[:, 2:].min() + 1e-3
 
 
 def test_a_margin_that_is_not_kept_is_caught(drive, outcomes):

@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.goals import Follow
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
 from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots.footprint import covered
 from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor
@@ -37,6 +38,16 @@ def test_a_wider_robot_goes_a_longer_way_and_one_without_limit_needs_no_time():
     unlimited = replace(settings(), robot=DifferentialDrive())
     assert shortest_time(unlimited, START) == 0.0
     assert infeasibility_warnings(unlimited, START) == []
+
+
+def test_of_a_robot_with_corners_only_what_is_around_its_reference_point_counts():
+    """Which is near one side of it here, and may come nearer to an edge than its discs do."""
+    footprint, radius = covered([(-0.1, -0.02), (0.1, -0.02), (0.1, 0.3), (-0.1, 0.3)])
+    given = settings(robot_radius=radius, footprint=footprint)
+    expected = shortest_time(settings(robot_radius=0.02), START)
+    assert shortest_time(given, START) == pytest.approx(expected)
+    (said,) = infeasibility_warnings(replace(given, obstacles=(replace(ROCK, radius=1.5),)), START)
+    assert "(twice its discs' radius and safety.margin)" in said
 
 
 def test_a_goal_out_of_reach_is_told_with_the_time_that_it_takes():

@@ -15,14 +15,13 @@ from PIL import Image
 
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, scene
+from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, has_wheels, scene
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
 
 Array = NDArray[np.float64]
 
@@ -116,7 +115,7 @@ def _frames(
     world = mujoco.MjModel.from_xml_string(model)
     state = mujoco.MjData(world)
     camera = mujoco.MjvCamera()
-    two_wheels = isinstance(settings.robot, DifferentialDrive)
+    two_wheels = has_wheels(settings)
     height = settings.robot.wheel_radius if two_wheels else 0.0
     # Who is larger is looked at from further away.
     farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)

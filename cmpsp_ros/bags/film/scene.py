@@ -63,13 +63,17 @@ def scene(
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
     decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))
-    two_wheels = isinstance(settings.robot, DifferentialDrive)
-    robot = mjcf(settings.robot, Physics(), 0.0) if two_wheels else _shaped(settings)
+    robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
     discs = ''.join(map(_disc, moving))
     body = body.replace('</worldbody>', f'{discs}</worldbody>', 1)
     return f'{head}{_LOOK}\n    {decoration}{body}'
+
+
+def has_wheels(settings: GuidanceSettings) -> bool:
+    """Whether the robot is shown with its two wheels, and not as its footprint."""
+    return isinstance(settings.robot, DifferentialDrive) and not settings.footprint.corners
 
 
 def _shaped(settings: GuidanceSettings) -> str:

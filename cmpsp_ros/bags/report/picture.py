@@ -16,7 +16,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.path_chart import frame, obstacles
 from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.drawing import draw_around, draw_obstacles, draw_road
+from cmpsp_ros.view.drawing import draw_around, draw_footprints, draw_obstacles, draw_road
 from cmpsp_ros.view.palette import GOAL, GRID, LEVEL_COLORS, LIMIT, OBSTACLE, bag_color
 
 
@@ -61,6 +61,7 @@ def _draw_path(axes: Axes, views: Sequence[View]) -> None:
         color = bag_color(number)
         axes.plot(*view.poses[:, :2].T, color=color, lw=2.0, label=_plain(view.label), zorder=4)
         axes.plot(*view.poses[0, :2], 'o', color=color, ms=7, zorder=5)
+        draw_footprints(axes, view.settings, view.poses, color)
     for goal in goals_of(views):
         axes.plot(*goal.position, '*', color=GOAL, ms=14, zorder=5)
         axes.annotate(_plain(goal.name), goal.position, (6, 6), textcoords='offset points')

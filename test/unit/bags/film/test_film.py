@@ -69,8 +69,9 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
     assert lines.sum() == 2 * (len(edge) - 1) + 2
 
 
-def test_a_robot_with_corners_is_a_prism():
-    settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))
+@pytest.mark.parametrize('preset', ['parking', 'slot'])
+def test_a_robot_with_corners_is_a_prism(preset):
+    settings = guidance_settings(TABLE.resolve(load_parameter_file(preset)))
     model = mujoco.MjModel.from_xml_string(scene(settings, np.zeros((2, 2)), [settings.goal]))
     (body,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
     state = mujoco.MjData(model)

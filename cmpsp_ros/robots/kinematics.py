@@ -11,6 +11,14 @@ from numpy.typing import NDArray
 DIFFERENTIAL_DRIVE: Final = 0
 OMNIDIRECTIONAL: Final = 1
 ACKERMANN: Final = 2
+OWN: Final = 3
+"""A model of one's own that does not drive sideways; the next one is of one that does."""
+
+OWN_SIDEWAYS: Final = 4
+
+_NO_FUNCTIONS: Final = np.zeros(3, dtype=np.int64)
+_NO_VALUES: Final = np.zeros(1)
+_NO_SCRATCH: Final = np.zeros((1, 3))
 
 
 class Kinematics(NamedTuple):
@@ -22,11 +30,15 @@ class Kinematics(NamedTuple):
         model: Which one it is, of the constants above.
         gain: The wheel radius [m]; of an omnidirectional robot the fraction of its twist that
             slip leaves.
-        arm: Of a differential drive the half track, of a car the wheel base [m].
+        arm: Of a differential drive the half track, of a car the wheel base, of a model of one's
+            own the smallest radius that it turns with [m].
         wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``.
         max_wheel_speed: Limit of each of them [rad/s].
         max_speed: Largest speed along the path [m/s].
         max_steering_angle: Of a car; infinite else [rad].
+        functions: Of a model of one's own: addresses of `own.functions`.
+        values: Its grip and constants.
+        scratch: What its functions write to, shape ``(r + 4, 3)``.
     """
 
     model: int
@@ -36,3 +48,6 @@ class Kinematics(NamedTuple):
     max_wheel_speed: float
     max_speed: float
     max_steering_angle: float = math.inf
+    functions: NDArray[np.int64] = _NO_FUNCTIONS
+    values: NDArray[np.float64] = _NO_VALUES
+    scratch: NDArray[np.float64] = _NO_SCRATCH

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
-from cmpsp_ros.guidance.safety.road_braking import braking_on_road
+from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.robots.arcs import speeds_and_turns
@@ -288,7 +288,8 @@ class Approach:
         if settings.road.has_center_line:
             end = start._replace(pose=plan.poses[-1])
             lasting = late.item(0), period, limit
-            yield self._ending(plan, braking_on_road(settings.road, end, controls[-1], *lasting))
+            for each in brakings_on_road(settings.road, end, controls[-1], *lasting):
+                yield self._ending(plan, each)
 
     def _ending(self, plan: Plan, ramp: Array) -> tuple[Array, Array]:
         settings, controls = self._settings, plan.controls[:-1]

@@ -14,7 +14,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
-from cmpsp_ros.guidance.safety.road_braking import braking_on_road
+from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
@@ -189,7 +189,8 @@ class Audit:
         for along in (True, False):
             yield braking(controls, durations, *limits, start.robot.paced, along=along)
         if self._road.has_center_line:
-            yield braking_on_road(self._road, start, controls[0], durations.item(0), *limits)
+            held = durations.item(0)
+            yield from brakings_on_road(self._road, start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
         """Commands that bring the robot to rest from now on, along the curvature that it drives.

@@ -14,10 +14,9 @@ from benchmarks.families.horizons import HORIZONS, Growth
 from benchmarks.families.long_horizons import LONG_HORIZONS, LongHorizons
 from benchmarks.families.many_plans import Plans
 from benchmarks.families.presets import PresetTiming
-from benchmarks.families.robot_drives import RobotDrive
+from benchmarks.families.robot_drives import RobotDrive, robots_that_fit
 from benchmarks.families.tail import Tail
 from benchmarks.families.timing import Comparison
-from cmpsp_ros.parameters.presets import robot_names
 
 if TYPE_CHECKING:
     from benchmarks.over_dds.latency import Latency
@@ -52,7 +51,7 @@ class Order:
     output: Path | None = None
     steps: int = COMPARED_STEPS
     horizons: Sequence[int] = HORIZONS
-    robots: Sequence[str] = field(default_factory=robot_names)
+    robots: Sequence[str] = field(default_factory=robots_that_fit)
     long_horizons: Sequence[int] = LONG_HORIZONS
 
     @property

@@ -70,11 +70,12 @@ def _verdict(target: Target) -> str:
 
 def _robots(results: Results) -> Table:
     note = (
-        f'Each robot of `config/robots` on `{PRESET}` in lockstep: all that the guidance law does'
-        ' in a control step, on a horizon of so many steps that shrinks. Computing time, waiting'
-        ' for a processor left out. *First* is the median of the first steps, in which the robot'
-        ' stands and plans are made from nothing; *max* is that of all later ones. *Work* is that'
-        ' of the step that does the most, in visits of a stage, and of the most after the first.'
+        f'Each robot of `config/robots` that fits on `{PRESET}`, in lockstep: all that the'
+        ' guidance law does in a control step, on a horizon of so many steps that shrinks.'
+        ' Computing time, waiting for a processor left out. *First* is the median of the first'
+        ' steps, in which the robot stands and plans are made from nothing; *max* is that of all'
+        ' later ones. *Work* is that of the step that does the most, in visits of a stage, and'
+        ' of the most after the first.'
     )
     rows = []
     for each in results.robots:

@@ -25,6 +25,7 @@ STATUS, ARRAY = 'diagnostic_msgs/msg/DiagnosticStatus', 'diagnostic_msgs/msg/Dia
 PATH, POSE = 'nav_msgs/msg/Path', 'geometry_msgs/msg/PoseStamped'
 CLOUD, EVENT = 'sensor_msgs/msg/PointCloud2', 'rcl_interfaces/msg/ParameterEvent'
 STRING = 'std_msgs/msg/String'
+GRID = 'nav_msgs/msg/OccupancyGrid'
 HELLO = b'\x00\x01\x00\x00\x06\x00\x00\x00hello\x00'
 
 FOREVER = QosTime(9223372036, 854775807)
@@ -112,6 +113,14 @@ def cloud(stamp, points, frame_id='odom'):
         CLOUD, header(stamp, frame_id), 1, count, [*fields, field('id', 40, 5, 1)], False,
         44, 44 * count, np.frombuffer(data, np.uint8), True,
     )  # fmt: skip
+
+
+def grid(stamp, cells, origin=(0.0, 0.0), resolution=0.05, frame_id='odom'):
+    """A grid along the axes: values as in a nav_msgs/OccupancyGrid, in rows."""
+    values = np.asarray(cells, np.int8)
+    high, wide = values.shape
+    info = make('nav_msgs/msg/MapMetaData', time(stamp), resolution, wide, high, pose(*origin))
+    return make(GRID, header(stamp, frame_id), info, values.reshape(-1))
 
 
 def parameter_event(node, changes, stamp=0):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,6 +18,8 @@ from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.presets import robot_names
 
 Array = NDArray[np.float64]
 
@@ -42,6 +44,16 @@ class RobotDrive:
     work: NDArray[np.int64]
     levels: dict[str, int]
     terminal_error: float
+
+
+def robots_that_fit() -> list[str]:
+    """Robots of `config/robots` for which the road is wide enough."""
+    fit = []
+    for name in robot_names():
+        with suppress(ParameterError):
+            load_scenario(PRESET, (), lockstep=True, robot=name)
+            fit.append(name)
+    return fit
 
 
 def measure(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 
 import matplotlib as mpl
@@ -20,15 +19,20 @@ from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
-from cmpsp_ros.view.drawing import along, draw_around, draw_obstacles, draw_road, show
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.view.drawing import (
+    along,
+    draw_around,
+    draw_obstacles,
+    draw_road,
+    map_corners,
+    show,
+)
 from cmpsp_ros.view.palette import BAGS, GOAL, LIMIT, MARGIN, MOVING, OBSTACLE, ROAD
 
 Array = NDArray[np.float64]
 
 _PLANS = 4
-_WHOLE_MAP = 20.0
-"""Side up to which a map is shown as a whole [m]."""
 
 _ROOM = 0.8
 
@@ -74,20 +78,12 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         axes.plot(*goals.T, '*', color=GOAL, ms=15, ls='', zorder=6, label=name)
     for goal in settings.goals:
         axes.annotate(goal.name, goal.position, (7, 7), textcoords='offset points', zorder=6)
-    points = [driven, goals, *(plan.points for plan in plans), *_rooms(settings)]
+    points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
     width, height = show(axes, points, _ROOM * settings.road.width)
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW)
     handles = [*axes.get_legend_handles_labels()[0], *_keys(settings)]
     figure.legend(handles=handles, loc='outside lower center', ncols=4)
     figure.savefig(path, dpi=120)
-
-
-def _rooms(settings: GuidanceSettings) -> Iterator[Array]:
-    """Corners of the map, unless it is so large that the path would be lost on it."""
-    known = settings.grid(MAP)
-    if known is not None and max(known.grid.size) <= _WHOLE_MAP:
-        rows, columns = known.grid.cells.shape
-        yield known.grid.corners(*np.array([[0, 0, rows, rows], [0, columns, 0, columns]], float))
 
 
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:

@@ -44,7 +44,8 @@ def shift(controls: Array, old: Horizon, new: Horizon) -> Array:
         new: The horizon wanted, of ``M`` steps.
 
     Returns:
-        Shape ``(M + 1, r)``; beyond the old horizon's end its last step is continued.
+        Shape ``(M + 1, r)``; beyond the old horizon's end its last step is continued, and the last
+        row, which moves nothing, is the same.
     """
     shifted = np.empty((len(new.edges), controls.shape[1]))
     _shift(shifted, controls, old.edges, new.edges)

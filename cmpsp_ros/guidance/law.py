@@ -22,15 +22,14 @@ from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnin
 from cmpsp_ros.guidance.mission.return_to_goal import return_to_goal
 from cmpsp_ros.guidance.planning.plan_selector import PlanSelector
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.planning.seen_way import searched_with
+from cmpsp_ros.guidance.planning.seen_way import search_ahead
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.sensing.surroundings import Sighting
 from cmpsp_ros.world.roads.arc_length import arc_length_to
 
@@ -68,7 +67,6 @@ class GuidanceLaw:
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
         self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
-        self._period = to_nanoseconds(settings.control_period)
         self._delay = to_nanoseconds(settings.command_delay)
         self._selector = PlanSelector(settings, self._audit, self._timer)
 
@@ -80,16 +78,9 @@ class GuidanceLaw:
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Take new settings, from the next control step on."""
-        state, before = self._state, self._settings
+        before = self._settings
         self._configure(settings)
-        state.goals.reconfigure(settings)
-        state.use_slip(settings)
-        if settings.max_lag != before.max_lag:
-            state.lag.reconfigure(settings.max_lag)
-        state.revision, state.idle_steps = state.revision + 1, 0
-        state.closed_road = ClosedRoad()
-        if settings.road != before.road:
-            state.progress = math.nan
+        self._state.reconfigure(settings, before)
 
     def is_due(self, stamp: int) -> bool:
         """Whether odometry of this time [ns] is one to decide on."""
@@ -117,7 +108,11 @@ class GuidanceLaw:
         """
         if not self.is_due(stamp):
             return None
-        self._see(sighting, pose)
+        self._see(sighting)
+        if sighting is not None and self._state.start is None:
+            # Before time 0 there is time for it.
+            self.search(pose)
+            self._see(sighting)
         state, settings = self._state, self._settings
         late = state.lateness.begin_step()
         state.start = stamp if state.start is None else state.start
@@ -133,7 +128,7 @@ class GuidanceLaw:
         has_new_goal = goals.update(stamp, now, start.pose, start.progress)
         put_off = self._final_time.put_off(state, start)
         if now >= goals.end:
-            return self._sent(self._final_time.finish(state, stamp, pose, moving), tracks)
+            return state.sent(self._final_time.finish(state, stamp, pose, moving), tracks)
         state.final_pose = None
         horizon, too_late = self._final_time.horizon(state)
         halvings = state.lateness.halvings
@@ -153,28 +148,38 @@ class GuidanceLaw:
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
         state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
-        return self._sent(decision, tracks)
+        return state.sent(decision, tracks)
 
-    def _see(self, sighting: Sighting | None, pose: Array) -> None:
-        """Take in what has been seen since the last control step."""
-        known = self._state.sighting
-        if sighting is None or (known is not None and sighting.stamp == known.stamp):
+    def _see(self, sighting: Sighting | None) -> None:
+        """Take in what has been seen and searched since the last control step."""
+        state, known = self._state, self._state.sighting
+        is_searched = state.searched is not self._settings.searched
+        is_known = known is not None and sighting is not None and sighting.stamp == known.stamp
+        if sighting is None or (is_known and not is_searched):
             return
-        self._state.sighting = sighting
+        state.sighting = sighting
         if known is None:
             self._configure(self._given)
-        settings = replace(self._given.seeing(sighting.grid), searched=self._state.searched)
-        goal = self._state.goals.target.position
-        self._state.searched = searched_with(settings, pose[:2], goal)
-        if self._state.searched is not settings.searched:
-            settings = replace(settings, searched=self._state.searched)
+        settings = replace(self._given.seeing(sighting.grid), searched=state.searched)
+        if is_searched and state.searched.is_another:
             self._selector.look_again()
         self._settings = settings
-        for each in (
-            *(self._audit, self._fallback, self._approach, self._selector),
-            self._state.goals,
-        ):
+        state.goals.see(settings)
+        for each in (self._audit, self._fallback, self._approach, self._selector):
             each.see(settings)
+
+    def search(self, pose: Array) -> None:
+        """Search the grid for the paths to the next goals, for the control steps that follow.
+
+        It takes longer than a control step may: the command should be out before. After each
+        decision of `update` it is called once, so that a replay does as the run did.
+
+        Args:
+            pose: What was decided on, shape ``(3,)`` [m, m, rad].
+        """
+        state = self._state
+        settings = replace(self._settings, searched=state.searched)
+        state.searched = search_ahead(settings, pose[:2], state.goals.next_positions)
 
     def foretell(self, decision: Decision, pose: Array) -> Decision:
         """Add to the first decision of a run what no plan of it can do.
@@ -187,9 +192,8 @@ class GuidanceLaw:
         """
         if decision.step > 0 or decision.finished:
             return decision
-        warnings = infeasibility_warnings(self.task, (pose[0], pose[1]))
-        foretold = self._state.foretold = tuple(warnings)
-        return decision._replace(reason=' '.join([decision.reason, *foretold]))
+        self._state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
+        return decision._replace(reason=' '.join([decision.reason, *self.foretold]))
 
     @property
     def foretold(self) -> tuple[str, ...]:
@@ -240,19 +244,13 @@ class GuidanceLaw:
             finished: Whether it is the final time, which the next odometry is to judge.
             cancelled: Whether it is that the goal was cancelled, or none has come yet.
         """
-        state = self._state
+        state, nowhere = self._state, np.full(3, math.nan)
         self._drop_plan()
-        state.lose_period()
-        state.due = 0 if state.start is None else state.now + 1
-        nowhere = np.full(3, math.nan)
-        if not finished and not cancelled:
-            # Where the robot is nobody knows: no path is known to be clear, so it brakes as hard as
-            # its motors can.
-            state.ramp = NO_RAMP
+        state.interrupt(is_lost=not finished and not cancelled)
         decision = self._decisions.stop(
             state, stamp, nowhere, reason, finished=finished, cancelled=cancelled, halted=True
         )
-        return self._sent(decision)
+        return state.sent(decision)
 
     def withdraw(self, decision: Decision, took: float) -> Decision:
         """Take back the last command, which came too late to be sent; its plan goes on.
@@ -274,10 +272,13 @@ class GuidanceLaw:
         """Begin towards another goal; with a plan where no road says how."""
         self._selector.forget()
         self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
+        fresh = NOT_SEARCHED.reluctance
+        self._state.searched = self._state.searched._replace(reluctance=fresh)
         if not self._state.goals.is_return:
             return None
-        goal, start, horizon = context.goal, context.start, context.horizon
-        return return_to_goal(self._settings, goal, start, horizon, self._state.delay)
+        return return_to_goal(
+            self._settings, context.goal, context.start, context.horizon, context.delay
+        )
 
     def _decide(self, stamp: int, here: PlanStart, context: PlanningContext) -> Decision:
         """Select a plan, or fall back: to the previous plan shifted, or to a stop."""
@@ -331,32 +332,16 @@ class GuidanceLaw:
             plan, verdict, ahead, start, context.pending, here, state.lag.possible
         )
         if limited is None:
-            why = 'The robot stops: if its wheels lag, no speed is clear.'
-            return self._decisions.stop(
-                state, stamp, pose, f'{why} {reason}', result, moving=start.moving
-            )
+            reason = f'The robot stops: if its wheels lag, no speed is clear. {reason}'
+            return self._decisions.stop(state, stamp, pose, reason, result, moving=start.moving)
         plan, verdict, remark = limited
-        error, _ = context.goal.errors(plan.poses[-1])
-        state.reaches_goal = error <= self._settings.goal_tolerance
-        phases = self._selector.phases
+        state.reaches_goal = context.goal.errors(plan.poses[-1])[0] <= self._settings.goal_tolerance
+        reason, phases = reason + remark, self._selector.phases
         return self._decisions.follow(
-            state, stamp, level, reason + remark, plan, verdict, errors, result, phases
+            state, stamp, level, reason, plan, verdict, errors, result, phases
         )
 
-    def _sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
-        state = self._state
-        state.lag.advance(decision.stamp, state.pending.latest, state.robot)
-        state.pending.add(decision.stamp, state.previous_control)
-        state.commanded_at = decision.stamp
-        if state.sighting is not None:
-            decision = decision._replace(sighting=state.sighting.stamp)
-        lag = state.lag.figures
-        if state.used_slip == 0.0 and not tracks and lag is None:
-            return decision
-        return decision._replace(wheel_slip=state.used_slip, wheel_lag=lag, tracks=tracks)
-
     def _drop_plan(self) -> None:
-        """Drop the plan, and all that was kept beside it."""
         self._state.plan = self._state.waiting = None
         self._selector.forget()
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from functools import cached_property
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from cmpsp_ros.sensing.surroundings import SightSettings
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 from cmpsp_ros.world.inter_sample_margin import outside
-from cmpsp_ros.world.map_line import MapSearch
+from cmpsp_ros.world.map_line import KeptLine, MapSearch
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.road import Road
@@ -152,6 +153,25 @@ class MovingObstacles:
         return self.capacity + len(self.others)
 
 
+class Searched(NamedTuple):
+    """With what a path across a grid was searched last, beside what is known from the beginning.
+
+    Attributes:
+        seen: What was seen then; None for nothing.
+        kept: The path before, while that is open; of a map none.
+        reluctance: By which part a path must be shorter to be taken instead of an open one.
+        is_another: Whether the path that was found leads another way than the one before.
+    """
+
+    seen: GridObstacle | None = None
+    kept: KeptLine | None = None
+    reluctance: float = 0.1
+    is_another: bool = False
+
+
+NOT_SEARCHED: Final = Searched()
+
+
 @dataclass(frozen=True)
 class GuidanceSettings:
     """All that the guidance law depends on, apart from odometry.
@@ -185,7 +205,7 @@ class GuidanceSettings:
         max_slip: Maximum wheel-slip ratio that is estimated and compensated; 0 for none.
         start_tolerance: How far from the road, or from `start_pose`, a run may begin [m].
         start_pose: Where a run is to begin [m, m, rad]; its place counts. None for the road.
-        searched: What was seen when a way across the map was searched last; None for the map alone.
+        searched: With what a path across a grid was searched last.
         failure_tolerance: Failed control steps in a row after which the warm start is dropped.
     """
 
@@ -219,7 +239,7 @@ class GuidanceSettings:
     max_lag: float = 0.0
     start_tolerance: float = 0.5
     start_pose: tuple[float, float, float] | None = None
-    searched: GridObstacle | None = None
+    searched: Searched = NOT_SEARCHED
 
     @property
     def max_wheel_change(self) -> float:
@@ -281,19 +301,21 @@ class GuidanceSettings:
             waypoints=(),
         )
 
-    @property
+    @cached_property
     def map_search(self) -> MapSearch | None:
-        """The search of a map for the way to a goal, where there is a map and no road says it."""
-        if self.road.has_center_line or all(each.corners for each in self.obstacles):
+        """The search of a grid for the path to a goal, where no road says it.
+
+        There is none before there is a map, or what was seen has been searched for the first time.
+        """
+        known = (each for each in self.obstacles if each.name != SEEN)
+        seen = self.searched.seen
+        obstacles = (*known, *(() if seen is None else (seen,)))
+        if self.road.has_center_line or all(each.corners for each in obstacles):
             return None
-        obstacles = self.obstacles
-        if self.grid(MAP) is not None:
-            known = (each for each in obstacles if each.name != SEEN)
-            obstacles = (*known, *(() if self.searched is None else (self.searched,)))
         wanted = self.kept
         if self.safety.between_samples and math.isfinite(self.robot.max_wheel_speed):
             wanted = outside(wanted, self.robot.twist_limits(), self.control_period)
-        return MapSearch(obstacles, wanted, self.kept / 2.0)
+        return MapSearch(obstacles, wanted, self.kept / 2.0, self.searched.kept)
 
     @property
     def kept(self) -> float:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Plan
+from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
 from cmpsp_ros.guidance.prediction.lag import LagEstimate
@@ -19,11 +20,10 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings, Searched
 from cmpsp_ros.robots.acceleration import NO_RAMP
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.sensing.surroundings import Sighting
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Road
@@ -93,7 +93,7 @@ class LawState:
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)
     lateness: Lateness = field(default_factory=Lateness)
     sighting: Sighting | None = None
-    searched: GridObstacle | None = None
+    searched: Searched = NOT_SEARCHED
     closed_road: ClosedRoad = field(default_factory=ClosedRoad)
     foretold: tuple[str, ...] = ()
 
@@ -107,6 +107,17 @@ class LawState:
         pending = PendingCommands(robot.n_controls)
         goals = GoalManager(settings)
         return cls(goals, slip, lag, robot, used, run, revision, rest, pending)
+
+    def reconfigure(self, settings: GuidanceSettings, before: GuidanceSettings) -> None:
+        """Go on with other settings."""
+        self.goals.reconfigure(settings)
+        self.use_slip(settings)
+        if settings.max_lag != before.max_lag:
+            self.lag.reconfigure(settings.max_lag)
+        self.revision, self.idle_steps = self.revision + 1, 0
+        self.closed_road = ClosedRoad()
+        if settings.road != before.road:
+            self.progress = math.nan
 
     def follow(self, plan: Plan, verdict: Verdict) -> None:
         """Give the first command of a plan, and keep the ramp by which it can be stopped."""
@@ -125,13 +136,43 @@ class LawState:
         elif stamp - self.commanded_at >= period // 2:
             self.previous_control, self.ramp = self.ramp[0], self.ramp[1:]
 
+    def interrupt(self, *, is_lost: bool) -> None:
+        """Decide at once on the next newer odometry.
+
+        Args:
+            is_lost: Whether nobody knows where the robot is: no path is known to be clear, so it
+                brakes as hard as its motors can.
+        """
+        self.lose_period()
+        self.due = 0 if self.start is None else self.now + 1
+        self.ramp = NO_RAMP if is_lost else self.ramp
+
+    def sent(self, decision: Decision, tracks: tuple[Seen, ...] = ()) -> Decision:
+        """Note a command that is sent.
+
+        Args:
+            decision: What is decided.
+            tracks: Moving obstacles, and trajectories of other robots, that were known.
+
+        Returns:
+            It, with what was known of slip, lag and surroundings.
+        """
+        self.lag.advance(decision.stamp, self.pending.latest, self.robot)
+        self.pending.add(decision.stamp, self.previous_control)
+        self.commanded_at = decision.stamp
+        if self.sighting is not None:
+            decision = decision._replace(sighting=self.sighting.stamp)
+        lag = self.lag.figures
+        if self.used_slip == 0.0 and not tracks and lag is None:
+            return decision
+        return decision._replace(wheel_slip=self.used_slip, wheel_lag=lag, tracks=tracks)
+
     def take_back(self, took: float) -> None:
         """Take back the last command, which was not sent since it took so long [s]."""
         # The ramp of the command before is forgotten.
-        self.previous_control, self.ramp = self.pending.take_back(), NO_RAMP
-        self.lose_period()
+        self.previous_control = self.pending.take_back()
         self.lateness.add(took)
-        self.due = self.now + 1
+        self.interrupt(is_lost=True)
 
     def predict(
         self, road: Road, stamp: int, pose: Array, moving: MovingDiscs, delay: int

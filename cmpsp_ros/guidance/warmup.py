@@ -84,7 +84,9 @@ def _see_something(settings: GuidanceSettings) -> None:
     surroundings.hear(Sight(sensor, 0, stamps, np.eye(2), is_hit, is_sweep=True))
     surroundings.note(0, nowhere)
     if (sighting := surroundings.at(0, nowhere)) is not None:
-        GuidanceLaw(settings).update(0, settings.road.middle(), (), sighting)
+        law = GuidanceLaw(settings)
+        law.update(0, settings.road.middle(), (), sighting)
+        law.search(settings.road.middle())
 
 
 def warm_up(settings: GuidanceSettings) -> None:

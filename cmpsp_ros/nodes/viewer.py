@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from rcl_interfaces.msg import ParameterDescriptor
@@ -20,18 +21,20 @@ from cmpsp_ros.nodes.viewer_messages import (
     moving_of,
     place_of,
     plan_of,
+    seen_of,
     speeds_of,
     step_of,
 )
 from cmpsp_ros.view.access import ViewError
 from cmpsp_ros.view.server import ViewServer
 from cmpsp_ros.view.shared_state import SharedState
+from cmpsp_ros.world.grids.occupancy_grid import GridError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from diagnostic_msgs.msg import DiagnosticArray
-    from nav_msgs.msg import Odometry, Path
+    from nav_msgs.msg import OccupancyGrid, Odometry, Path
     from rclpy.task import Future
     from sensor_msgs.msg import JointState
     from visualization_msgs.msg import MarkerArray
@@ -110,6 +113,7 @@ class Viewer(Node):
             (topics.MARKERS, self._on_markers),
             (topics.PLAN_MARKERS, self._on_plan_markers),
             (topics.SIM_WHEELS, self._on_wheels),
+            (topics.SIGHTING, self._on_sighting),
         )
         for topic, callback in heard:
             name = topic.name.replace('~', topic.node)
@@ -148,6 +152,10 @@ class Viewer(Node):
 
     def _on_wheels(self, message: JointState) -> None:
         self._state.show('driven', speeds_of(message))
+
+    def _on_sighting(self, message: OccupancyGrid) -> None:
+        with suppress(GridError):
+            self._state.show('seen', seen_of(message))
 
     def _ask(self) -> None:
         """Ask the guidance node for what no topic says."""

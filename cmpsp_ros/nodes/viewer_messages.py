@@ -13,10 +13,13 @@ from visualization_msgs.msg import Marker
 
 from cmpsp_ros.bags.decision_record import ENTRIES, Entry, entries_of
 from cmpsp_ros.guidance.key_values import WHEELS
+from cmpsp_ros.sensing.grid_message import grid_of
+from cmpsp_ros.view.grid_picture import grid_picture
+from cmpsp_ros.world.grids.occupancy_grid import GridError
 
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray
-    from nav_msgs.msg import Odometry, Path
+    from nav_msgs.msg import OccupancyGrid, Odometry, Path
     from sensor_msgs.msg import JointState
     from visualization_msgs.msg import MarkerArray
 
@@ -73,6 +76,18 @@ def plan_of(message: Path) -> list[list[float]]:
     """Points (x, y) [m] of a plan."""
     places = (each.pose.position for each in message.poses[:_MOST_POINTS])
     return [[each.x, each.y] for each in places]
+
+
+def seen_of(message: OccupancyGrid) -> dict[str, Any]:
+    """The picture of a grid.
+
+    Raises:
+        GridError: It is none, or turned.
+    """
+    grid = grid_of(message, message.header.frame_id)
+    if grid.origin[2] != 0.0:
+        raise GridError('origin', f'{grid.origin[2]} rad', 'a grid along the axes')
+    return grid_picture(grid)
 
 
 def speeds_of(message: JointState) -> list[float]:

@@ -21,6 +21,9 @@ _NO_VALUES: Final = np.zeros(1)
 _NO_SCRATCH: Final = np.zeros((1, 3))
 
 
+_NONE: Final = np.zeros((0, 0))
+
+
 class Kinematics(NamedTuple):
     """A robot for compiled code.
 
@@ -28,17 +31,20 @@ class Kinematics(NamedTuple):
 
     Attributes:
         model: Which one it is, of the constants above.
-        gain: The wheel radius [m]; of an omnidirectional robot the fraction of its twist that
-            slip leaves.
+        gain: The wheel radius [m].
         arm: Of a differential drive the half track, of a car the wheel base, of a model of one's
             own the smallest radius that it turns with [m].
-        wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``.
+        wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``. Of an omnidirectional
+            robot the wheels that are controls come first.
         max_wheel_speed: Limit of each of them [rad/s].
         max_speed: Largest speed along the path [m/s].
         max_steering_angle: Of a car; infinite else [rad].
+        twists: Of an omnidirectional robot the twist of a control, forward, to the left and
+            turning, as a matrix, shape ``(3, 3)``.
+        of_twists: Its inverse, shape ``(3, 3)``.
         functions: Of a model of one's own: addresses of `own.functions`.
         values: Its grip and constants.
-        scratch: What its functions write to, shape ``(r + 4, 3)``.
+        scratch: What its functions write to, shape ``(4, 3)``.
     """
 
     model: int
@@ -48,6 +54,8 @@ class Kinematics(NamedTuple):
     max_wheel_speed: float
     max_speed: float
     max_steering_angle: float = math.inf
+    twists: NDArray[np.float64] = _NONE
+    of_twists: NDArray[np.float64] = _NONE
     functions: NDArray[np.int64] = _NO_FUNCTIONS
     values: NDArray[np.float64] = _NO_VALUES
     scratch: NDArray[np.float64] = _NO_SCRATCH

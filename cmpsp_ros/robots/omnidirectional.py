@@ -32,12 +32,14 @@ _ALL: Final = 1.0 + 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class Omnidirectional(Robot):
-    """A robot whose controls are its twist, forward, to the left and turning.
+    """A robot whose controls are the speeds of three of its wheels.
+
+    They are the three that depend on each other least; limits of all others are constraints.
 
     Attributes:
         rims: For each wheel, the speed of its rim for a unit of forward speed, of speed to the
             left, and of turn rate, the last one in metres.
-        grip: Fraction of its twist that slip leaves.
+        grip: Fraction of their turning by which its wheels move it.
     """
 
     n_controls: ClassVar[int] = 3
@@ -74,26 +76,31 @@ class Omnidirectional(Robot):
         return self.grip * self.wheel_radius * self.max_wheel_acceleration / steepest
 
     @cached_property
+    def driven(self) -> list[int]:
+        """The wheels whose speeds are the controls."""
+        rims = np.array(self.rims)
+        threes = combinations(range(len(rims)), 3)
+        return list(max(threes, key=lambda three: abs(np.linalg.det(rims[list(three)]))))
+
+    @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""
+        rest = [wheel for wheel in range(len(self.rims)) if wheel not in self.driven]
         return Kinematics(
             OMNIDIRECTIONAL,
-            float(self.grip),
+            float(self.wheel_radius),
             float(self.half_track),
-            np.array(self.rims) / self.wheel_radius,
+            np.concatenate([np.eye(3), self._wheels[rest]]),
             float(self.max_wheel_speed),
             float(self.max_speed),
+            twists=self._twists,
+            of_twists=self._turning[self.driven],
         )
 
     @property
     def limit_rows(self) -> int:
-        """Two for each wheel, where there is a limit."""
-        return 2 * len(self.rims) if self.max_wheel_speed < math.inf else 0
-
-    @property
-    def bounds(self) -> Array:
-        """None: limits of the wheels are constraints."""
-        return np.full(3, np.inf)
+        """Two for each wheel that is no control, where there is a limit."""
+        return 2 * (len(self.rims) - 3) if self.max_wheel_speed < math.inf else 0
 
     def slipping(self, slip: float) -> Omnidirectional:
         """The same robot with wheels that move it by a fraction ``1 - slip`` of their turning."""
@@ -110,33 +117,58 @@ class Omnidirectional(Robot):
         return TwistLimits(speed * rim, turn_rate * rim, arm)
 
     def twist(self, controls: Array) -> Array:
-        """The controls, as far as there is grip."""
-        return controls * self.grip
+        """Twists ``(..., 3)`` of controls ``(..., 3)``."""
+        twists: Array = controls @ self._twists.T
+        return twists
 
     def controls(self, twist: Array) -> Array:
-        """The twist, ``(..., 3)``."""
-        return with_side(twist)
+        """Controls ``(..., 3)`` of twists, of either form."""
+        controls: Array = self.wheel_speeds(twist)[..., self.driven]
+        return controls
 
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
-        speeds: Array = with_side(twist) @ self.wheels.T
+        speeds: Array = with_side(twist) @ self._turning.T
         return speeds
 
     def twist_of_wheels(self, wheel_speeds: Array) -> Array:
         """Twists ``(..., 3)`` that fit wheel speeds ``(..., W)`` [rad/s] best."""
-        twists: Array = wheel_speeds @ np.linalg.pinv(self.wheels).T
+        twists: Array = wheel_speeds @ np.linalg.pinv(self._turning).T
         return twists
 
+    def speeds_of(self, controls: Array) -> Array:
+        """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., 3)``."""
+        speeds: Array = controls @ self._wheels.T
+        return speeds
+
     def gripping(self, controls: Array, grip: Array) -> Array:
-        """The twist, as far as the wheels grip on average."""
+        """All wheels move the robot by their part on average."""
         return controls * float(np.mean(grip))
 
     def limited(self, controls: Array) -> Array:
-        """A twist, slowed down along its arc until no wheel exceeds its limit by a bit."""
+        """A control, slowed down along its arc until no wheel exceeds its limit by a bit."""
         slowed = super().limited(controls)
         while float(np.abs(self.speeds_of(slowed)).max()) > self.max_wheel_speed:
             slowed = slowed * (1.0 - np.finfo(float).eps)
         return slowed
+
+    @cached_property
+    def _turning(self) -> Array:
+        """Wheel speeds of a twist, as a matrix ``(W, 3)``."""
+        turning: Array = np.array(self.rims) / (self.grip * self.wheel_radius)
+        return turning
+
+    @cached_property
+    def _twists(self) -> Array:
+        """Twist of a control, as a matrix ``(3, 3)``."""
+        return np.asarray(np.linalg.inv(self._turning[self.driven]), float)
+
+    @cached_property
+    def _wheels(self) -> Array:
+        """Wheel speeds of a control, as a matrix ``(W, 3)``."""
+        wheels: Array = self._turning @ self._twists
+        wheels[self.driven] = np.eye(3)
+        return wheels
 
     @cached_property
     def _reach(self) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Kinematics of an omnidirectional robot for compiled code: exact arcs under constant twists."""
+"""Kinematics of an omnidirectional robot for compiled code: exact arcs under wheel speeds."""
 
 from __future__ import annotations
 
@@ -15,19 +15,44 @@ Array = NDArray[np.float64]
 
 
 @allocation_free
-def drive(poses: Array, twists: Array, k: int, duration: float, grip: float) -> None:
+def twist_of(controls: Array, k: int, twists: Array) -> Any:
+    """Forward speed, speed to the left and turn rate of a control [m/s, m/s, rad/s].
+
+    Args:
+        controls: Speeds of three wheels, shape ``(N + 1, 3)`` [rad/s].
+        k: Which of them.
+        twists: Twist of a control, as a matrix, shape ``(3, 3)``.
+    """
+    first, second, third = controls[k, 0], controls[k, 1], controls[k, 2]
+    return (
+        twists[0, 0] * first + twists[0, 1] * second + twists[0, 2] * third,
+        twists[1, 0] * first + twists[1, 1] * second + twists[1, 2] * third,
+        twists[2, 0] * first + twists[2, 1] * second + twists[2, 2] * third,
+    )
+
+
+@allocation_free
+def drive(poses: Array, controls: Array, k: int, duration: float, twists: Array) -> None:
     """Pose ``k + 1`` from pose ``k``: one exact arc.
 
     Args:
         poses: Shape ``(N + 1, 3)`` [m, m, rad].
-        twists: Forward, to the left and turning, shape ``(N + 1, 3)`` [m/s, m/s, rad/s].
+        controls: As in `twist_of`, and so is `twists`.
         k: Number of the step.
         duration: Of the step [s].
-        grip: Fraction of the twist that slip leaves.
+        twists: See `controls`.
     """
-    turn = twists[k, 2] * grip * duration
-    chord = sinc_and_slope(turn / 2.0)[0] * grip * duration
-    x, y = _turned(twists[k, 0], twists[k, 1], poses[k, 2] + turn / 2.0)
+    drive_twist(poses, k, duration, *twist_of(controls, k, twists))
+
+
+@allocation_free
+def drive_twist(
+    poses: Array, k: int, duration: float, forward: float, left: float, turn_rate: float
+) -> None:
+    """The same under a twist [m/s, m/s, rad/s]."""
+    turn = turn_rate * duration
+    chord = sinc_and_slope(turn / 2.0)[0] * duration
+    x, y = _turned(forward, left, poses[k, 2] + turn / 2.0)
     poses[k + 1, 0] = poses[k, 0] + chord * x
     poses[k + 1, 1] = poses[k, 1] + chord * y
     poses[k + 1, 2] = poses[k, 2] + turn
@@ -35,30 +60,47 @@ def drive(poses: Array, twists: Array, k: int, duration: float, grip: float) -> 
 
 @allocation_free
 def put_gradients(
-    A: Array, B: Array, heading: float, twists: Array, k: int, duration: float, grip: float
+    A: Array, B: Array, heading: float, controls: Array, k: int, duration: float, twists: Array
 ) -> None:
     """Fill derivatives of `drive`, those that are neither always 0 nor 1.
 
     Args:
         A: By the pose, shape ``(3, 3)`` or larger.
-        B: By the twist, shape ``(3, 3)`` or larger.
+        B: By the control, shape ``(3, 3)`` or larger.
         heading: At the beginning [rad].
-        twists: As in `drive`.
-        k: See `twists`.
-        duration: See `twists`.
-        grip: See `twists`.
+        controls: As in `twist_of`, and so is `twists`.
+        k: Number of the step.
+        duration: Of the step [s].
+        twists: See `controls`.
     """
-    held = grip * duration
-    half = twists[k, 2] * held / 2.0
+    forward, left, turn_rate = twist_of(controls, k, twists)
+    put_slopes(A, B, heading, forward, left, turn_rate, duration, twists, controls.shape[1])
+
+
+@allocation_free
+def put_slopes(
+    A: Array,
+    B: Array,
+    heading: float,
+    forward: float,
+    left: float,
+    turn_rate: float,
+    duration: float,
+    slopes: Array,
+    count: int,
+) -> None:
+    """The same of `drive_twist`, by so many controls with these derivatives of the twist."""
+    half = turn_rate * duration / 2.0
     sinc, slope = sinc_and_slope(half)
-    cosine, sine = math.cos(heading + half), math.sin(heading + half)
-    x, y = _turned(twists[k, 0] * held, twists[k, 1] * held, heading + half)
+    cosine, sine = math.cos(heading + half) * duration, math.sin(heading + half) * duration
+    x, y = forward * cosine - left * sine, forward * sine + left * cosine
     A[0, 2], A[1, 2] = -sinc * y, sinc * x
-    B[0, 0], B[0, 1] = sinc * cosine * held, -sinc * sine * held
-    B[1, 0], B[1, 1] = sinc * sine * held, sinc * cosine * held
-    B[0, 2] = (slope * x - sinc * y) / 2.0 * held
-    B[1, 2] = (slope * y + sinc * x) / 2.0 * held
-    B[2, 2] = held
+    turned_x, turned_y = (slope * x - sinc * y) / 2.0, (slope * y + sinc * x) / 2.0
+    for a in range(count):
+        ahead, aside, turning = slopes[0, a], slopes[1, a], slopes[2, a] * duration
+        B[0, a] = sinc * (cosine * ahead - sine * aside) + turned_x * turning
+        B[1, a] = sinc * (sine * ahead + cosine * aside) + turned_y * turning
+        B[2, a] = turning
 
 
 @allocation_free

@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 def drive(poses: Array, controls: Array, k: int, duration: float, robot: Kinematics) -> None:
     """Pose ``k + 1`` from pose ``k``: one exact arc."""
     if robot.model == OMNIDIRECTIONAL:
-        omnidirectional.drive(poses, controls, k, duration, robot.gain)
+        omnidirectional.drive(poses, controls, k, duration, robot.twists)
     elif robot.model == ACKERMANN:
         ackermann.drive(poses, controls, k, duration, robot.gain, robot.arm)
     elif robot.model >= OWN:
@@ -40,7 +40,7 @@ def put_gradients(
     for i in range(3):
         A[i, i] = 1.0
     if robot.model == OMNIDIRECTIONAL:
-        omnidirectional.put_gradients(A, B, heading, controls, k, duration, robot.gain)
+        omnidirectional.put_gradients(A, B, heading, controls, k, duration, robot.twists)
         return
     if robot.model == ACKERMANN:
         ackermann.put_gradients(A, B, heading, controls, k, duration, robot.gain, robot.arm)
@@ -67,10 +67,9 @@ def arc_of(
 ) -> Arc:
     """The arc that a control leads along from a pose."""
     if robot.model == OMNIDIRECTIONAL:
-        forward, left = controls[k, 0] * robot.gain, controls[k, 1] * robot.gain
+        forward, left, turn_rate = omnidirectional.twist_of(controls, k, robot.twists)
         course = heading + math.atan2(left, forward)
-        turn = controls[k, 2] * robot.gain * duration
-        return arc_from(x, y, course, math.hypot(forward, left) * duration, turn)
+        return arc_from(x, y, course, math.hypot(forward, left) * duration, turn_rate * duration)
     if robot.model >= OWN:
         own.find(robot, MOTION, controls, k)
         forward, left, turn_rate = robot.scratch[0, 0], robot.scratch[0, 1], robot.scratch[0, 2]
@@ -104,7 +103,7 @@ def roll_out(poses: Array, controls: Array, durations: Array, robot: Kinematics)
     gain, arm = robot.gain, robot.arm
     if robot.model == OMNIDIRECTIONAL:
         for k in range(durations.shape[0]):
-            omnidirectional.drive(poses, controls, k, durations[k], gain)
+            omnidirectional.drive(poses, controls, k, durations[k], robot.twists)
     elif robot.model == ACKERMANN:
         for k in range(durations.shape[0]):
             ackermann.drive(poses, controls, k, durations[k], gain, arm)

@@ -33,6 +33,7 @@ def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:
         decision = law.update(stamp, pose)
         if decision is not None:
             yield decision
+            law.search(pose)
             finished = decision.finished
             held = decision.wheel_speeds[None]
             pose = settings.robot.roll_out(pose, held, np.array([settings.control_period]))[-1]

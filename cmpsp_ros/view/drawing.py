@@ -11,6 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.view.palette import EDGE, OBSTACLE, ROAD
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
@@ -20,6 +21,9 @@ Array = NDArray[np.float64]
 
 PER_ARC = 8
 """Points drawn on each arc."""
+
+_WHOLE_MAP = 20.0
+"""Side up to which a map is shown as a whole [m]."""
 
 
 def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> None:
@@ -41,6 +45,14 @@ def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTA
     """Draw the closest that the robot's centre may come to an obstacle, dashed."""
     around = _path(obstacle, distance)
     axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
+
+
+def map_corners(settings: GuidanceSettings) -> Array:
+    """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
+    known = settings.grid(MAP)
+    if known is None or max(known.grid.size) > _WHOLE_MAP:
+        return np.empty((0, 2))
+    return known.grid.ends
 
 
 def _path(obstacle: Shape, distance: float) -> Path:

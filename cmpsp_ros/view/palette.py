@@ -19,6 +19,7 @@ LEVEL_COLORS: Final = {
 ROAD: Final = '#e9ebef'
 EDGE: Final = '#7b8494'
 OBSTACLE: Final = '#a63d40'
+UNSEEN: Final = '#dfe3e8'
 GOAL: Final = '#1b1f27'
 MOVING: Final = '#b03a8c'
 MARGIN: Final = '#e69f00'

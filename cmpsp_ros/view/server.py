@@ -28,6 +28,7 @@ _HEADERS: Final = {
     # Nothing from elsewhere, and nothing that is written into the page itself.
     'Content-Security-Policy': (
         "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self';"
+        ' img-src data:;'
         " base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     ),
     'X-Content-Type-Options': 'nosniff',

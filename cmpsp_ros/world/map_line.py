@@ -11,9 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.distance_field import node_near, node_points
+from cmpsp_ros.world.grids.distance_field import node_points, nodes_near
+from cmpsp_ros.world.grids.distance_transform import signed_distances
+from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.grid_search import (
+    ROOM,
     cells_from,
     costs_of,
     evenly_spaced,
@@ -29,6 +32,21 @@ Point = tuple[float, float]
 _TOO_NEAR: Final = 50.0
 # So that a line of cells is as straight as a robot would drive [m].
 _SMOOTHED: Final = 0.2
+# Lines that are nowhere farther apart go the same way [m].
+_BESIDE: Final = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class KeptLine:
+    """A line that is kept to unless another one is clearly better.
+
+    Attributes:
+        points: Of the line, shape ``(K, 2)`` [m].
+        reluctance: By which part cells that are not beside it cost more.
+    """
+
+    points: Array
+    reluctance: float
 
 
 @dataclass(frozen=True)
@@ -39,11 +57,13 @@ class MapSearch:
         obstacles: At least one of them is a grid.
         wanted: Distance to keep from them [m].
         least: Distance to keep where there is no other way [m].
+        kept: What they keep to.
     """
 
     obstacles: tuple[Shape, ...]
     wanted: float
     least: float
+    kept: KeptLine | None = None
 
     @property
     def grid(self) -> GridObstacle:
@@ -62,7 +82,7 @@ class MapSearch:
             Nothing, shape ``(0, 2)``, where no line leads.
         """
         field = self.grid.field
-        cells = cells_from(_lengths(self, goal), node_near(field, start))
+        cells = cells_from(_lengths(self, goal), nodes_near(field, start))
         if not len(cells):
             return np.empty((0, 2))
         line = np.vstack([start, node_points(field, cells[1:-1]), goal])
@@ -72,8 +92,7 @@ class MapSearch:
     def lengths(self, points: Array, goal: Point) -> Array:
         """Lengths of the lines from points ``(K, 2)`` to a goal, longer where it is narrow [m]."""
         field, lengths = self.grid.field, _lengths(self, goal)
-        nodes = np.array([node_near(field, point) for point in points])
-        found: Array = lengths[tuple(nodes.T)] * field.frame['cell'][0]
+        found: Array = lengths[tuple(nodes_near(field, points).T)] * field.frame['cell'][0]
         return found
 
     def prepare(self, goal: Point) -> None:
@@ -81,16 +100,37 @@ class MapSearch:
         _lengths(self, goal)
 
 
-@lru_cache(maxsize=8)
+def is_beside(line: Array, other: Array) -> bool:
+    """Whether a line nowhere strays from another one; points of shape ``(K, 2)`` each [m]."""
+    away = np.hypot(*(line[:, None] - other).T).min(axis=0, initial=math.inf)
+    return bool((away <= _BESIDE).all())
+
+
+def _take_out(distances: Array, field: DistanceField, shape: Shape, reach: float) -> None:
+    """Lower distances at the nodes that a shape is nearer to than a reach [m]."""
+    ends = shape.grid.ends if isinstance(shape, GridObstacle) else np.array(shape.corners)
+    nodes = nodes_near(field, ends)
+    around = math.ceil((shape.radius + reach) / field.frame['cell'][0]) + 1
+    low = np.maximum(nodes.min(axis=0) - around, 0)
+    part = distances[low[0] : nodes[:, 0].max() + around, low[1] : nodes[:, 1].max() + around]
+    nodes = low + np.indices(part.shape).reshape(2, -1).T
+    poses = np.column_stack([node_points(field, nodes), np.zeros(len(nodes))])
+    away = FreeSpace.of(OpenFloor(), (shape,), 0.0).at(poses)[:, 2]
+    np.minimum(part, away.reshape(part.shape), out=part)
+
+
+@lru_cache(maxsize=16)
 def _lengths(search: MapSearch, goal: Point) -> Array:
     field = search.grid.field
-    others = [each for each in search.obstacles if each is not search.grid]
-    distances = field.distances
-    if others:
-        nodes = np.indices(distances.shape).reshape(2, -1).T
-        poses = np.column_stack([node_points(field, nodes), np.zeros(len(nodes))])
-        around = FreeSpace.of(OpenFloor(), others, 0.0).at(poses)[:, 2:].min(axis=1)
-        distances = np.minimum(distances, around.reshape(distances.shape))
+    distances = field.distances.copy()
+    for each in search.obstacles:
+        if each is not search.grid:
+            _take_out(distances, field, each, search.wanted + ROOM)
     costs = costs_of(distances - search.wanted)
     costs[(distances < search.wanted) & (distances > search.least)] = _TOO_NEAR
-    return lengths_to(costs, node_near(field, np.array(goal)))
+    if search.kept is not None:
+        line = np.zeros(costs.shape, dtype=bool)
+        line[tuple(nodes_near(field, search.kept.points).T)] = True
+        away = signed_distances(line) * float(field.frame['cell'][0])
+        costs[away > _BESIDE] *= 1.0 + search.kept.reluctance
+    return lengths_to(costs, nodes_near(field, np.array(goal)))

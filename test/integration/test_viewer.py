@@ -12,16 +12,19 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from array import array
 from pathlib import Path
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
+from nav_msgs.msg import OccupancyGrid
+from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS
+from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS, SIGHTING
 from cmpsp_ros.view.palette import LEVEL_COLORS
 
 pytestmark = pytest.mark.integration
@@ -204,6 +207,45 @@ def test_it_shows_what_moves_and_the_goal_driven_to(start_view, wait_until, ros,
     assert complaints == []
     assert 'data-moving="1"' in dom
     assert 'id="goal">b at 17.0 s<' in dom
+
+
+def grid_of_three(width):
+    """Free, occupied and unknown cells in turn, ten rows of twelve where that is the width."""
+    grid = OccupancyGrid(data=array('b', [0, 100, -1] * 40))
+    grid.info.width, grid.info.height, grid.info.resolution = width, 10, 0.5
+    grid.info.origin.orientation.w = 1.0
+    return grid
+
+
+def show_grid(page, ros, wait_until):
+    """Publish what is seen, until it is on the page; of anybody's making one that is none."""
+    publisher = ros.node.create_publisher(SIGHTING.type, '/guidance/sighting', SIGHTING.qos)
+
+    def shown():
+        publisher.publish(grid_of_three(11))
+        publisher.publish(grid_of_three(12))
+        return page.updates().get('seen')
+
+    return wait_until(shown, LIMIT)
+
+
+def test_it_knows_what_sensors_have_seen(start_view, wait_until, ros):
+    _, page = start_view()
+    seen = show_grid(page, ros, wait_until)
+    assert [seen[each] for each in ('x', 'y', 'width', 'height')] == [0.0, 5.0, 6.0, 5.0]
+    assert seen['source'].startswith('data:image/png;base64,')
+
+
+def test_it_draws_what_sensors_have_seen(start_view, wait_until, ros, browse):
+    _, page = start_view()
+    show_grid(page, ros, wait_until)
+    course = ros.node.create_publisher(MARKERS.type, '/guidance/markers', MARKERS.qos)
+    goal = Marker(ns='goal', type=Marker.CYLINDER, color=ColorRGBA(a=1.0))
+    course.publish(MarkerArray(markers=[goal]))
+    wait_until(lambda: page.updates().get('course'), LIMIT)
+    dom, complaints = browse(page)
+    assert complaints == []
+    assert 'data-seen="12"' in dom
 
 
 @pytest.fixture

@@ -60,5 +60,7 @@ class Follower:
                     return None
                 if recorded is not None and recorded.late and decided.plan:
                     decided = self.law.withdraw(decided, recorded.late)
-                return self.law.foretell(decided, odometry.pose)
+                decided = self.law.foretell(decided, odometry.pose)
+                self.law.search(odometry.pose)
+                return decided
         return None

@@ -12,6 +12,7 @@ from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
 from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.view.drawing import map_corners
 from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
@@ -180,6 +181,7 @@ def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
     """What happened, with room around it, in x and in y."""
     points = [view.poses[:, :2] for view in views]
     points += [np.array([goal.position]) for goal in goals_of(views)]
+    points += [map_corners(view.settings) for view in views]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     road = views[0].settings.road
     room = _ROOM * road.width

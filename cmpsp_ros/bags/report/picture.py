@@ -115,7 +115,8 @@ def _draw_clearance(axes: Axes, views: Sequence[View]) -> None:
             axes.plot(times, obstacle, '--', color=color, label=names[1])
     axes.axhline(0.0, color=LIMIT, ls='--', lw=1.0)
     axes.set(ylabel='clearance [m]')
-    axes.legend(loc='upper right')
+    if len(axes.lines) > 1:
+        axes.legend(loc='upper right')
 
 
 def _draw_steps(axes: Axes, views: Sequence[View]) -> None:

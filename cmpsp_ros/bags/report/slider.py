@@ -1,4 +1,4 @@
-"""The parts of the path chart that the slider moves: plans, robots, goals and moving obstacles."""
+"""The parts of the path chart that the slider moves: plans, robots, goals, obstacles and grids."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.view.grid_picture import grid_picture
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:
@@ -26,6 +27,10 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                     'y': numbers(each.points[:, 1]),
                 }
                 for each in view.plans
+            ],
+            'grids': [
+                {'t': round(view.record.seconds(stamp), 6), **grid_picture(grid)}
+                for stamp, grid in view.grids
             ],
             't': numbers(view.times),
             'x': numbers(view.poses[:, 0]),

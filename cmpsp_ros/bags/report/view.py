@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -18,7 +19,10 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import Planned, plans_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.sensing.grid_message import grid_of
+from cmpsp_ros.world.grids.occupancy_grid import GridError, OccupancyGrid
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_functions import FAR
 
@@ -29,6 +33,11 @@ MOST_POINTS = 4000
 
 MOST_PLANS = 600
 """Plans that are kept for the slider."""
+
+_GRID = 'nav_msgs/msg/OccupancyGrid'
+
+_MOST_GRIDS = 200
+"""Grids that are kept for the slider."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +68,7 @@ class View:
         record: The audited data.
         findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
+        grids: Some of what sensors had shown, with the times at which it was known [ns].
         version: Version of this package that recorded it, or empty.
     """
 
@@ -66,6 +76,7 @@ class View:
     record: AuditRecord
     findings: tuple[Finding, ...]
     plans: tuple[Planned, ...]
+    grids: tuple[tuple[int, OccupancyGrid], ...]
     version: str
 
     @property
@@ -176,8 +187,24 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
     """
     with Bag(path) as bag:
         found, version = plans_in(bag, record.places.path), bag.version
+        grids = tuple(_grids(bag, record.places.sighting))
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
-    return View(label, record, audit_record(record), plans, version)
+    return View(label, record, audit_record(record), plans, grids, version)
+
+
+def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
+    """What sensors had shown, as far as it is a grid.
+
+    Raises:
+        BagError: The bag cannot be read.
+    """
+    if topic not in bag.topics or bag.topics[topic].msgtype != _GRID:
+        return
+    chosen = set(thinned(np.arange(bag.topics[topic].count), _MOST_GRIDS).tolist())
+    for number, (_, message) in enumerate(bag.messages(topic)):
+        if number in chosen:
+            with suppress(GridError):
+                yield stamp_of(message), grid_of(message, message.header.frame_id)
 
 
 def thinned(index: NDArray[np.intp], most: int) -> NDArray[np.intp]:

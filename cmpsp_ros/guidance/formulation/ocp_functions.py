@@ -145,6 +145,9 @@ def evaluate(data: GuidanceData, X: Array, U: Array, output_error: Array, g: Arr
         squared = 0.0
         for a in range(U.shape[1]):
             squared += U[k, a] * U[k, a]
+        for i in range(U.shape[1], data.robot.wheels.shape[0]):
+            speed = _wheel_speed(data, U, k, i)
+            squared += speed * speed
         cost += p.road_center * off_center * off_center
         cost += p.control_effort * squared
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
@@ -202,6 +205,8 @@ def linearise(
         for a in range(U.shape[1]):
             stage.L_U[a] = p.control_effort * U[k, a]
             stage.L_UU[a, a] = curvature
+        if data.robot.wheels.shape[0] > U.shape[1]:
+            _weigh_all_wheels(data, U, k, stage.L_U, stage.L_UU)
         at, there = min(k, data.radii.shape[0] - 1), min(k, data.corners.shape[0] - 1)
         for j in range(data.radii.shape[1]):
             row = path[k, N_EDGE_CONSTRAINTS + j]
@@ -214,7 +219,7 @@ def linearise(
             row = path[k, N_EDGE_CONSTRAINTS + data.radii.shape[1] + i]
             row.value = _over_limit(data, U, k, i)
             for a in range(U.shape[1]):
-                row.U[a] = _sign(i) * data.robot.wheels[i // 2, a]
+                row.U[a] = _sign(i) * data.robot.wheels[U.shape[1] + i // 2, a]
     outputs = terminal.shape[0]
     errors = _terminal_error(p, X[N, 0], X[N, 1], X[N, 2], outputs)
     for j in range(outputs):
@@ -236,13 +241,38 @@ def _linearise_motion(data: GuidanceData, X: Array, U: Array, stages: Records) -
 
 @allocation_free
 def _over_limit(data: GuidanceData, U: Array, k: int, i: int) -> float:
-    """Constraint of a wheel in one direction of its turning: two for each, one after the other."""
+    """Constraint of a wheel in one direction of its turning: two for each, one after the other.
+
+    Speeds of the first wheels are controls, which have bounds instead.
+    """
     if k == data.durations.shape[0]:
         return -math.inf
-    wheels, speed = data.robot.wheels, 0.0
-    for a in range(U.shape[1]):
-        speed += wheels[i // 2, a] * U[k, a]
+    speed = _wheel_speed(data, U, k, U.shape[1] + i // 2)
     return _sign(i) * speed - (data.robot.max_wheel_speed - WHEEL_ROUNDING)
+
+
+@allocation_free
+def _wheel_speed(data: GuidanceData, U: Array, k: int, wheel: int) -> float:
+    speed = 0.0
+    for a in range(U.shape[1]):
+        speed += data.robot.wheels[wheel, a] * U[k, a]
+    return speed
+
+
+@allocation_free
+def _weigh_all_wheels(data: GuidanceData, U: Array, k: int, L_U: Array, L_UU: Array) -> None:
+    """Add the cost of wheels whose speeds are no controls: else a robot would favour one side."""
+    p, wheels, r = data.parameters[0], data.robot.wheels, U.shape[1]
+    for a in range(r):
+        for b in range(r):
+            if b != a:
+                L_UU[a, b] = 0.0
+    for i in range(r, wheels.shape[0]):
+        speed = _wheel_speed(data, U, k, i)
+        for a in range(r):
+            L_U[a] += p.control_effort * wheels[i, a] * speed
+            for b in range(r):
+                L_UU[a, b] += (p.control_change + p.control_effort) * wheels[i, a] * wheels[i, b]
 
 
 @allocation_free

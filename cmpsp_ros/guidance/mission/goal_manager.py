@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
+from cmpsp_ros.world.roads.road import Point
 
 Array = NDArray[np.float64]
 
@@ -72,6 +73,13 @@ class GoalManager:
     def received(self) -> Goal | None:
         """The goal that was received and is driven to, if there is one."""
         return self._received
+
+    @property
+    def next_positions(self) -> list[Point]:
+        """Where the present goal is, and where the next may be (x, y) [m]."""
+        goals = [] if self._received else self._settings.goals[self._index + 1 : self._index + 2]
+        waiting = [] if self._waiting is None else [self._waiting[1]]
+        return [self.target.position, *(each.position for each in (*goals, *waiting))]
 
     def receive(self, stamp: int, goal: Goal, audit: Audit, latest: int | None) -> None:
         """Take another goal instead of all others, from the first control step that is not older.

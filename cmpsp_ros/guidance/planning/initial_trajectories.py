@@ -84,9 +84,12 @@ def guess_arrays(start: PlanStart, durations: Array) -> tuple[Array, Array]:
 
 
 def free_turn_rate(start: PlanStart, target: Target, durations: Array) -> float:
-    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s]."""
+    """Turn rate to the heading of a goal, for a robot whose heading is free meanwhile [rad/s].
+
+    NaN where the goal has none, either.
+    """
     if target.heading is None or target.is_line or not start.robot.drives_sideways:
-        return 0.0
+        return math.nan
     return wrapped(target.heading - float(start.pose[2])) / float(durations.sum())
 
 
@@ -187,17 +190,19 @@ def steer(
         speed: Along the arc [m/s].
         robot: The robot.
         max_turn: Largest turn in the step [rad].
-        free_turn_rate: Turn rate of a robot that drives sideways [rad/s].
+        free_turn_rate: Turn rate of a robot that drives sideways; NaN for as it likes [rad/s].
     """
     distance = max(math.hypot(offset_x, offset_y), SHORTEST_LOOKAHEAD)
     angle = wrapped(math.atan2(offset_y, offset_x) - poses[k, 2])
     trusted = max_turn / duration
     if robot.model == OMNIDIRECTIONAL:
-        turn_rate = min(max(free_turn_rate, -trusted), trusted) / robot.gain
-        course = angle - turn_rate * robot.gain * duration / 2.0
-        controls[k, 0] = speed / robot.gain * math.cos(course)
-        controls[k, 1] = speed / robot.gain * math.sin(course)
-        controls[k, 2] = turn_rate
+        is_free = math.isnan(free_turn_rate)
+        turn_rate = 0.0 if is_free else min(max(free_turn_rate, -trusted), trusted)
+        _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
+        if is_free and fastest_wheel(controls, k, robot) > robot.max_wheel_speed:
+            # Sideways it cannot go as fast as ahead: it turns to where it goes.
+            turn_rate = min(max(angle / duration, -trusted), trusted)
+            _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
     elif robot.model == ACKERMANN:
         # As far as it goes towards what is beside or behind.
         bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
@@ -235,7 +240,8 @@ def _steer_own(
 ) -> None:
     """Fill control ``k`` of a model of one's own, each control within its limit."""
     if robot.model == OWN_SIDEWAYS:
-        turn_rate = min(max(free_turn_rate, -trusted), trusted)
+        free = 0.0 if math.isnan(free_turn_rate) else free_turn_rate
+        turn_rate = min(max(free, -trusted), trusted)
         course = angle - turn_rate * duration / 2.0
         steer_own(controls, k, speed * math.cos(course), speed * math.sin(course), turn_rate, robot)
     else:
@@ -248,6 +254,24 @@ def _steer_own(
     for a in range(controls.shape[1]):
         most = robot.max_wheel_speed / robot.wheels[a, a]
         controls[k, a] = min(max(controls[k, a], -most), most)
+
+
+@allocation_free
+def _drive_sideways(
+    controls: Array,
+    k: int,
+    duration: float,
+    angle: float,
+    speed: float,
+    robot: Kinematics,
+    turn_rate: float,
+) -> None:
+    """Fill the control of an omnidirectional robot that goes at an angle while it turns."""
+    course = angle - turn_rate * duration / 2.0
+    forward, left = speed * math.cos(course), speed * math.sin(course)
+    for a in range(3):
+        of_twists = robot.of_twists[a]
+        controls[k, a] = of_twists[0] * forward + of_twists[1] * left + of_twists[2] * turn_rate
 
 
 @allocation_free

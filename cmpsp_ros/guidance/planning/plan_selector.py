@@ -66,6 +66,9 @@ class PlanSelector:
         self._work_left = 1
         self._audit = audit
         self.see(settings)
+        if settings.map_search is not None:
+            for goal in settings.goals:
+                settings.map_search.prepare(goal.position)
         self.forget()
 
     def see(self, settings: GuidanceSettings) -> None:
@@ -87,9 +90,6 @@ class PlanSelector:
             for grid in space.grids
             for x, y in grid.islands.tolist()
         ]
-        if settings.map_search is not None:
-            for goal in settings.goals:
-                settings.map_search.prepare(goal.position)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""

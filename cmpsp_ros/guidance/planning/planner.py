@@ -91,7 +91,7 @@ class Planner:
         self._functions = functions.entries(data, self._ws)
 
     def forget(self) -> None:
-        """Begin the next plan without a warm start."""
+        """Begin the next plan without the active rows of the last one."""
         self._horizon = None
         self._driver.forget()
 

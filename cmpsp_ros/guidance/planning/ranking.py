@@ -1,4 +1,4 @@
-"""How good a plan is: what it touches comes first, then the goal, then its cost."""
+"""How good a plan is: violated constraints by their priority, then its cost."""
 
 from __future__ import annotations
 

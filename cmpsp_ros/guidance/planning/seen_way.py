@@ -1,61 +1,103 @@
-"""Which way across a map is open: what sensors see counts once it blocks the one that is known."""
+"""Which way across a grid is taken: what sensors see opens and blocks ways from scan to scan."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings, Searched
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.world.map_line import KeptLine, is_beside
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 Array = NDArray[np.float64]
+Point = tuple[float, float]
 
 _SPACING: Final = 0.1
+_MOST_RELUCTANT: Final = 5.0
 
 
-def searched_with(
-    settings: GuidanceSettings, place: Array, goal: tuple[float, float]
-) -> GridObstacle | None:
-    """What the way from a place to the goal is to be searched with, beside the map.
+def search_ahead(settings: GuidanceSettings, place: Array, goals: Sequence[Point]) -> Searched:
+    """Search for the paths to the next goals; returns with what, as `searched_with`.
 
-    A search takes longer than a control step may, so the last one counts until the way that it
-    found is blocked. The way of the map alone counts again once all that blocked it is seen to be
-    free: what is only forgotten may still be there.
+    Arguments as there.
+    """
+    searched = searched_with(settings, place, goals[0])
+    search = replace(settings, searched=searched).map_search
+    if search is not None:
+        for each in goals:
+            search.prepare(each)
+    return searched
+
+
+def searched_with(settings: GuidanceSettings, place: Array, goal: Point) -> Searched:
+    """With what the path from a place to the goal is to be searched at the next control step.
+
+    Another way is taken where the present one is blocked, or where the other is shorter by more
+    than a part, which doubles each time: where noise opens and closes a gap, the robot would else
+    drive to and fro. It takes as long as a search of the grid.
 
     Args:
-        settings: With what is seen now, and what was seen when a way was searched last.
+        settings: With what is seen now, and what was searched with last.
         place: Where the robot is, shape ``(2,)`` [m].
         goal: Where it is to go (x, y) [m].
-
-    Returns:
-        What was seen then, what is seen now, or None for the map alone.
     """
-    seen, before = settings.grid(SEEN), settings.searched
-    if seen is None or settings.grid(MAP) is None:
-        return None
-    if before is not None:
-        line = _line(settings, None, place, goal)
-        blocked = line[_is_blocked(settings, before, line)]
-        is_seen = (seen.grid.at(blocked) == Cell.FREE).all()
-        if is_seen and not _is_blocked(settings, seen, line).any():
-            return None
-    if _is_blocked(settings, seen, _line(settings, before, place, goal)).any():
-        return seen if len(_line(settings, seen, place, goal)) else before
-    return before
+    seen = settings.grid(SEEN)
+    if seen is None:
+        return settings.searched
+    find = _with_a_map if settings.grid(MAP) is not None else _by_sight
+    return find(settings, seen, place, goal)
 
 
-def _line(
-    settings: GuidanceSettings,
-    searched: GridObstacle | None,
-    place: Array,
-    goal: tuple[float, float],
-) -> Array:
+def _by_sight(
+    settings: GuidanceSettings, seen: GridObstacle, place: Array, goal: Point
+) -> Searched:
+    """By what is seen now: the path is kept while it is open."""
+    before, line = settings.searched, _line(settings, settings.searched, place, goal)
+    if not len(line):
+        return before._replace(seen=seen, kept=None, is_another=False)
+    is_open = not _is_blocked(settings, seen, line).any()
+    kept = KeptLine(line, before.reluctance) if is_open else None
+    found = before._replace(seen=seen, kept=kept)
+    is_another = not is_beside(_line(settings, found, place, goal), line)
+    if is_another and is_open:
+        found = _more_reluctant(found)
+    return found._replace(is_another=is_another)
+
+
+def _with_a_map(
+    settings: GuidanceSettings, seen: GridObstacle, place: Array, goal: Point
+) -> Searched:
+    """By the map alone, or what blocked its path as well.
+
+    The path of the map alone counts again once all that blocked it is seen to be free: what is only
+    forgotten may still be there.
+    """
+    before, line = settings.searched, _line(settings, settings.searched, place, goal)
+    if _is_blocked(settings, seen, line).any():
+        found = before._replace(seen=seen, is_another=True)
+        return found if len(_line(settings, found, place, goal)) else before
+    alone = before._replace(seen=None, is_another=True)
+    other = _line(settings, alone, place, goal)
+    if before.seen is None or _is_blocked(settings, seen, other).any():
+        return before
+    blocked = other[_is_blocked(settings, before.seen, other)]
+    is_shorter = 0 < len(other) * (1.0 + before.reluctance) < len(line)
+    is_free = is_shorter and (seen.grid.at(blocked) == Cell.FREE).all()
+    return _more_reluctant(alone) if is_free else before
+
+
+def _more_reluctant(searched: Searched) -> Searched:
+    return searched._replace(reluctance=min(2.0 * searched.reluctance, _MOST_RELUCTANT))
+
+
+def _line(settings: GuidanceSettings, searched: Searched, place: Array, goal: Point) -> Array:
     search = replace(settings, searched=searched).map_search
     return np.empty((0, 2)) if search is None else search.line(place, goal, _SPACING)
 

@@ -15,7 +15,7 @@ from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
 from cmpsp_ros.world.free_space import FreeSpace
@@ -28,6 +28,8 @@ TOUCHING: Final = 1e-3
 
 # A command that was good when it was given is checked again from odometry that has been rounded.
 _ROUNDING = 1e-6
+
+_SEEN: Final = f'obstacle {SEEN}'
 
 _TO_REST: Final = 4.0
 _SLICES: Final = 4
@@ -309,7 +311,8 @@ class Audit:
         """Why nothing may begin at a pose: it is inside an obstacle, which the robot cannot be.
 
         A robot that is already driving is not stopped for it, but led out; and so is one that
-        something has moved upon.
+        something has moved upon. What is seen does not count: a cell reaches nearer than what was
+        seen in it, and so does noise.
 
         Args:
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
@@ -317,11 +320,14 @@ class Audit:
         Returns:
             A sentence, empty where the pose is inside none.
         """
-        away = self.clearance_at(pose)[N_EDGE_CONSTRAINTS:]
-        if not away.size or not away.min() < -TOUCHING:
+        away, names = self.clearance_at(pose), self._names
+        counts = range(N_EDGE_CONSTRAINTS, len(names))
+        nearest = min((k for k in counts if names[k] != _SEEN), key=away.item, default=None)
+        if nearest is None or not away[nearest] < -TOUCHING:
             return ''
-        name = self._names[N_EDGE_CONSTRAINTS + int(away.argmin())]
-        return f'The robot is {-away.min():.3g} m inside {name}: nothing is begun there.'
+        return (
+            f'The robot is {-away[nearest]:.3g} m inside {names[nearest]}: nothing is begun there.'
+        )
 
     def names(self, constraints: Sequence[int], moving: MovingDiscs = NOTHING_MOVES) -> str:
         """Names of path constraints by their index, for messages."""

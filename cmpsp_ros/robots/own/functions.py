@@ -2,12 +2,11 @@
 
 Its functions are called by their addresses, so that nothing but them is compiled for it. They get
 numbers, and leave what they find in the robot's scratch: the twist in its first row, and in the
-next ones its derivatives by the controls.
+next ones the derivatives of its parts, a column for each control.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from functools import cache
 from typing import Any, Final
@@ -17,9 +16,8 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.mpsp.jit.addresses import address_of, call
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.differential_drive_functions import sinc_and_slope
 from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.omnidirectional_functions import put_gradients as put_twist_gradients
+from cmpsp_ros.robots.omnidirectional_functions import drive_twist, put_slopes
 
 Array = NDArray[np.float64]
 
@@ -33,13 +31,8 @@ _STEP: Final = 1e-100
 def drive(poses: Array, controls: Array, k: int, duration: float, robot: Kinematics) -> None:
     """Pose ``k + 1`` from pose ``k``: one exact arc."""
     find(robot, MOTION, controls, k)
-    twist = robot.scratch
-    turn = twist[0, 2] * duration
-    chord, course = sinc_and_slope(turn / 2.0)[0] * duration, poses[k, 2] + turn / 2.0
-    cosine, sine = math.cos(course), math.sin(course)
-    poses[k + 1, 0] = poses[k, 0] + chord * (cosine * twist[0, 0] - sine * twist[0, 1])
-    poses[k + 1, 1] = poses[k, 1] + chord * (sine * twist[0, 0] + cosine * twist[0, 1])
-    poses[k + 1, 2] = poses[k, 2] + turn
+    twist = robot.scratch[0]
+    drive_twist(poses, k, duration, twist[0], twist[1], twist[2])
 
 
 @allocation_free
@@ -59,14 +52,8 @@ def put_gradients(
     """
     find(robot, MOTION, controls, k)
     find(robot, SLOPES, controls, k)
-    found, r = robot.scratch, controls.shape[1]
-    by_twist = found[r + 1 :]
-    put_twist_gradients(A, by_twist, heading, found, 0, duration, 1.0)
-    for a in range(r):
-        for i in range(3):
-            B[i, a] = 0.0
-            for j in range(3):
-                B[i, a] += by_twist[i, j] * found[1 + a, j]
+    twist, slopes, count = robot.scratch[0], robot.scratch[1:], controls.shape[1]
+    put_slopes(A, B, heading, twist[0], twist[1], twist[2], duration, slopes, count)
 
 
 @allocation_free
@@ -114,14 +101,14 @@ def _of_two(function: Callable[..., Any]) -> tuple[Any, Any]:
 
     @allocation_free
     def put_twist(values: Array, out: Array, u: float, v: float, _w: float) -> None:
-        _put(out, 0, values[0], motion(values[1:], u, v))
+        _put(out, values[0], motion(values[1:], u, v))
 
     @allocation_free
-    def put_slopes(values: Array, out: Array, u: float, v: float, _w: float) -> None:
-        _put_slope(out, 1, values[0], motion(values[1:], complex(u, _STEP), complex(v, 0.0)))
-        _put_slope(out, 2, values[0], motion(values[1:], complex(u, 0.0), complex(v, _STEP)))
+    def put_derivatives(values: Array, out: Array, u: float, v: float, _w: float) -> None:
+        _put_slope(out, 0, values[0], motion(values[1:], complex(u, _STEP), complex(v, 0.0)))
+        _put_slope(out, 1, values[0], motion(values[1:], complex(u, 0.0), complex(v, _STEP)))
 
-    return put_twist, put_slopes
+    return put_twist, put_derivatives
 
 
 def _of_three(function: Callable[..., Any]) -> tuple[Any, Any]:
@@ -129,16 +116,16 @@ def _of_three(function: Callable[..., Any]) -> tuple[Any, Any]:
 
     @allocation_free
     def put_twist(values: Array, out: Array, u: float, v: float, w: float) -> None:
-        _put(out, 0, values[0], motion(values[1:], u, v, w))
+        _put(out, values[0], motion(values[1:], u, v, w))
 
     @allocation_free
-    def put_slopes(values: Array, out: Array, u: float, v: float, w: float) -> None:
+    def put_derivatives(values: Array, out: Array, u: float, v: float, w: float) -> None:
         a, b, c = complex(u, 0.0), complex(v, 0.0), complex(w, 0.0)
-        _put_slope(out, 1, values[0], motion(values[1:], complex(u, _STEP), b, c))
-        _put_slope(out, 2, values[0], motion(values[1:], a, complex(v, _STEP), c))
-        _put_slope(out, 3, values[0], motion(values[1:], a, b, complex(w, _STEP)))
+        _put_slope(out, 0, values[0], motion(values[1:], complex(u, _STEP), b, c))
+        _put_slope(out, 1, values[0], motion(values[1:], a, complex(v, _STEP), c))
+        _put_slope(out, 2, values[0], motion(values[1:], a, b, complex(w, _STEP)))
 
-    return put_twist, put_slopes
+    return put_twist, put_derivatives
 
 
 def _steering(function: Callable[..., Any], count: int) -> Any:
@@ -157,12 +144,12 @@ def _steering(function: Callable[..., Any], count: int) -> Any:
 
 
 @allocation_free
-def _put(out: Array, row: int, grip: float, twist: Any) -> None:
-    out[row, 0], out[row, 1], out[row, 2] = grip * twist[0], grip * twist[1], grip * twist[2]
+def _put(out: Array, grip: float, twist: Any) -> None:
+    out[0, 0], out[0, 1], out[0, 2] = grip * twist[0], grip * twist[1], grip * twist[2]
 
 
 @allocation_free
-def _put_slope(out: Array, row: int, grip: float, twist: Any) -> None:
+def _put_slope(out: Array, a: int, grip: float, twist: Any) -> None:
     scale = grip / _STEP
-    out[row, 0] = scale * twist[0].imag
-    out[row, 1], out[row, 2] = scale * twist[1].imag, scale * twist[2].imag
+    out[1, a] = scale * twist[0].imag
+    out[2, a], out[3, a] = scale * twist[1].imag, scale * twist[2].imag

@@ -118,7 +118,7 @@ class OwnRobot(Robot):
             float(self.max_speed),
             functions=addresses(self.motion, self.steer, self.n_controls),
             values=np.array([self.grip, *self.constants]),
-            scratch=np.zeros((self.n_controls + 4, 3)),
+            scratch=np.zeros((4, 3)),
         )
 
     @property

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.world.free_space import FreeSpace
@@ -118,7 +119,10 @@ def drive(task: Task) -> Driven:
                 if eyes is not None:
                     eyes.note(*driven.motions[noted:])
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
-                computer.take(law, law.update(stamp, pose, (), sighting))
+                decision = law.update(stamp, pose, (), sighting)
+                computer.take(law, decision)
+                if decision is not None:
+                    law.search(pose)
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)
@@ -186,6 +190,7 @@ def outcome(driven: Driven) -> Outcome:
         x=x,
         y=y,
         time=driven.end / NANOSECONDS,
+        pace=_pace(driven) if task.has_map else None,
     )
 
 
@@ -199,6 +204,12 @@ def _over_limit(driven: Driven) -> int:
     changes = np.abs(np.diff(before, axis=0) @ robot.changes.T).max(axis=1)
     sudden = changes > settings.max_wheel_change + CHANGE_ROUNDING
     return int(sum(sudden | [bool(robot.over_limit(each[None])) for each in controls]))
+
+
+def _pace(driven: Driven) -> float:
+    task = driven.task
+    length = shortest_length(task.truth, np.array(task.scenario.pose))
+    return length / (driven.end / NANOSECONDS) / task.settings.pace
 
 
 def farthest(task: Task) -> float:

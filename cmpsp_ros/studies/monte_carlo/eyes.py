@@ -1,23 +1,46 @@
-"""What a robot sees on its way: the simulated scanner, and the grid of what it has shown."""
+"""What a robot knows of obstacles: what the simulated scanner has shown, or a map of them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from types import SimpleNamespace
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.sensing.laser_scan import sight_of
 from cmpsp_ros.sensing.surroundings import Sighting, Surroundings
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.laser import Laser, LaserSettings, Scan
 from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
+from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 Array = NDArray[np.float64]
+
+_CELL: Final = 0.05
+_AROUND: Final = 0.5
+
+
+def map_of(shapes: Sequence[Shape]) -> GridObstacle:
+    """A map of shapes: every cell that one of them touches is occupied."""
+    space = FreeSpace.of(OpenFloor(), shapes, 0.0)
+    reach = (space.reaches + space.radii)[:, None]
+    low = (space.centers - reach).min(axis=0) - _AROUND
+    columns, rows = np.ceil(((space.centers + reach).max(axis=0) + _AROUND - low) / _CELL)
+    cells = np.zeros((int(rows), int(columns)), np.uint8)
+    grid = OccupancyGrid((float(low[0]), float(low[1]), 0.0), _CELL, cells)
+    centers = grid.centers(*np.indices(cells.shape)).reshape(-1, 2)
+    away = space.at(np.column_stack([centers, np.zeros(len(centers))]))[:, 2:].min(axis=1)
+    cells[away.reshape(cells.shape) <= _CELL * math.sqrt(0.5)] = Cell.OCCUPIED
+    return GridObstacle(MAP, grid)
 
 
 class Eyes:

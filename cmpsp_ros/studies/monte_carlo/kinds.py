@@ -63,6 +63,8 @@ class Kind:
             of the parameters.
         preset: What the changes are made to.
         sees: Whether the law knows nothing of obstacles but what a scanner shows.
+        has_map: Whether it knows them from a map, and what it takes is compared with the shortest
+            path.
         score_speed: Of the straight way, for the score of the BARN challenge [m/s]; None for none.
     """
 
@@ -73,6 +75,7 @@ class Kind:
     lag: tuple[float, float] | None = None
     preset: str = PRESET
     sees: bool = False
+    has_map: bool = False
     score_speed: float | None = None
 
     @property
@@ -117,6 +120,13 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
         'sight': Kind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
+        'mapped': Kind(
+            _SEEING,
+            0.05,
+            room_scenario,
+            preset='unknown',
+            has_map=True,
+        ),
         'clutter': Kind(
             _CLUTTERED, 0.1, field_scenario, preset='unknown', sees=True, score_speed=2.0
         ),

@@ -56,6 +56,8 @@ class Outcome:
         x: At control instants and the final time [m].
         y: See `x`.
         time: The final time, which may have been put off [s].
+        pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
+            without a map.
     """
 
     number: int
@@ -80,6 +82,7 @@ class Outcome:
     x: tuple[float, ...]
     y: tuple[float, ...]
     time: float
+    pace: float | None = None
 
     @property
     def clearance(self) -> float:

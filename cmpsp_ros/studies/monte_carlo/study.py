@@ -21,13 +21,15 @@ from cmpsp_ros.simulator.plant import PlantSettings
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
-from cmpsp_ros.studies.monte_carlo.eyes import Eyes
+from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
 from cmpsp_ros.studies.monte_carlo.kinds import KINDS, Kind
 
 MOST_OBSTACLES: Final = 4
 
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 """What presets have and every run draws for itself."""
+
+_TOO_SHORT: Final = 1.0
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {
@@ -83,7 +85,7 @@ class Study:
         values = TABLE.resolve(given | assigned)
         settings = guidance_settings(values)
         plant_settings(values)
-        wanted = 'none' if self.kind.sees else 'annulus'
+        wanted = 'none' if self.kind.sees or self.kind.has_map else 'annulus'
         if values['road.type'] != wanted:
             raise StudyError(f'road.type: found {values["road.type"]}, wanted {wanted}')
         width = settings.road.width
@@ -118,13 +120,19 @@ class Study:
         if self.kind.lag is not None:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
             plant = replace(plant, wheel_lag=lag)
-        known = () if self.kind.sees else drawn.obstacles
+        known, changes = drawn.obstacles, drawn.changes
+        if self.kind.sees:
+            known = ()
+        elif self.kind.has_map:
+            # So short a time the law puts off to what it takes.
+            known, changes = (map_of(drawn.obstacles),), {**changes, 'final_time': _TOO_SHORT}
         return Task(
             drawn,
-            replace(settings, obstacles=known, **drawn.changes),
+            replace(settings, obstacles=known, **changes),
             replace(plant, initial_pose=drawn.pose, seed=drawn.seed),
             self.kind.lateness,
             replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
+            has_map=self.kind.has_map,
         )
 
     def command(self, number: int) -> str:
@@ -149,6 +157,7 @@ class Task:
         lateness: Longest time that a control step takes, in control periods.
         scanner: Of a robot that knows nothing of the obstacles but what it sees.
         patience: Time after which a run that is put off again and again ends [s].
+        has_map: As of `Kind`.
     """
 
     scenario: Scenario
@@ -157,6 +166,7 @@ class Task:
     lateness: float = 0.0
     scanner: LaserSettings | None = None
     patience: float = 180.0
+    has_map: bool = False
 
     @property
     def truth(self) -> GuidanceSettings:

@@ -23,6 +23,7 @@ _SPREADS = {
     'miss [m], goal in reach': 'miss_in_reach_m',
     'clearance [m]': 'clearance_m',
     'time [s]': 'time_s',
+    'mean speed, by the shortest path, of the nominal': 'pace',
 }
 _QUANTILES = {'least': 0.0, '1 %': 0.01, 'median': 0.5, '99 %': 0.99, 'largest': 1.0}
 
@@ -89,6 +90,8 @@ def figures(
     reachable = [each for each in outcomes if not each.out_of_reach] or list(outcomes)
     speed, tolerance = study.kind.score_speed, study.tolerance
     scores = [] if speed is None else [each.score(tolerance, speed) for each in outcomes]
+    paces = [each.pace for each in outcomes if each.pace is not None]
+    free = study.kind.sees or study.kind.has_map
     return {
         'study': study.name,
         'seed': study.seed,
@@ -108,7 +111,8 @@ def figures(
         },
         'miss_in_reach_m': _quantiles([each.miss for each in reachable]),
         'clearance_m': _quantiles([each.clearance for each in outcomes]),
-        **({'time_s': _quantiles([each.time for each in outcomes])} if study.kind.sees else {}),
+        **({'time_s': _quantiles([each.time for each in outcomes])} if free else {}),
+        **({'pace': _quantiles(paces), 'mean_pace': float(np.mean(paces))} if paces else {}),
         **({'mean_score': float(np.mean(scores))} if scores else {}),
         **({'costs': _costs(compared)} if compared else {}),
         'max_wheel_speed_rad_s': max(each.max_wheel_speed for each in outcomes),
@@ -152,6 +156,8 @@ def tables(values: Mapping[str, Any]) -> list[Table]:
         costs = values['costs']
         count, total = costs['at_most_5_percent_more'], costs['of_the_same_class']
         counts.add_row('cost at most 5 % above the least', str(count), str(total), '')
+    if 'mean_pace' in values:
+        counts.add_row('mean speed', f'{values["mean_pace"]:.4f}', '1', '')
     counts.add_section()
     for name, count in values['verdicts'].items():
         counts.add_row(name, str(count), str(values['runs']), '')

@@ -42,7 +42,8 @@ def limits_of(robot: Robot) -> Limits:
         return Limits(np.eye(2), largest, np.array([acceleration, robot.max_steering_rate]))
     rows = np.eye(2)
     if isinstance(robot, Omnidirectional):
-        rows = np.array(robot.rims) / robot.wheel_radius
+        rims = np.array(robot.rims)
+        rows = rims @ np.linalg.inv(rims[robot.driven])
     return Limits(rows, np.full(len(rows), speed), np.full(len(rows), acceleration))
 
 
@@ -67,7 +68,9 @@ def moved(casadi: Any, robot: Robot, heading: Any, control: Any, duration: float
         ahead = control[0] * robot.wheel_radius
         turn_rate = ahead * casadi.tan(control[1]) / robot.wheel_base
     elif isinstance(robot, Omnidirectional):
-        ahead, aside, turn_rate = (control[index] * robot.grip for index in range(3))
+        rims = np.array(robot.rims)[robot.driven] / (robot.wheel_radius * robot.grip)
+        twist = casadi.DM(np.linalg.inv(rims)) @ control
+        ahead, aside, turn_rate = twist[0], twist[1], twist[2]
     else:
         name = type(robot).__name__
         raise StudyError(f'robot.model: found {name}, wanted one that the judge knows')

@@ -14,6 +14,7 @@ const known = {course: -1, run: -1, series: {path: [], steps: []}};
 let latest = {};
 let course = [];
 let bounds = null;
+let seen = null;
 let arrival = '';
 
 const element = (id) => document.getElementById(id);
@@ -89,12 +90,13 @@ function show() {
   say('terminal_error', isNumber(error) ? `${error.toExponential(1)} m` : '–');
   say('commanded', several(decision.wheels, 'rad/s'));
   say('driven', several(latest.driven, 'rad/s'));
+  loadSeen();
   say('step_ms', fixed(decision.step_ms, 2, 'ms'));
   drawCourse();
   drawStrips();
   Object.assign(document.body.dataset, {
     level, steps: known.series.steps.length, path: known.series.path.length, course: course.length,
-    moving: (latest.moving || []).length,
+    moving: (latest.moving || []).length, seen: seen ? seen.image.naturalWidth : 0,
   });
 }
 
@@ -155,6 +157,7 @@ function drawCourse() {
   const to = ([x, y]) => [
     width / 2 + (x - middle[0]) * scale, height / 2 - (y - middle[1]) * scale];
   drawRoad(pen, to);
+  drawSeen(pen, to, scale);
   for (const each of course) drawMarker(pen, each, to, scale);
   for (const each of latest.moving || []) drawMoving(pen, each, to, scale);
   drawGoal(pen, to);
@@ -175,6 +178,21 @@ function drawRoad(pen, to) {
   }
   pen.fillStyle = '#eef0f3';
   pen.fill('evenodd');
+}
+
+// What sensors have shown: a picture is drawn once it has been read, with its own place.
+function loadSeen() {
+  const next = latest.seen;
+  if (!next || (seen && seen.source === next.source && seen.x === next.x && seen.y === next.y)) return;
+  const image = new Image();
+  image.onload = () => { seen = {...next, image}; };
+  image.src = next.source;
+}
+
+function drawSeen(pen, to, scale) {
+  if (!seen) return;
+  pen.imageSmoothingEnabled = false;
+  pen.drawImage(seen.image, ...to([seen.x, seen.y]), seen.width * scale, seen.height * scale);
 }
 
 function drawMarker(pen, marker, to, scale) {

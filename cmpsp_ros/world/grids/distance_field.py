@@ -55,11 +55,12 @@ def node_points(field: DistanceField, nodes: NDArray[np.int64]) -> Array:
     )
 
 
-def node_near(field: DistanceField, point: Array) -> NDArray[np.int64]:
-    """Row and column of the node that is nearest to a point (x, y) [m]."""
+def nodes_near(field: DistanceField, points: Array) -> NDArray[np.int64]:
+    """Rows and columns of the nodes that are nearest to points ``(..., 2)`` [m], of their shape."""
     frame = field.frame[0]
-    dx, dy = (point - np.array([frame['x'], frame['y']])) / frame['cell']
+    offsets = (points - np.array([frame['x'], frame['y']])) / frame['cell']
+    dx, dy = offsets[..., 0], offsets[..., 1]
     along = frame['cosine'] * dx + frame['sine'] * dy
     up = frame['cosine'] * dy - frame['sine'] * dx
     last = np.array(field.distances.shape) - 1
-    return np.clip(np.round([up, along]), 0, last).astype(np.int64)
+    return np.clip(np.round(np.stack([up, along], axis=-1)), 0, last).astype(np.int64)

@@ -12,21 +12,24 @@ from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
+Links = NDArray[np.int32]
 
 NARROW: Final = 2.0
 """By how much more a cell costs where there is no clearance to spare."""
 
-# A cell costs more where there is less clearance than this [m].
-_ROOM: Final = 0.4
+ROOM: Final = 0.4
+"""Clearance below which a cell costs more [m]."""
+
 _NONE: Final = -1
 _NEIGHBOURS: Final = np.array(
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]], dtype=np.int64
 )
+_STEPS: Final = np.hypot(*_NEIGHBOURS.T)
 
 
 def costs_of(clearance: Array) -> Array:
     """What each cell costs, infinite where it is not clear, by its clearance [m]."""
-    costs = 1.0 + NARROW * np.clip(1.0 - clearance / _ROOM, 0.0, 1.0)
+    costs = 1.0 + NARROW * np.clip(1.0 - clearance / ROOM, 0.0, 1.0)
     return np.where(clearance < 0.0, math.inf, costs)
 
 
@@ -40,12 +43,17 @@ def lengths_to(costs: Array, goal: Indices) -> Array:
         costs: Of the cells, 1 at least, shape ``(rows, columns)``.
         goal: Row and column of that cell.
     """
-    lengths = np.full(costs.shape, math.inf)
-    finite = costs[np.isfinite(costs)]
-    buckets = np.full(math.ceil(math.sqrt(2.0) * finite.max(initial=1.0)) + 2, _NONE)
-    links = np.empty((2, costs.size), dtype=np.int64)
-    _spread(lengths, costs, _NEIGHBOURS, buckets, links, int(goal[0]), int(goal[1]))
-    return lengths
+    lengths = np.full((costs.shape[0] + 2, costs.shape[1] + 2), math.inf)
+    walled = np.pad(costs, 1, constant_values=math.inf)
+    largest = np.max(costs, where=np.isfinite(costs), initial=1.0)
+    count = math.ceil(math.sqrt(2.0) * largest) + 2
+    # A power of two: the remainder is found by a mask.
+    buckets = np.full(1 << count.bit_length(), _NONE)
+    links = np.empty((walled.size, 2), dtype=np.int32)
+    offsets = _NEIGHBOURS @ np.array([walled.shape[1], 1])
+    first = int((goal[0] + 1) * walled.shape[1] + goal[1] + 1)
+    _spread(lengths.reshape(-1), walled.reshape(-1), offsets, _STEPS, buckets, links, first)
+    return np.ascontiguousarray(lengths[1:-1, 1:-1])
 
 
 def cells_from(lengths: Array, start: Indices) -> Indices:
@@ -97,65 +105,62 @@ def _descend(places: Indices, lengths: Array, neighbours: Indices, row: int, col
 def _spread(
     lengths: Array,
     costs: Array,
-    neighbours: Indices,
+    offsets: Indices,
+    steps: Array,
     buckets: Indices,
-    links: Indices,
-    row: int,
-    column: int,
+    links: Links,
+    goal: int,
 ) -> None:
     """Fill in the lengths, bucket after bucket.
 
     Args:
-        lengths: Infinite at first.
-        costs: Of the cells.
-        neighbours: Rows and columns from a cell to those beside it.
-        buckets: Number of the first cell in each, `_NONE` at first.
-        links: Numbers of the cells before and after each in its bucket, shape ``(2, cells)``.
-        row: Of the goal.
-        column: Of the goal.
+        lengths: Of the cells, one row after the other, infinite at first, shape ``(C,)``.
+        costs: Of the cells, infinite all around, shape ``(C,)``.
+        offsets: Numbers of the cells beside one, counted from it, shape ``(8,)``.
+        steps: How far away these are, shape ``(8,)`` [cells].
+        buckets: Number of the first cell in each, `_NONE` at first, a power of two.
+        links: Numbers of the cells before and after each in its bucket, shape ``(C, 2)``.
+        goal: Number of the goal.
     """
-    columns, waiting, bucket = costs.shape[1], 1, 0
-    lengths[row, column] = 0.0
-    _put(buckets, links, 0, row * columns + column)
+    waiting, bucket, mask = 1, 0, buckets.shape[0] - 1
+    lengths[goal] = 0.0
+    _put(buckets, links, 0, goal)
     while waiting > 0:
         cell = buckets[bucket]
         if cell == _NONE:
-            bucket = (bucket + 1) % buckets.shape[0]
+            bucket = (bucket + 1) & mask
             continue
         _take(buckets, links, bucket, cell)
         waiting -= 1
-        i, j = cell // columns, cell % columns
-        for k in range(neighbours.shape[0]):
-            m, n = i + neighbours[k, 0], j + neighbours[k, 1]
-            if not (0 <= m < costs.shape[0] and 0 <= n < columns):
-                continue
-            step = math.sqrt(float(neighbours[k, 0] ** 2 + neighbours[k, 1] ** 2))
-            length, before = lengths[i, j] + step * costs[m, n], lengths[m, n]
+        here = lengths[cell]
+        for k in range(offsets.shape[0]):
+            other = cell + offsets[k]
+            length, before = here + steps[k] * costs[other], lengths[other]
             if not length < before:
                 continue
             if math.isinf(before):
                 waiting += 1
             else:
-                _take(buckets, links, int(before) % buckets.shape[0], m * columns + n)
-            lengths[m, n] = length
-            _put(buckets, links, int(length) % buckets.shape[0], m * columns + n)
+                _take(buckets, links, int(before) & mask, other)
+            lengths[other] = length
+            _put(buckets, links, int(length) & mask, other)
 
 
 @allocation_free
-def _put(buckets: Indices, links: Indices, bucket: int, cell: int) -> None:
+def _put(buckets: Indices, links: Links, bucket: int, cell: int) -> None:
     first = buckets[bucket]
-    links[0, cell], links[1, cell] = _NONE, first
+    links[cell, 0], links[cell, 1] = _NONE, first
     if first != _NONE:
-        links[0, first] = cell
+        links[first, 0] = cell
     buckets[bucket] = cell
 
 
 @allocation_free
-def _take(buckets: Indices, links: Indices, bucket: int, cell: int) -> None:
-    before, after = links[0, cell], links[1, cell]
+def _take(buckets: Indices, links: Links, bucket: int, cell: int) -> None:
+    before, after = links[cell, 0], links[cell, 1]
     if before == _NONE:
         buckets[bucket] = after
     else:
-        links[1, before] = after
+        links[before, 1] = after
     if after != _NONE:
-        links[0, after] = before
+        links[after, 0] = before

@@ -75,6 +75,12 @@ class OccupancyGrid:
         rows, columns = self.cells.shape
         return columns * self.resolution, rows * self.resolution
 
+    @property
+    def ends(self) -> Array:
+        """Corners of the grid itself, shape ``(4, 2)`` [m]."""
+        rows, columns = self.cells.shape
+        return self.corners(*np.array([[0, 0, rows, rows], [0, columns, 0, columns]], float))
+
     def centers(self, rows: Indices, columns: Indices) -> Array:
         """Centres of cells, shape ``(..., 2)`` [m]."""
         return self.corners(rows.astype(float) + 0.5, columns.astype(float) + 0.5)

@@ -46,7 +46,7 @@ class Road(ABC):
 
     @abstractmethod
     def edges(self) -> list[Array]:
-        """Left and right edge, if there are any, each of shape ``(K, 2)`` [m]."""
+        """Both edges, if there are any, in any order, each of shape ``(K, 2)`` [m]."""
 
     @abstractmethod
     def center_line(self) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.errors import BenchError
 from benchmarks.families import robot_drives
-from benchmarks.families.robot_drives import RobotDrive, measure
+from benchmarks.families.robot_drives import RobotDrive, measure, robots_that_fit
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.parameters.errors import ParameterError
 
@@ -37,3 +37,9 @@ def test_runs_that_differ(monkeypatch):
     monkeypatch.setattr(robot_drives, '_drive', lambda name, scenario: next(drives))
     with pytest.raises(BenchError, match='runs that differ'):
         measure(['jackal'], 2)
+
+
+def test_robots_that_are_too_wide_for_the_road_are_left_out():
+    fit = robots_that_fit()
+    assert 'turtlebot4' in fit
+    assert 'car' not in fit

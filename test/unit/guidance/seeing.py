@@ -86,5 +86,6 @@ class Drive:
                 sighting = surroundings.at(stamp, pose)
                 decision = self.law.update(stamp, pose, (), sighting)
                 plant.command(stamp, *decision.twist)
+                self.law.search(pose)
                 self.decisions.append(decision)
         self.pose = plant.pose

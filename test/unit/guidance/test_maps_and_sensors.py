@@ -11,7 +11,7 @@ from seeing import Drive
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.planning.seen_way import searched_with
-from cmpsp_ros.guidance.settings import MAP, SEEN
+from cmpsp_ros.guidance.settings import MAP, NOT_SEARCHED, SEEN
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.maps import text_of
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -46,7 +46,7 @@ def test_what_is_not_on_the_map_is_seen_and_passed():
 
     assert drive.clearance > 0.0
     assert math.dist(drive.pose[:2], drive.settings.goal) < 0.02
-    assert drive.law.task.searched is None
+    assert drive.law.task.searched.seen is None
 
 
 def test_another_way_is_found_where_what_is_seen_blocks_that_of_the_map():
@@ -54,7 +54,7 @@ def test_another_way_is_found_where_what_is_seen_blocks_that_of_the_map():
     drive = Drive('warehouse', **SCANNER, final_time=110.0, **box(2.2, 0.1, 2.6, 1.55), end=12.0)
 
     assert drive.clearance > 0.0
-    assert drive.law.task.searched is not None
+    assert drive.law.task.searched.seen is not None
     assert drive.pose[0] < 2.0
     assert drive.pose[1] > 3.0
     assert all(each.level != FallbackLevel.STOP for each in drive.decisions)
@@ -94,20 +94,35 @@ def test_a_way_is_searched_anew_only_when_it_is_blocked():
     blocked[:35, 45:50] = Cell.OCCUPIED
     far[100:120, 150:170] = Cell.OCCUPIED
 
-    assert searched_with(free, start, goal) is None
-    assert searched_with(settings_with(far), start, goal) is None
+    assert searched_with(free, start, goal) is NOT_SEARCHED
+    assert searched_with(settings_with(far), start, goal) is NOT_SEARCHED
     first = settings_with(blocked)
-    assert searched_with(first, start, goal) is first.grid(SEEN)
+    searched = searched_with(first, start, goal)
+    assert searched.seen is first.grid(SEEN)
+    assert searched.is_another
     # What is seen next is a little different: the way that was found is still open.
     blocked[0, 0] = Cell.OCCUPIED
-    next_one = replace(settings_with(blocked), searched=first.grid(SEEN))
-    assert searched_with(next_one, start, goal) is first.grid(SEEN)
+    next_one = replace(settings_with(blocked), searched=searched)
+    assert searched_with(next_one, start, goal) is searched
     # What is out of sight and forgotten may be there; what is seen to be gone is not.
     forgotten = nothing.copy()
     forgotten[:40] = Cell.UNKNOWN
-    for cells, expected in ((forgotten, first.grid(SEEN)), (nothing, None)):
-        later = replace(settings_with(cells), searched=first.grid(SEEN))
-        assert searched_with(later, start, goal) is expected
+    for cells, expected in ((forgotten, searched.seen), (nothing, None)):
+        later = replace(settings_with(cells), searched=searched)
+        assert searched_with(later, start, goal).seen is expected
+
+
+def test_who_was_led_back_to_the_way_of_the_map_gives_it_up_at_last():
+    start, goal, nothing = np.array([1.0, 1.0]), (11.0, 7.0), np.zeros((160, 240), np.uint8)
+    blocked, searched, found = nothing.copy(), NOT_SEARCHED, []
+    blocked[:35, 45:50] = Cell.OCCUPIED
+
+    for cells in [blocked, nothing] * 10:
+        searched = searched_with(replace(settings_with(cells), searched=searched), start, goal)
+        found.append(searched.seen is None)
+
+    assert any(found)
+    assert not any(found[-10:])
 
 
 def test_both_grids_keep_the_robot_away_each_by_its_own_distance():

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 from models import assert_arrives, assert_the_same, drive
 
+from cmpsp_ros.demo.scenario import load_scenario
+from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
 
@@ -64,6 +67,18 @@ def test_a_goal_beside_the_robot_needs_no_turn():
     )
     assert_arrives(settings, decisions, motions, pose)
     assert max(abs(each.pose[2]) for each in motions) < 1e-3
+
+
+def test_mecanum_wheels_at_their_limit_for_a_hundred_steps():
+    scenario = load_scenario('case3_wide', (), lockstep=True, robot='mecanum')
+    law, robot = GuidanceLaw(scenario.settings), scenario.settings.robot
+    decision = law.update(0, np.array(scenario.values['initial_pose']))
+    assert decision.level == FallbackLevel.NOMINAL
+    plan = decision.plan
+    fastest = np.abs(robot.speeds_of(plan.controls[:-1])).max(axis=1)
+    assert (fastest > 0.999 * robot.max_wheel_speed).sum() > 40
+    # Sideways it could not be there in time: it turns along the road.
+    assert plan.poses[-1, 2] > 1.0
 
 
 def test_a_plan_that_a_wheel_cannot_follow_is_refused():

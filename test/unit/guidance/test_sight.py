@@ -97,3 +97,16 @@ def test_a_wall_that_appears_a_metre_ahead_is_not_touched(seed):
 def test_two_hundred_walls_that_appear_a_metre_ahead():
     clearances = [wall_a_metre_ahead(seed).clearance for seed in range(200)]
     assert min(clearances) > 0.0, np.flatnonzero(np.array(clearances) <= 0.0)
+
+
+@pytest.mark.parametrize('seed', range(3))
+def test_who_stands_within_noise_of_a_wall_starts(seed):
+    wall = {
+        'sim.obstacles.wall.start': [-0.5, 0.26],
+        'sim.obstacles.wall.end': [1.0, 0.26],
+        'sim.scan.stddev': 0.01,
+        'noise.seed': seed,
+    }
+    beside = Drive(**{**FAST, **WALL, **wall}, end=4.0)
+    assert beside.clearance > 0.0
+    assert beside.pose[0] > 1.0

@@ -42,16 +42,20 @@ def by_complex_steps(function, at):
 
 @pytest.mark.parametrize('turn_rate', [0.0, 1e-9, 0.3, -2.0, 20.0])
 @pytest.mark.parametrize('course', [0.0, math.pi / 2, -2.5])
-def test_step_and_jacobians(turn_rate, course):
+@pytest.mark.parametrize('robot', ROBOTS)
+def test_step_and_jacobians(robot, turn_rate, course):
     twist = np.array([0.7 * math.cos(course), 0.7 * math.sin(course), turn_rate])
     pose, held = np.array([1.0, -2.0, 0.7]), np.array([0.2])
-    path = MECANUM.roll_out(pose, twist[None], held)
+    controls = robot.controls(twist[None])
+    path = robot.roll_out(pose, controls, held)
     np.testing.assert_allclose(path[1], by_quadrature(pose, twist, 0.2), atol=1e-14)
-    A, B = MECANUM.jacobians(path, twist[None], held)
+    A, B = robot.jacobians(path, controls, held)
     by_pose = by_complex_steps(lambda each: by_quadrature(each, twist, 0.2), pose)
-    by_twist = by_complex_steps(lambda each: by_quadrature(pose, each, 0.2), twist)
+    by_control = by_complex_steps(
+        lambda each: by_quadrature(pose, robot.twist(each), 0.2), controls[0]
+    )
     np.testing.assert_allclose(A[0], by_pose, atol=1e-13)
-    np.testing.assert_allclose(B[0], by_twist, atol=1e-13)
+    np.testing.assert_allclose(B[0], by_control, atol=1e-13)
     np.testing.assert_allclose(arc_ends(pose[None], twist[None], held)[0], path[1], atol=1e-14)
 
 
@@ -71,6 +75,13 @@ def test_wheel_speeds_and_back(robot):
     twists = np.random.default_rng(0).normal(size=(50, 3))
     wheels = robot.wheel_speeds(twists)
     np.testing.assert_allclose(robot.twist_of_wheels(wheels), twists, atol=1e-12)
+    controls = robot.controls(twists)
+    np.testing.assert_allclose(robot.twist(controls), twists, atol=1e-12)
+    np.testing.assert_allclose(robot.speeds_of(controls), wheels, atol=1e-11)
+    # The kinematics have the wheels that are controls first, and no other way.
+    ordered = controls @ robot.wheels.T
+    np.testing.assert_array_equal(ordered[:, :3], controls)
+    np.testing.assert_allclose(np.sort(ordered), np.sort(wheels), atol=1e-11)
     np.testing.assert_array_equal(
         robot.wheel_speeds(twists[0, [0, 2]]),
         robot.wheel_speeds(np.array([twists[0, 0], 0.0, twists[0, 2]])),
@@ -107,20 +118,21 @@ def test_the_limits_of_a_mecanum_robot_are_those_of_a_differential_drive():
 
 @pytest.mark.parametrize('robot', ROBOTS)
 def test_what_is_too_fast_is_slowed_down_along_its_arc_and_never_by_a_bit_too_little(robot):
-    for twist in np.random.default_rng(2).normal(size=(500, 3)) * 5.0:
-        slowed = robot.limited(twist)
+    for controls in np.random.default_rng(2).normal(size=(500, 3)) * 20.0:
+        slowed = robot.limited(controls)
         assert np.abs(robot.speeds_of(slowed)).max() <= 16.0
-        np.testing.assert_allclose(np.cross(slowed, twist), 0.0, atol=1e-12)
+        np.testing.assert_allclose(np.cross(slowed, controls), 0.0, atol=1e-11)
 
 
 def test_slip_shortens_the_way():
-    twist, held = np.array([[0.4, 0.3, 0.5]]), np.array([0.2])
+    controls, held = MECANUM.controls(np.array([[0.4, 0.3, 0.5]])), np.array([0.2])
     slipping = MECANUM.slipping(0.1)
     np.testing.assert_allclose(
-        slipping.roll_out(np.zeros(3), twist, held),
-        MECANUM.roll_out(np.zeros(3), 0.9 * twist, held),
+        slipping.roll_out(np.zeros(3), controls, held),
+        MECANUM.roll_out(np.zeros(3), 0.9 * controls, held),
         atol=1e-16,
     )
+    np.testing.assert_array_equal(slipping.speeds_of(controls), MECANUM.speeds_of(controls))
     assert MECANUM.slipping(0.0) is MECANUM
     assert slipping.max_speed == pytest.approx(0.9 * MECANUM.max_speed)
 

@@ -152,15 +152,16 @@ def test_models_that_are_there_are_driven_alike(modules):
         names = ['a', 'b', 'c'][: its.n_controls]
         robot = settings_of(f'forklift:{mine}', **{'robot.joint_names': names}).robot
         controls = random.uniform(-0.5, 0.5, (20, its.n_controls))
+        # Their controls for the same twists are linear in each other.
+        to_its = its.controls(np.eye(3)) if its.drives_sideways else np.eye(2)
         found = robot.roll_out(np.zeros(3), controls, durations)
-        poses = its.roll_out(np.zeros(3), controls, durations)
+        poses = its.roll_out(np.zeros(3), controls @ to_its, durations)
         np.testing.assert_allclose(found, poses, atol=1e-13)
-        for one, other in zip(
-            robot.jacobians(poses, controls, durations),
-            its.jacobians(poses, controls, durations),
-            strict=True,
-        ):
-            np.testing.assert_allclose(one, other, atol=1e-13)
+        A, B = robot.jacobians(poses, controls, durations)
+        its_A, its_B = its.jacobians(poses, controls @ to_its, durations)
+        np.testing.assert_allclose(A, its_A, atol=1e-13)
+        for one, other in zip(B, its_B, strict=True):
+            np.testing.assert_allclose(one, other @ to_its.T, atol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ import numpy as np
 from models import assert_arrives, assert_the_same, drive
 from cmpsp_ros.mpsp.jit.watch import compilations
 
-OWN = 'put_twist', 'put_slopes', 'put_controls', 'motion', 'steer'
+OWN = 'put_twist', 'put_derivatives', 'put_controls', 'motion', 'steer'
 given = 'robot.model=forklift:{model}', 'initial_guess.type=road', 'robot.radius=0.4'
 own = 'robot.max_wheel_speed=1.5', 'final_time=15.0', 'solver.work_share=0.3'
 three = ['robot.joint_names=[a, b, c]'] * ('{model}' == 'Platform')

@@ -72,6 +72,21 @@ function movePath(t) {
   Plotly.restyle('path', robots, traces(2 * count));
   Plotly.restyle('path', discs, traces(3 * count));
   Plotly.restyle('path', goals, traces(4 * count));
+  showSeen(t);
+}
+
+/** What sensors had shown by then, below everything else. */
+function showSeen(t) {
+  if (!data.bags.some((bag) => bag.grids.length)) return;
+  const images = [];
+  for (const bag of data.bags) {
+    const grid = bag.grids[latest(bag.gridTimes, t)];
+    if (!grid) continue;
+    const place = { x: grid.x, y: grid.y, sizex: grid.width, sizey: grid.height };
+    const look = { xref: 'x', yref: 'y', sizing: 'stretch', layer: 'below' };
+    images.push({ source: grid.source, ...place, ...look });
+  }
+  Plotly.relayout('path', { images });
 }
 
 function moveCursors(t) {
@@ -154,6 +169,7 @@ async function begin() {
   document.head.append(library);
   for (const bag of data.bags) {
     bag.planTimes = bag.plans.map((each) => each.t);
+    bag.gridTimes = bag.grids.map((each) => each.t);
     bag.decisionTimes = bag.decisions.map((each) => each[0]);
     bag.goalTimes = bag.goals.map((each) => each[0]);
   }

@@ -158,7 +158,11 @@ def searched_paths(
     frame = road_frame(settings, start, target)
     if frame.polar:
         return []
-    points = searched_line(between_samples(space, 0.0), start.pose[:2], np.array(target.position))
+    if (search := settings.map_search) is not None:
+        points = search.line(start.pose[:2], target.position, SPACING)
+    else:
+        around = between_samples(space, 0.0)
+        points = searched_line(around, start.pose[:2], np.array(target.position))
     if len(points) < 2:
         return []
     line, profile = frame_along(points), np.zeros(len(points))

@@ -55,3 +55,24 @@ def grid_path(settings: GuidanceSettings, pose: Array, spare: float) -> Array:
     while path[-1] != begin:
         path.append(int(found[1][path[-1]]))
     return np.vstack([ends[:1], cells[path[-2:0:-1]], ends[1:]])
+
+
+def shortest_length(settings: GuidanceSettings, pose: Array) -> float:
+    """Length of the shortest clear path from a pose to the goal, or a little more [m].
+
+    It is that on the grid, drawn taut: from each corner straight to the last point in sight.
+    Infinite where no path is clear; arguments as of `grid_path`.
+    """
+    points = grid_path(settings, pose, 0.0)
+    distance = settings.robot_radius + settings.safety.margin
+    space = FreeSpace.of(settings.road, settings.obstacles, distance)
+    here, length = 0, 0.0 if len(points) else math.inf
+    while here < len(points) - 1:
+        offsets = points[here + 1 :] - points[here]
+        lengths, headings = np.hypot(*offsets.T), np.arctan2(offsets[:, 1], offsets[:, 0])
+        begins = np.column_stack([np.tile(points[here], (len(offsets), 1)), headings])
+        twists = np.column_stack([lengths, np.zeros(len(offsets))])
+        clear = space.along(begins, twists, np.ones(len(offsets))).min(axis=1) >= 0.0
+        farthest = int(np.flatnonzero(clear).max(initial=0))
+        here, length = here + 1 + farthest, length + float(lengths[farthest])
+    return length

@@ -9,11 +9,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from bag_messages import (
     EVENT,
+    GRID,
     ODOMETRY,
     PATH,
     SECOND,
     STAMPED,
     TWIST,
+    grid,
     header,
     make,
     odometry,
@@ -60,6 +62,7 @@ class Drive:
     decisions: list = field(default_factory=list)
     changes: list = field(default_factory=list)
     restarts: list = field(default_factory=list)
+    sightings: list = field(default_factory=list)
     frame_id: str = 'odom'
     namespace: str = ''
     stamped: bool = False
@@ -113,6 +116,10 @@ class Drive:
                 bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
             if self.decisions:
                 self._write_decisions(bag, f'{prefix}/guidance')
+            if self.sightings:
+                bag.topic(f'{prefix}/guidance/sighting', GRID)
+            for stamp, cells in self.sightings:
+                bag.write(f'{prefix}/guidance/sighting', stamp, raw(grid(stamp, cells)))
             if self.changes:
                 bag.topic('/parameter_events', EVENT)
             for stamp, key, value in self.changes:

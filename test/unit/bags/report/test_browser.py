@@ -6,7 +6,9 @@ import re
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
+from bag_messages import SECOND
 
 from cmpsp_ros.bags.report import write_report
 
@@ -64,6 +66,22 @@ def test_it_renders_without_complaint_and_moves_with_its_slider(drive, tmp_path,
     assert 'The plan meets every constraint.' in late
     # The nearer the goal, the fewer points has the plan.
     assert points(early, 'plan') - points(late, 'plan') == 35
+
+
+def test_it_shows_what_was_seen_by_then(drive, tmp_path, open_page):
+    first = drive.decisions[0].stamp
+    seen = np.zeros((40, 40), np.int8)
+    drive.sightings = [(first + 2 * SECOND, seen), (first + 6 * SECOND, seen + 100)]
+    page, _ = write_report([drive.write(tmp_path / 'bag')], tmp_path / 'report.html')
+
+    pictures = []
+    for seconds in (1.0, 4.0, 8.0):
+        dom, complaints = open_page(page, seconds)
+        assert complaints == []
+        pictures.append(re.findall(r'<image [^>]*href="(data:image/png[^"]*)"', dom))
+
+    assert [len(each) for each in pictures] == [0, 1, 1]
+    assert pictures[1] != pictures[2]
 
 
 def test_texts_of_a_bag_do_not_run(hostile, tmp_path, open_page):

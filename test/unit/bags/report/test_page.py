@@ -9,7 +9,9 @@ import json
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
+from bag_messages import SECOND
 
 from cmpsp_ros.bags.audit.checks import CHECKS
 from cmpsp_ros.bags.errors import BagError
@@ -200,3 +202,16 @@ def test_bags_are_named_by_what_tells_them_apart(tmp_path):
     (tmp_path / '2026' / 'bag').mkdir(parents=True)
     (tmp_path / 'latest').symlink_to(tmp_path / '2026')
     assert labels([tmp_path / 'latest' / 'bag', tmp_path / 'latest']) == ['2026 (1)', '2026 (2)']
+
+
+def test_of_what_was_seen_some_grids_are_kept_and_one_that_is_none_is_not(drive, report):
+    first, seen = drive.decisions[0].stamp, np.zeros((40, 40), np.int8)
+    drive.sightings = [(first + k * SECOND // 100, seen + k % 100) for k in range(500)]
+    drive.sightings.append((first + 8 * SECOND, np.zeros((0, 40), np.int8)))
+
+    (bag,) = Page(report(drive).read_text()).data['bags']
+
+    assert 150 < len(bag['grids']) <= 200
+    assert [bag['grids'][0][each] for each in ('t', 'x', 'y')] == [0.0, 0.0, 2.0]
+    assert sorted(each['t'] for each in bag['grids']) == [each['t'] for each in bag['grids']]
+    assert bag['grids'][-1]['t'] < 5.0

@@ -11,9 +11,13 @@ import pytest
 from cmpsp_ros.studies.monte_carlo import Study
 from cmpsp_ros.studies.monte_carlo.courses.cylinders import CELL, SIZE, is_open
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
-from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
+from cmpsp_ros.studies.monte_carlo.eyes import map_of
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path, shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Verdict
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle
+from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 KINDS = ('sight', 'clutter')
 
@@ -62,6 +66,42 @@ def test_robots_get_through_by_sight_and_again_the_same_way(kind, number):
     assert 0.0 < made.score(study.tolerance, 2.0) <= 0.25
     if number == 0:
         assert outcome(drive(study.run(number))) == made
+
+
+def test_with_a_map_the_speed_is_judged_by_the_shortest_path():
+    study = Study('mapped')
+    made = outcome(drive(study.run(0)))
+    assert made.verdict(study.tolerance) is Verdict.ARRIVED
+    assert made.clearance > 0.0
+    assert 0.85 < made.pace < 1.25
+
+
+def test_the_shortest_path_is_drawn_taut_around_what_stands_there():
+    wall = Capsule('wall', (2.0, -0.5), (2.0, 0.5), 0.1)
+    task = Study('mapped').run(0)
+    truth = replace(task.truth, obstacles=(wall,), goal=(4.0, 0.0))
+    kept = wall.radius + truth.kept
+
+    found = shortest_length(truth, np.zeros(3))
+
+    # Along tangents to the rounded end, and the arc between them.
+    to_end, turn = math.hypot(2.0, 0.5), math.atan2(0.5, 2.0)
+    tangent = math.sqrt(to_end**2 - kept**2)
+    arc = 2.0 * kept * (math.asin(kept / to_end) + turn)
+    assert 2.0 * tangent + arc <= found < 1.02 * (2.0 * tangent + arc)
+
+
+def test_a_map_shows_every_cell_that_is_touched():
+    disc, wall = Obstacle('disc', (1.0, 2.0), 0.3), Capsule('wall', (-1.0, 0.0), (2.0, 0.4), 0.02)
+    grid = map_of([disc, wall]).grid
+    points = np.random.default_rng(5).uniform([-1.2, -0.2], [2.2, 2.4], (4000, 2))
+    poses = np.column_stack([points, np.zeros(len(points))])
+    away = FreeSpace.of(OpenFloor(), [disc, wall], 0.0).at(poses)[:, 2:].min(axis=1)
+
+    cells = grid.at(points)
+
+    assert (cells[away <= 0.0] == Cell.OCCUPIED).all()
+    assert (cells[away > 0.08] == Cell.FREE).all()
 
 
 def test_a_run_that_is_put_off_again_and_again_ends():

@@ -83,13 +83,7 @@ class PlanSelector:
         self._formulation.see(settings)
         self._pool.forget()
         self._names = [obstacle.name for obstacle in settings.obstacles]
-        space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
-        self._centers, self._islands = space.centers, space.islands
-        self._island_names = [
-            f'{_WORDS.get(grid.name, grid.name)} at ({x:.1f}, {y:.1f})'
-            for grid in space.grids
-            for x, y in grid.islands.tolist()
-        ]
+        self._space = FreeSpace.of(settings.road, settings.obstacles, 0.0)
 
     def forget(self) -> None:
         """Begin again: all homotopy classes are searched afresh at the next control step."""
@@ -188,7 +182,9 @@ class PlanSelector:
         *,
         review: bool,
     ) -> Candidate:
-        centers = np.concatenate([self._centers, context.encounters.centers, self._islands])
+        centers = np.concatenate(
+            [self._space.centers, context.encounters.centers, self._space.islands]
+        )
         self._places = context.road_frame.coordinates(centers)
         followed = self._scored(self._pool.followed, warm, context)
         may_change = self._may_change(warm)
@@ -221,7 +217,12 @@ class PlanSelector:
     ) -> str:
         if count == 1:
             return ''
-        names = [*self._names, *context.encounters.names, *self._island_names]
+        islands = (
+            f'{_WORDS.get(grid.name, grid.name)} at ({x:.1f}, {y:.1f})'
+            for grid in self._space.grids
+            for x, y in grid.islands.tolist()
+        )
+        names = [*self._names, *context.encounters.names, *islands]
         words = in_words(best.homotopy_class, names)
         sides = f', {words}' if words else ''
         verb = 'Changed over to' if changed else 'It is'

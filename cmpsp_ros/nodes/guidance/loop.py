@@ -237,7 +237,10 @@ class GuidanceLoop:
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
         self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
-        self._law.search(pose)
+        try:
+            self._law.search(pose)
+        except Exception as error:
+            self._halt_for(f'The search of the grid failed: {type(error).__name__}: {error}')
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _newest(self, data: bytes, now: int) -> tuple[Odometry, bytes]:

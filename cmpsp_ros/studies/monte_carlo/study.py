@@ -22,6 +22,7 @@ from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
+from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.kinds import KINDS, Kind
 
 MOST_OBSTACLES: Final = 4
@@ -29,7 +30,8 @@ MOST_OBSTACLES: Final = 4
 _DRAWN: Final = ('obstacles.', 'sim.obstacles.', 'road.points', 'road.half_width')
 """What presets have and every run draws for itself."""
 
-_TOO_SHORT: Final = 1.0
+_PACE: Final = 0.95
+"""Mean speed that is asked for with a map, along the shortest path, of the nominal one."""
 
 # The paper's first guess is made for the paper's start, and fewer iterations go with it.
 _ALWAYS: Final = {
@@ -124,8 +126,11 @@ class Study:
         if self.kind.sees:
             known = ()
         elif self.kind.has_map:
-            # So short a time the law puts off to what it takes.
-            known, changes = (map_of(drawn.obstacles),), {**changes, 'final_time': _TOO_SHORT}
+            truth = replace(settings, obstacles=known, **changes)
+            time = shortest_length(truth, np.array(drawn.pose)) / (_PACE * settings.pace)
+            periods = math.ceil(time / settings.control_period)
+            changes = {**changes, 'final_time': periods * settings.control_period}
+            known = (map_of(drawn.obstacles),)
         return Task(
             drawn,
             replace(settings, obstacles=known, **changes),

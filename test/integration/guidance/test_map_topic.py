@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import TransformStamped
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
@@ -168,6 +169,50 @@ def test_a_costmap_grows_old_and_its_changes_count(
         return int(decision['revision']) > revision
 
     client.until(with_change)
+    assert decision['fallback_level'] == 'nominal', decision['reason']
+    assert abs(command[1]) > 0.1, 'it turns to one side of the box'
+
+
+def test_a_map_in_another_frame_is_placed_by_transforms(
+    interfaces, start_node, client, make_odometry, tell
+):
+    interfaces('tf2_msgs')
+    from tf2_msgs.msg import TFMessage
+
+    start_node('guidance_node', TOLD)
+    client.connect()
+    client.until_health(state='active', said='Waiting for a map')
+    # In `map` it is the floor with the box ahead, turned by 0.6 rad and moved.
+    heading, x, y = 0.6, 1.0, -0.5
+    message = floor(BOX, frame_id='building')
+    origin = message.info.origin
+    dx, dy = origin.position.x - x, origin.position.y - y
+    origin.position.x = math.cos(heading) * dx + math.sin(heading) * dy
+    origin.position.y = math.cos(heading) * dy - math.sin(heading) * dx
+    turned = -math.pi / 2.0 - heading
+    origin.orientation.z, origin.orientation.w = math.sin(turned / 2.0), math.cos(turned / 2.0)
+    tell(message)
+    health = client.until_health(level=DiagnosticStatus.ERROR, said='The map that came is refused')
+    assert 'building' in health['said']
+
+    there = TransformStamped(child_frame_id='building')
+    there.header.frame_id = 'map'
+    there.transform.translation.x, there.transform.translation.y = x, y
+    there.transform.rotation.z = math.sin(heading / 2.0)
+    there.transform.rotation.w = math.cos(heading / 2.0)
+    client.node.create_publisher(TFMessage, '/tf_static', LATCHED).publish(
+        TFMessage(transforms=[there])
+    )
+    stamp, decisions = client.now(), []
+
+    def drives():
+        nonlocal stamp
+        client.send(stamp := stamp + PERIOD_NS, START)
+        decisions[:] = client.decisions
+        return decisions
+
+    client.until(drives)
+    decision, command = client.decide(make_odometry(stamp + PERIOD_NS, START, 'map'))
     assert decision['fallback_level'] == 'nominal', decision['reason']
     assert abs(command[1]) > 0.1, 'it turns to one side of the box'
 

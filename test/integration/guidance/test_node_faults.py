@@ -6,6 +6,7 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
+from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
 from cmpsp_ros.parameters.presets import config_directory
@@ -60,3 +61,10 @@ def test_an_exception_in_the_law_stops_the_robot(
     decision, command = decide(begin + 400_000_000)
     assert decision['fallback_level'] == 'nominal'
     assert command[0] > 0.5
+    with monkeypatch.context() as patch:
+        patch.setattr(GuidanceLaw, 'search', lambda *_: 1 / 0)
+        decide(begin + 600_000_000)
+        wait_until(lambda: client.decisions[-1]['fallback_level'] == 'stop', 30.0, both)
+    wanted = 'The search of the grid failed: ZeroDivisionError: division by zero'
+    assert client.decisions[-1]['reason'] == wanted
+    wait_until(lambda: client.commands[-1] == (0.0, 0.0), 30.0, both)

@@ -19,6 +19,7 @@ from cmpsp_ros.simulator.laser import Laser
 from cmpsp_ros.simulator.plant import Plant
 from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
 from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world.map_line import _lengths
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 MS = 1_000_000
@@ -47,6 +48,7 @@ class Drive:
         decisions: All of them.
         pose: The last.
         clearance: Least of the driven path from all that stands there [m].
+        searches: How many searches of a grid each control step has made.
     """
 
     def __init__(self, preset='unknown', end=None, appears=0.0, **changes):
@@ -55,7 +57,7 @@ class Drive:
             given = {key: value for key, value in given.items() if OWN_OBSTACLES not in key}
         values = TABLE.resolve({**given, **changes})
         self.settings = settings = guidance_settings(values)
-        self.law, self.decisions = GuidanceLaw(settings), []
+        self.law, self.decisions, self.searches = GuidanceLaw(settings), [], []
         plant, lidar = Plant(plant_settings(values)), laser_settings(values)
         laser, surroundings = Laser(lidar, 0), Surroundings(settings.sight, settings.robot_radius)
         laser.note(plant.motion)
@@ -84,7 +86,9 @@ class Drive:
             assert surroundings.blindness(stamp) == ''
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)
+                known = _lengths.cache_info().misses
                 decision = self.law.update(stamp, pose, (), sighting)
+                self.searches.append(_lengths.cache_info().misses - known)
                 plant.command(stamp, *decision.twist)
                 self.law.search(pose)
                 self.decisions.append(decision)

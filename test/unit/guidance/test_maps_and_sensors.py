@@ -58,6 +58,7 @@ def test_another_way_is_found_where_what_is_seen_blocks_that_of_the_map():
     assert drive.pose[0] < 2.0
     assert drive.pose[1] > 3.0
     assert all(each.level != FallbackLevel.STOP for each in drive.decisions)
+    assert not any(drive.searches[1:])
 
 
 @pytest.mark.parametrize('is_known', [False, True])

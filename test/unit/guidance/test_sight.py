@@ -110,3 +110,10 @@ def test_who_stands_within_noise_of_a_wall_starts(seed):
     beside = Drive(**{**FAST, **WALL, **wall}, end=4.0)
     assert beside.clearance > 0.0
     assert beside.pose[0] > 1.0
+
+
+def test_no_control_step_after_the_first_searches_the_grid():
+    drive = Drive('clutter', end=6.0)
+    assert drive.clearance > 0.0
+    assert drive.law.task.map_search is not None
+    assert not any(drive.searches[1:])

@@ -26,7 +26,7 @@ def test_one_case_a_check_with_what_was_found(record, tmp_path):
         'tests': str(len(findings)),
         'failures': '1',
         'errors': '0',
-        'skipped': '4',
+        'skipped': '5',
     }
     assert suite.get('timestamp') == '2023-11-14T22:13:20'
     assert float(suite.get('time')) == pytest.approx(10.4)

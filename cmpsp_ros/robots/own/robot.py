@@ -133,6 +133,11 @@ class OwnRobot(Robot):
         limited: Array = rows[np.isfinite(self.change_limits)]
         return limited if len(limited) else self.wheels
 
+    def changing(self, wheel_speeds: Array) -> Array:
+        """Controls as parts of their largest change in a second."""
+        changing: Array = wheel_speeds * self.bounds @ self.changes.T
+        return changing
+
     @cached_property
     def paced(self) -> Paced:
         """The speeds are scaled; the angles follow as fast as they can."""

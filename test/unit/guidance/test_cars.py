@@ -102,6 +102,12 @@ def test_a_small_car_among_obstacles_on_a_bend():
     assert max(each.level for each in on_the_way) <= FallbackLevel.ELASTIC
 
 
+def test_a_race_car_with_the_work_that_its_plans_take():
+    settings, _, motions, pose = drive('case3_wide', 'solver.work_share=0.3', robot='f1tenth')
+    assert np.hypot(*(pose[:2] - settings.goal)) < 1e-3
+    assert clearance(settings, motions) > 0.0
+
+
 @pytest.mark.parametrize('given', [('command_delay=0.1', 'actuation_delay=0.1'), ('noise.seed=1',)])
 def test_delay(given):
     settings, decisions, motions, pose = drive(PRESET, *given)

@@ -12,9 +12,9 @@ from cmpsp_ros.simulator.plant import Plant
 from cmpsp_ros.world.free_space import FreeSpace
 
 
-def drive(preset, *given):
+def drive(preset, *given, robot=None):
     """Settings, decisions, motions and the pose at the final time of a run of a preset."""
-    scenario = load_scenario(preset, given, lockstep=True)
+    scenario = load_scenario(preset, given, lockstep=True, robot=robot)
     settings = scenario.settings
     law, plant = GuidanceLaw(settings), Plant(plant_settings(scenario.values))
     pose, decisions, motions = plant.pose, [], [plant.motion]

@@ -74,6 +74,7 @@ class Results:
         order: What was asked.
         machine: What it was measured on.
         robots: Robots on long horizons.
+        models: A differential drive and a car on one course.
         long_horizons: One plan's control steps over long horizons.
         presets: Control steps of the presets.
         comparison: Methods at one horizon.
@@ -90,6 +91,7 @@ class Results:
     order: Order
     machine: dict[str, str]
     robots: list[RobotDrive]
+    models: list[RobotDrive]
     long_horizons: LongHorizons
     presets: list[PresetTiming]
     comparison: Comparison

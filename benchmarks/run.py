@@ -56,7 +56,10 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
     # First what needs more than this process, so that what fails there fails soon.
     latency = _latency(order, progress) if order.latency else None
     told = progress('robots', order.runs * len(order.robots))
-    robots = robot_drives.measure(order.robots, order.runs, told)
+    robots = robot_drives.measure(robot_drives.of_robots(order.robots), order.runs, told)
+    models = robot_drives.of_models()
+    told = progress('models', order.runs * len(models))
+    of_models = robot_drives.measure(models, order.runs, told)
     told = progress('long horizons', len(order.long_horizons))
     long = long_horizons.measure(order.long_horizons, order.runs, beside=order.peers, progress=told)
     timings = presets.measure(driven, order.runs, progress('presets', order.runs * len(driven)))
@@ -81,6 +84,7 @@ def run(order: Order, progress: Progress = lambda _part, _pieces: lambda: None) 
         order=order,
         machine=found,
         robots=robots,
+        models=of_models,
         long_horizons=long,
         presets=timings,
         comparison=comparison,

@@ -75,10 +75,11 @@ def _robots(results: Results) -> Table:
         ' Computing time, waiting for a processor left out. *First* is the median of the first'
         ' steps, in which the robot stands and plans are made from nothing; *max* is that of all'
         ' later ones. *Work* is that of the step that does the most, in visits of a stage, and'
-        ' of the most after the first.'
+        ' of the most after the first. The last ones are the robot of case 3 and a car as fast as'
+        ' it, on that course.'
     )
     rows = []
-    for each in results.robots:
+    for each in (*results.robots, *results.models):
         later = each.times[:, 1:]
         rows.append(
             (

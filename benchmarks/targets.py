@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.families.robot_drives import LIMITED, MODELS
 from benchmarks.families.spread import Spread
 from benchmarks.methods.condensed_method import CondensedDaqp
 from benchmarks.methods.guidance_methods import FullStep, Law
@@ -32,6 +33,8 @@ _LONG = 400
 # Robots on long horizons: first step, 99th percentile and median [ms]; and growth with N.
 _ROBOTS = {'first step': 50.0, 'p99': 10.0, 'median': 3.0}
 _GROWTH = 1.2
+
+_CAR = 3.0
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,13 @@ def targets(results: Results) -> Iterator[Target]:
         what = f'{name}: 99.9th percentile / median'
         yield Target(what, _TAIL, ratios.get(name))
         yield Target(f'{what}, first step alone', _TAIL, again.get(name))
+    times_of = {each.name: each.times for each in results.models}
+    one, car = MODELS
+    for limits in ('', LIMITED):
+        ratio = None
+        if {one + limits, car + limits} <= set(times_of):
+            ratio = float(np.median(times_of[car + limits] / times_of[one + limits]))
+        yield Target(f'car / differential drive{limits}: every step, median', _CAR, ratio)
     of_plans = {each.count: float(np.median(each.second)) / 1e3 for each in results.plans}
     yield Target('control step with eight plans: median [ms]', _EIGHT, of_plans.get(8))
     yield from _of_latency(results)

@@ -1,13 +1,13 @@
-"""Robots that people own on `case3_wide`: horizons of hundreds of steps, driven in lockstep."""
+"""Robots that people own on `case3_wide`, and a car on `case3`: whole runs, driven in lockstep."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,22 @@ Array = NDArray[np.float64]
 
 PRESET = 'case3_wide'
 """The course; its final time is made longer for slow robots."""
+
+
+MODELS: Final = 'differential drive', 'car'
+LIMITED: Final = ', limited acceleration'
+"""What is in the name of a model whose wheels, and steering, change no faster than they can."""
+
+_CAR: Final = (
+    'robot.model=ackermann', 'robot.wheel_base=0.2', 'robot.max_steering_angle=0.6',
+    'robot.wheel_radius=1.0', 'robot.max_wheel_speed=1.785', 'robot.joint_names=[rear]',
+)  # fmt: skip
+"""As fast as the robot of case 3."""
+
+_LIMITS: Final = (
+    ('robot.max_wheel_acceleration=57.0',),
+    ('robot.max_wheel_acceleration=2.0', 'robot.max_steering_rate=3.0'),
+)
 
 
 @dataclass(frozen=True)
@@ -56,21 +72,38 @@ def robots_that_fit() -> list[str]:
     return fit
 
 
+def of_robots(robots: Sequence[str]) -> dict[str, Scenario]:
+    """Courses of robots, by their names or files.
+
+    Raises:
+        ParameterError: No such robot, or one that cannot drive there.
+    """
+    return {name: load_scenario(PRESET, (), lockstep=True, robot=name) for name in robots}
+
+
+def of_models() -> dict[str, Scenario]:
+    """Case 3 for its robot and for a car, without and with limits of acceleration."""
+    scenarios = {}
+    for model, given, limits in zip(MODELS, ((), _CAR), _LIMITS, strict=True):
+        for name, more in ((model, ()), (model + LIMITED, limits)):
+            changes = 'initial_guess.type=road', *given, *more
+            scenarios[name] = load_scenario('case3', changes, lockstep=True)
+    return scenarios
+
+
 def measure(
-    robots: Sequence[str], runs: int, progress: Callable[[], None] = lambda: None
+    scenarios: Mapping[str, Scenario], runs: int, progress: Callable[[], None] = lambda: None
 ) -> list[RobotDrive]:
     """Drive every robot in turn, again and again, and take the times.
 
     Args:
-        robots: Names of robots, or their files.
+        scenarios: Courses by the robots' names.
         runs: Runs of each.
         progress: Told after each run.
 
     Raises:
         BenchError: Two runs of one robot differ.
-        ParameterError: No such robot, or one that cannot drive there.
     """
-    scenarios = {name: load_scenario(PRESET, (), lockstep=True, robot=name) for name in robots}
     drives: dict[str, RobotDrive] = {}
     for _ in range(runs):
         for name, scenario in scenarios.items():

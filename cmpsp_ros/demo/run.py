@@ -281,11 +281,14 @@ def guide(
                     f'no decision{whose} for {_STALL_TIMEOUT:.0f} s;'
                     f' the last was: {observer.robots[namespace].reason or "none"}'
                 )
-        decisions = (seen.decision for seen in observer.robots.values())
+        decisions = {each: seen.decision for each, seen in observer.robots.items()}
         # The one that the clock has made is followed by one that judges where the robot was, and
         # that one by others until the robot is at rest.
         wanted = {'finished': 'true', 'halted': 'false'}
-        return all(wanted.items() <= each.items() and is_at_rest(each) for each in decisions)
+        return all(
+            wanted.items() <= decision.items() and is_at_rest(decision, named[each].settings.robot)
+            for each, decision in decisions.items()
+        )
 
     observer.on_decision = on_decision
     for robot, node in zip(robots, children[-len(robots) :], strict=True):

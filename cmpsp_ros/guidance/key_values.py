@@ -7,8 +7,11 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import track_keys
+from cmpsp_ros.robots.robot import Robot
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""
@@ -17,6 +20,7 @@ WHEELS = 'wheel_speeds'
 """Key of the speeds of a robot with more wheels than two."""
 
 _TWO_WHEELS = 'wheel_speed_right', 'wheel_speed_left'
+_STEERING = 'steering_angle'
 
 _FORMER: Final[Mapping[str, str]] = MappingProxyType(
     {
@@ -73,10 +77,11 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
     return {key: exact_repr(value) for key, value in values.items()}
 
 
-def is_at_rest(values: Mapping[str, str]) -> bool:
-    """Whether key values of a decision are those of one that stops all wheels."""
-    speeds = [values[key] for key in (*_TWO_WHEELS, WHEELS) if key in values]
-    return not any(map(float, ' '.join(speeds).split()))
+def is_at_rest(values: Mapping[str, str], robot: Robot) -> bool:
+    """Whether key values of a decision are those of one that stops the robot."""
+    keys = *_TWO_WHEELS, WHEELS, _STEERING
+    wheels = ' '.join(values[key] for key in keys if key in values).split()
+    return not robot.twist_of_wheels(np.array(wheels, dtype=float)).any()
 
 
 def _of_wheels(decision: Decision) -> dict[str, object]:
@@ -84,7 +89,7 @@ def _of_wheels(decision: Decision) -> dict[str, object]:
     if len(speeds) == len(_TWO_WHEELS):
         return dict(zip(_TWO_WHEELS, speeds, strict=True))
     steering = decision.steering_angle
-    of_car = {} if steering is None else {'steering_angle': steering}
+    of_car = {} if steering is None else {_STEERING: steering}
     return {WHEELS: ' '.join(map(repr, speeds)), **of_car}
 
 

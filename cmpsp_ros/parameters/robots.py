@@ -9,12 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.parameters.errors import Problem, describe
+from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.parameter import Group, Parameter, ParameterType, Range
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.robots.ackermann import Ackermann
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.robots.omnidirectional import mecanum, on_omni_wheels
+from cmpsp_ros.robots.own.loading import ModelError, own_model, own_robot
 from cmpsp_ros.robots.robot import Robot
 
 _DOUBLE, _DOUBLES = ParameterType.DOUBLE, ParameterType.DOUBLE_ARRAY
@@ -30,13 +31,25 @@ _SINGULAR: Final = 1e-6
 
 
 def robot_of(values: Values) -> Robot:
-    """The robot, of the model that `robot.model` names."""
-    return MODELS[values['robot.model']](values)
+    """The robot, of the model that `robot.model` names.
+
+    Raises:
+        ParameterError: It is a class of one's own that cannot be used.
+    """
+    model = values['robot.model']
+    if model in MODELS:
+        return MODELS[model](values)
+    try:
+        return own_robot(model, values)
+    except ModelError as error:
+        raise ParameterError(Problem('robot.model', *error.args)) from error
 
 
 def robot_problems(values: Values) -> Iterator[Problem]:
     """What the model that is chosen cannot do without, and what it cannot do."""
     model = values['robot.model']
+    if model not in MODELS:
+        robot_of(values)
     names, wheels = values['robot.joint_names'], _n_wheels(values)
     if len(names) != wheels:
         yield Problem('robot.joint_names', describe(names), f'{wheels} names, one a wheel')
@@ -57,6 +70,8 @@ def robot_problems(values: Values) -> Iterator[Problem]:
 
 def _n_wheels(values: Values) -> int:
     bearings = values['robot.wheel_bearings']
+    if values['robot.model'] not in MODELS:
+        return own_model(values['robot.model']).n_controls
     others = {'mecanum': 4, 'omni_wheels': len(bearings), 'ackermann': 1}
     return others.get(values['robot.model'], 2)
 
@@ -130,8 +145,8 @@ def robot_parameters() -> Iterator[Parameter]:
     robot = Group('Robot', 'guidance', 'sim')
     yield robot('robot.model', _STRING, 'differential_drive', '',
         'How the robot moves: `differential_drive` on two driven wheels, `mecanum` on four, '
-        '`omni_wheels` on three or more, `ackermann` steered like a car.',
-        choices=tuple(MODELS), **_FIXED)
+        '`omni_wheels` on three or more, `ackermann` steered like a car; or a class of your own, '
+        '`my_package.my_module:MyRobot`.', **_FIXED)
     yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
         'Radius of each wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
     yield robot('robot.half_track', _DOUBLE, 0.055, 'm',

@@ -11,6 +11,14 @@ from numpy.typing import NDArray
 DIFFERENTIAL_DRIVE: Final = 0
 OMNIDIRECTIONAL: Final = 1
 ACKERMANN: Final = 2
+OWN: Final = 3
+"""A model of one's own that does not drive sideways; the next one is of one that does."""
+
+OWN_SIDEWAYS: Final = 4
+
+_NO_FUNCTIONS: Final = np.zeros(3, dtype=np.int64)
+_NO_VALUES: Final = np.zeros(1)
+_NO_SCRATCH: Final = np.zeros((1, 3))
 
 
 _NONE: Final = np.zeros((0, 0))
@@ -24,7 +32,8 @@ class Kinematics(NamedTuple):
     Attributes:
         model: Which one it is, of the constants above.
         gain: The wheel radius [m].
-        arm: Of a differential drive the half track, of a car the wheel base [m].
+        arm: Of a differential drive the half track, of a car the wheel base, of a model of one's
+            own the smallest radius that it turns with [m].
         wheels: Wheel speeds of a control, as a matrix, shape ``(W, r)``. Of an omnidirectional
             robot the wheels that are controls come first.
         max_wheel_speed: Limit of each of them [rad/s].
@@ -33,6 +42,9 @@ class Kinematics(NamedTuple):
         twists: Of an omnidirectional robot the twist of a control, forward, to the left and
             turning, as a matrix, shape ``(3, 3)``.
         of_twists: Its inverse, shape ``(3, 3)``.
+        functions: Of a model of one's own: addresses of `own.functions`.
+        values: Its grip and constants.
+        scratch: What its functions write to, shape ``(4, 3)``.
     """
 
     model: int
@@ -44,3 +56,6 @@ class Kinematics(NamedTuple):
     max_steering_angle: float = math.inf
     twists: NDArray[np.float64] = _NONE
     of_twists: NDArray[np.float64] = _NONE
+    functions: NDArray[np.int64] = _NO_FUNCTIONS
+    values: NDArray[np.float64] = _NO_VALUES
+    scratch: NDArray[np.float64] = _NO_SCRATCH

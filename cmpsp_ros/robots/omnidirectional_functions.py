@@ -42,7 +42,14 @@ def drive(poses: Array, controls: Array, k: int, duration: float, twists: Array)
         duration: Of the step [s].
         twists: See `controls`.
     """
-    forward, left, turn_rate = twist_of(controls, k, twists)
+    drive_twist(poses, k, duration, *twist_of(controls, k, twists))
+
+
+@allocation_free
+def drive_twist(
+    poses: Array, k: int, duration: float, forward: float, left: float, turn_rate: float
+) -> None:
+    """The same under a twist [m/s, m/s, rad/s]."""
     turn = turn_rate * duration
     chord = sinc_and_slope(turn / 2.0)[0] * duration
     x, y = _turned(forward, left, poses[k, 2] + turn / 2.0)
@@ -67,14 +74,30 @@ def put_gradients(
         twists: See `controls`.
     """
     forward, left, turn_rate = twist_of(controls, k, twists)
+    put_slopes(A, B, heading, forward, left, turn_rate, duration, twists, controls.shape[1])
+
+
+@allocation_free
+def put_slopes(
+    A: Array,
+    B: Array,
+    heading: float,
+    forward: float,
+    left: float,
+    turn_rate: float,
+    duration: float,
+    slopes: Array,
+    count: int,
+) -> None:
+    """The same of `drive_twist`, by so many controls with these derivatives of the twist."""
     half = turn_rate * duration / 2.0
     sinc, slope = sinc_and_slope(half)
     cosine, sine = math.cos(heading + half) * duration, math.sin(heading + half) * duration
     x, y = forward * cosine - left * sine, forward * sine + left * cosine
     A[0, 2], A[1, 2] = -sinc * y, sinc * x
     turned_x, turned_y = (slope * x - sinc * y) / 2.0, (slope * y + sinc * x) / 2.0
-    for a in range(3):
-        ahead, aside, turning = twists[0, a], twists[1, a], twists[2, a] * duration
+    for a in range(count):
+        ahead, aside, turning = slopes[0, a], slopes[1, a], slopes[2, a] * duration
         B[0, a] = sinc * (cosine * ahead - sine * aside) + turned_x * turning
         B[1, a] = sinc * (sine * ahead + cosine * aside) + turned_y * turning
         B[2, a] = turning

@@ -87,6 +87,10 @@ class Robot(ABC):
         """What the limit of acceleration is of, as linear functions of the control ``(q, r)``."""
         return self.wheels
 
+    def changing(self, wheel_speeds: Array) -> Array:
+        """What the limit of acceleration is of, of wheel speeds ``(..., W)``."""
+        return wheel_speeds
+
     @property
     def limit_rows(self) -> int:
         """How many constraints of a stage limit the wheel speeds, beyond bounds of the controls."""

@@ -12,7 +12,9 @@ from cmpsp_ros.robots import ackermann_functions as ackermann
 from cmpsp_ros.robots import differential_drive_functions as differential_drive
 from cmpsp_ros.robots import omnidirectional_functions as omnidirectional
 from cmpsp_ros.robots.arcs import Arc, arc_from
-from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, OWN, Kinematics
+from cmpsp_ros.robots.own import functions as own
+from cmpsp_ros.robots.own.functions import MOTION
 
 Array = NDArray[np.float64]
 
@@ -24,6 +26,8 @@ def drive(poses: Array, controls: Array, k: int, duration: float, robot: Kinemat
         omnidirectional.drive(poses, controls, k, duration, robot.twists)
     elif robot.model == ACKERMANN:
         ackermann.drive(poses, controls, k, duration, robot.gain, robot.arm)
+    elif robot.model >= OWN:
+        own.drive(poses, controls, k, duration, robot)
     else:
         differential_drive.drive(poses, controls, k, duration, robot.gain, robot.arm)
 
@@ -40,6 +44,9 @@ def put_gradients(
         return
     if robot.model == ACKERMANN:
         ackermann.put_gradients(A, B, heading, controls, k, duration, robot.gain, robot.arm)
+        return
+    if robot.model >= OWN:
+        own.put_gradients(A, B, heading, controls, k, duration, robot)
         return
     right, left = controls[k, 0], controls[k, 1]
     A[0, 2], A[1, 2], B[0, 0], B[0, 1], B[1, 0], B[1, 1], turn = differential_drive.gradients(
@@ -63,6 +70,11 @@ def arc_of(
         forward, left, turn_rate = omnidirectional.twist_of(controls, k, robot.twists)
         course = heading + math.atan2(left, forward)
         return arc_from(x, y, course, math.hypot(forward, left) * duration, turn_rate * duration)
+    if robot.model >= OWN:
+        own.find(robot, MOTION, controls, k)
+        forward, left, turn_rate = robot.scratch[0, 0], robot.scratch[0, 1], robot.scratch[0, 2]
+        course, length = heading + math.atan2(left, forward), math.hypot(forward, left) * duration
+        return arc_from(x, y, course, length, turn_rate * duration)
     if robot.model == ACKERMANN:
         length = controls[k, 0] * robot.gain * duration
         return arc_from(x, y, heading, length, length * math.tan(controls[k, 1]) / robot.arm)
@@ -95,6 +107,9 @@ def roll_out(poses: Array, controls: Array, durations: Array, robot: Kinematics)
     elif robot.model == ACKERMANN:
         for k in range(durations.shape[0]):
             ackermann.drive(poses, controls, k, durations[k], gain, arm)
+    elif robot.model >= OWN:
+        for k in range(durations.shape[0]):
+            own.drive(poses, controls, k, durations[k], robot)
     else:
         for k in range(durations.shape[0]):
             differential_drive.drive(poses, controls, k, durations[k], gain, arm)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ def acceleration(record: AuditRecord) -> Verdict:
     limit = settings.max_wheel_change
     if not math.isfinite(limit):
         return skipped('The wheels have no such limit (robot.max_wheel_acceleration is 0).')
-    wheels = settings.robot.wheel_speeds(record.commands.twists)
+    wheels = _changing(record)
     changes = np.abs(np.diff(wheels, axis=0, prepend=0.0 * wheels[:1])).max(axis=1)
     changes[_unplanned(record)] = 0.0
     index = int(changes.argmax())
@@ -68,6 +69,19 @@ def steering(record: AuditRecord) -> Verdict:
     at = record.seconds(int(record.commands.stamps[index]))
     largest = float(np.abs(angles).max())
     return passed_if(passed, sentence, worst=largest, limit=limits[0], unit='rad', at=at)
+
+
+def _changing(record: AuditRecord) -> Array:
+    """What is limited of each command, shape ``(C, q)`` [rad/s].
+
+    At rest, when a twist says nothing of angles, it is as decided.
+    """
+    robot, pairs = record.history.epochs[0].settings.robot, record.pairs
+    wheels = robot.wheel_speeds(record.commands.twists)
+    decided = wheel_speeds(record.decisions[pairs.decisions :][: pairs.count])
+    at_rest = ~record.commands.moving[pairs.commands :][: len(decided)]
+    wheels[pairs.commands :][: len(decided)][at_rest] = decided[at_rest, : wheels.shape[1]]
+    return robot.changing(wheels)
 
 
 def _steering_angles(record: AuditRecord) -> Array:

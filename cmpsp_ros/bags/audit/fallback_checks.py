@@ -9,6 +9,7 @@ import numpy as np
 from cmpsp_ros.bags.audit.command_checks import LATE
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.robots.arcs import speeds_and_turns
@@ -27,7 +28,7 @@ def reasons(record: AuditRecord) -> Verdict:
             wrong.append((each, f'has level {each.level!r}, which does not exist'))
         elif not each.reason.strip():
             wrong.append((each, f'has level {each.level} without a reason'))
-        elif each.level == 'stop' and np.any(each.wheel_speeds != 0.0) and not ramps:
+        elif each.level == 'stop' and not ramps and _moves(record, each):
             wrong.append((each, 'has level stop with wheels that turn'))
         elif each.finished and each.level != 'stop':
             wrong.append((each, f'has level {each.level} after the final time'))
@@ -113,3 +114,8 @@ def stop_at_end(record: AuditRecord) -> Verdict:
         return skipped('The recording ends while the robot is on its way.')
     sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
     return passed_if(False, sentence, **figures)
+
+
+def _moves(record: AuditRecord, decision: DecisionRecord) -> bool:
+    robot = record.history.at(decision.stamp).robot
+    return bool(robot.twist_of_wheels(decision.wheel_speeds).any())

@@ -116,7 +116,7 @@ def _frames(
     state = mujoco.MjData(world)
     camera = mujoco.MjvCamera()
     two_wheels = has_wheels(settings)
-    height = settings.robot.wheel_radius if two_wheels else 0.0
+    axle = settings.robot.wheel_radius if two_wheels else 0.0
     # Who is larger is looked at from further away.
     farther = 1.0 if two_wheels else max(1.0, settings.circumscribed_radius / _USUAL_RADIUS)
     camera.distance, camera.elevation = farther * _DISTANCE, _ELEVATION
@@ -132,12 +132,12 @@ def _frames(
         for moment in moments:
             x, y, heading = moment.pose.tolist()
             turn = (math.cos(heading / 2.0), 0.0, 0.0, math.sin(heading / 2.0))
-            state.qpos[:7] = (x, y, height, *turn)
+            state.qpos[:7] = (x, y, axle, *turn)
             _arrange(world, state, moment)
             mujoco.mj_forward(world, state)
             reach = farther * _AHEAD
             ahead = (x + reach * math.cos(heading), y + reach * math.sin(heading))
-            camera.lookat[:] = (*ahead, height)
+            camera.lookat[:] = (*ahead, axle)
             camera.azimuth = math.degrees(heading)
             renderer.update_scene(state, camera)
             yield Image.fromarray(renderer.render())

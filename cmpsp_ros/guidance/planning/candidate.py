@@ -94,7 +94,11 @@ class Candidate(NamedTuple):
             ending = ''
             if result.slack_terminal:
                 parts.append('the goal')
-                ending = f' The plan ends {error:.3g} m from the goal.'
+                off = self.heading_error or 0.0
+                turned = (
+                    f', {off:.3g} rad off its heading' if off > settings.heading_tolerance else ''
+                )
+                ending = f' The plan ends {error:.3g} m from the goal{turned}.'
             return (
                 f'The constraints contradict each other: {result.slack:.3g} m of slack at'
                 f' {" and ".join(parts)}.{ending}'

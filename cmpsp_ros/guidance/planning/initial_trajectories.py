@@ -12,7 +12,14 @@ from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, Kinematics
+from cmpsp_ros.robots.kinematics import (
+    ACKERMANN,
+    OMNIDIRECTIONAL,
+    OWN,
+    OWN_SIDEWAYS,
+    Kinematics,
+)
+from cmpsp_ros.robots.own.functions import steer as steer_own
 from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road_space import RoadSpace
@@ -203,6 +210,10 @@ def steer(
         bend = math.copysign(min(abs(bend), tightest), angle)
         steering = min(math.atan(abs(bend) * robot.arm), robot.max_steering_angle)
         controls[k, 0], controls[k, 1] = speed / robot.gain, math.copysign(steering, bend)
+    elif robot.model >= OWN:
+        _steer_own(controls, k, duration, angle, distance, speed, robot, trusted, free_turn_rate)
+        drive(poses, controls, k, duration, robot)
+        return
     else:
         bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
         turn_rate = 2.0 * speed * bend / distance
@@ -213,6 +224,36 @@ def steer(
     for a in range(controls.shape[1] if robot.model != ACKERMANN else 1):
         controls[k, a] *= slowed
     drive(poses, controls, k, duration, robot)
+
+
+@allocation_free
+def _steer_own(
+    controls: Array,
+    k: int,
+    duration: float,
+    angle: float,
+    distance: float,
+    speed: float,
+    robot: Kinematics,
+    trusted: float,
+    free_turn_rate: float,
+) -> None:
+    """Fill control ``k`` of a model of one's own, each control within its limit."""
+    if robot.model == OWN_SIDEWAYS:
+        free = 0.0 if math.isnan(free_turn_rate) else free_turn_rate
+        turn_rate = min(max(free, -trusted), trusted)
+        course = angle - turn_rate * duration / 2.0
+        steer_own(controls, k, speed * math.cos(course), speed * math.sin(course), turn_rate, robot)
+    else:
+        bend = 2.0 * math.sin(angle) / distance if abs(angle) < math.pi / 2.0 else math.inf
+        tightest = trusted / max(speed, 1e-12)
+        if robot.arm > 0.0:
+            tightest = min(tightest, 1.0 / robot.arm)
+        bend = math.copysign(min(abs(bend), tightest), angle)
+        steer_own(controls, k, speed, 0.0, speed * bend, robot)
+    for a in range(controls.shape[1]):
+        most = robot.max_wheel_speed / robot.wheels[a, a]
+        controls[k, a] = min(max(controls[k, a], -most), most)
 
 
 @allocation_free

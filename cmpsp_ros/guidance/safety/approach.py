@@ -7,7 +7,7 @@ robot that is heavier than its model is beyond that arc before it stands.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
+from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.robots.acceleration import braking, least_scale
 from cmpsp_ros.robots.arcs import speeds_and_turns
@@ -106,7 +107,16 @@ class Approach:
         is_clear = worst_margin >= -TOUCHING and self._settings.max_wheel_change == math.inf
         if is_clear and self._seen is None:
             return None
-        controls, durations = self._to_rest(plan)
+        found = None
+        for controls, durations in self._to_rest(plan, start):
+            hit = self._first_hit(start, controls, durations)
+            if hit is None:
+                return None
+            found = found or hit
+        return found
+
+    def _first_hit(self, start: PlanStart, controls: Array, durations: Array) -> Contact | None:
+        """What a path leads into first."""
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
@@ -267,17 +277,32 @@ class Approach:
             near = near.completed_by(self._map.grid)
         return FreeSpace.of(OpenFloor(), (GridObstacle(_UNSEEN, near),), radius, footprint.discs)
 
-    def _to_rest(self, plan: Plan) -> tuple[Array, Array]:
-        """Commands of a plan, until the robot is at rest at the latest, and their durations."""
+    def _to_rest(self, plan: Plan, start: PlanStart) -> Iterator[tuple[Array, Array]]:
+        """Commands of a plan, until the robot is at rest at the latest, and their durations.
+
+        After its end it brakes along its curvature, or else along the road.
+        """
+        settings = self._settings
         controls, durations = plan.controls[:-1], plan.horizon.durations
-        period, limit = self._settings.control_period, self._settings.max_wheel_change
+        period, limit = settings.control_period, settings.max_wheel_change
         if limit == math.inf:
-            return controls, durations
-        late = np.array([self._settings.safety.stopping_time])
-        paced = self._settings.robot.paced
+            yield controls, durations
+            return
+        late, paced = np.array([settings.safety.stopping_time]), settings.robot.paced
         ramp = braking(plan.controls[-2:], late, period, limit, paced, along=False)
-        held = np.full(len(ramp), period)
-        return np.vstack([controls, controls[-1:], ramp]), np.concatenate([durations, late, held])
+        yield self._ending(plan, ramp)
+        if settings.road.has_center_line:
+            end = start._replace(pose=plan.poses[-1])
+            lasting = late.item(0), period, limit
+            for each in brakings_on_road(settings.road, end, controls[-1], *lasting):
+                yield self._ending(plan, each)
+
+    def _ending(self, plan: Plan, ramp: Array) -> tuple[Array, Array]:
+        settings, controls = self._settings, plan.controls[:-1]
+        held = np.full(len(ramp), settings.control_period)
+        late = [settings.safety.stopping_time]
+        durations = np.concatenate([plan.horizon.durations, late, held])
+        return np.vstack([controls, controls[-1:], ramp]), durations
 
     def _speed(self, distance: float, period: float) -> float:
         """The largest with which the robot, after a control period more, can stop in a distance."""

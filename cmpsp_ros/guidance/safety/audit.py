@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 from typing import Any, Final, NamedTuple
 
@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
+from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
 from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
@@ -86,7 +87,8 @@ class Audit:
     """Checks plans: finite, within the wheel limits, clear for the first control period.
 
     With a limit of acceleration it must be clear from there until at rest, too, for a robot that
-    brakes along the plan or else along its curvature: the next control step can always stop.
+    brakes along the plan, or else along its curvature or the road: the next control step can
+    always stop.
     """
 
     def __init__(self, settings: GuidanceSettings, *, with_margin: bool = False) -> None:
@@ -96,6 +98,7 @@ class Audit:
             settings: All settings of the guidance law.
             with_margin: Whether `safety.margin` counts as part of the robot.
         """
+        self._road = settings.road
         self._margin = settings.safety.margin if with_margin else 0.0
         self._radius = settings.robot_radius + self._margin
         self._between = settings.safety.between_samples
@@ -164,7 +167,7 @@ class Audit:
     def _ramp(self, start: PlanStart, controls: Array, durations: Array) -> tuple[str, Array]:
         """How the robot can stop after the first command; or why not, or why not even follow."""
         commands = np.vstack([start.previous_control, controls[: len(durations)]])
-        changes, paced = start.robot.changes, start.robot.paced
+        changes = start.robot.changes
         change = float(np.abs(np.diff(commands, axis=0) @ changes.T).max())
         if not change <= self._max_change + CHANGE_ROUNDING:
             reason = (
@@ -173,8 +176,7 @@ class Audit:
             )
             return reason, NO_RAMP
         reason = ''
-        for along in (True, False):
-            ramp = braking(controls, durations, self._period, self._max_change, paced, along=along)
+        for ramp in self._ramps(start, controls, durations):
             held = np.append(durations[:1], np.full(len(ramp), self._period))
             path = np.vstack([controls[:1], ramp])
             found = self._swept(start, path, held, len(held))
@@ -184,6 +186,15 @@ class Audit:
             name = self._name(int(short), start.moving)
             reason = f'To stop after the next {held[0]:.3g} s leads {-tightest:.3g} m into {name}.'
         return reason, NO_RAMP
+
+    def _ramps(self, start: PlanStart, controls: Array, durations: Array) -> Iterator[Array]:
+        """Commands that stop it along the plan, along its curvature, and along the road."""
+        limits = self._period, self._max_change
+        for along in (True, False):
+            yield braking(controls, durations, *limits, start.robot.paced, along=along)
+        if self._road.has_center_line:
+            held = durations.item(0)
+            yield from brakings_on_road(self._road, start, controls[0], held, *limits)
 
     def braking_from(self, start: PlanStart) -> Array:
         """Commands that bring the robot to rest from now on, along the curvature that it drives.

@@ -1,6 +1,7 @@
 """Robots for the reference solver: one step of each model, and its limits as linear rows.
 
-The robots' own kinematics are not used, so a fault there cannot recur here.
+The robots' own kinematics are not used, so a fault there cannot recur here; but a model of one's
+own is nothing else than its function.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.robots.ackermann import Ackermann
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.robots.omnidirectional import Omnidirectional
+from cmpsp_ros.robots.own.robot import OwnRobot
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.studies.errors import StudyError
 
@@ -40,6 +42,8 @@ def limits_of(robot: Robot) -> Limits:
     if isinstance(robot, Ackermann):
         largest = np.array([speed, robot.max_steering_angle])
         return Limits(np.eye(2), largest, np.array([acceleration, robot.max_steering_rate]))
+    if isinstance(robot, OwnRobot):
+        return Limits(np.eye(robot.n_controls), robot.bounds, np.array(robot.change_limits))
     rows = np.eye(2)
     if isinstance(robot, Omnidirectional):
         rims = np.array(robot.rims)
@@ -71,6 +75,10 @@ def moved(casadi: Any, robot: Robot, heading: Any, control: Any, duration: float
         rims = np.array(robot.rims)[robot.driven] / (robot.wheel_radius * robot.grip)
         twist = casadi.DM(np.linalg.inv(rims)) @ control
         ahead, aside, turn_rate = twist[0], twist[1], twist[2]
+    elif isinstance(robot, OwnRobot):
+        given = (control[k] for k in range(robot.n_controls))
+        found = robot.motion(robot.constants, *given)
+        ahead, aside, turn_rate = (robot.grip * each for each in found)
     else:
         name = type(robot).__name__
         raise StudyError(f'robot.model: found {name}, wanted one that the judge knows')

@@ -46,6 +46,7 @@ def drive(start_demo, tmp_path):
         ('omni_aisle', 70),
         ('lane_change', 100),
         ('three_point_turn', 100),
+        ('parking', 260),
     ],
 )
 def test_what_stands_still_in_lockstep(drive, judge, preset, steps):

@@ -7,14 +7,20 @@ import pytest
 
 from benchmarks.errors import BenchError
 from benchmarks.families import robot_drives
-from benchmarks.families.robot_drives import RobotDrive, measure, robots_that_fit
+from benchmarks.families.robot_drives import (
+    RobotDrive,
+    measure,
+    of_models,
+    of_robots,
+    robots_that_fit,
+)
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.parameters.errors import ParameterError
 
 
 def test_a_robot_drives_to_the_goal():
     told, improve = [], Planner.improve
-    (found,) = measure(['jackal'], 2, lambda: told.append(1))
+    (found,) = measure(of_robots(['jackal']), 2, lambda: told.append(1))
     assert found.name == 'jackal'
     assert found.times.shape == (2, 50)
     assert found.times.min() > 0.0
@@ -26,9 +32,16 @@ def test_a_robot_drives_to_the_goal():
     assert Planner.improve is improve
 
 
+def test_a_car_beside_a_differential_drive():
+    for found in measure(of_models(), 1):
+        assert found.times.shape == (1, 50)
+        assert found.levels == {'nominal': 50}
+        assert found.terminal_error < 1e-3
+
+
 def test_no_such_robot():
     with pytest.raises(ParameterError, match='jackall'):
-        measure(['jackall'], 1)
+        of_robots(['jackall'])
 
 
 def test_runs_that_differ(monkeypatch):
@@ -36,7 +49,7 @@ def test_runs_that_differ(monkeypatch):
     drives = iter([drive, replace(drive, work=np.array([1, 2]))])
     monkeypatch.setattr(robot_drives, '_drive', lambda name, scenario: next(drives))
     with pytest.raises(BenchError, match='runs that differ'):
-        measure(['jackal'], 2)
+        measure(of_robots(['jackal']), 2)
 
 
 def test_robots_that_are_too_wide_for_the_road_are_left_out():

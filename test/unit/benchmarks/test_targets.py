@@ -36,6 +36,12 @@ def known(task, results):
     return replace(
         results,
         robots=[drive('fast', [[40.0, 1.0, 2.0]]), drive('slow', [[60.0, 2.0, 12.0]] * 100)],
+        models=[
+            drive('differential drive', [[1.0, 1.0, 1.0]]),
+            drive('car', [[1.0, 2.0, 9.0]]),
+            drive('differential drive, limited acceleration', [[1.0, 1.0, 1.0]]),
+            drive('car, limited acceleration', [[9.0, 4.0, 2.0]]),
+        ],
         long_horizons=LongHorizons(long, {}),
         comparison=replace(results.comparison, timed=timed),
         hard=[hard_case('easy', [[0.1, 0.1, 0.9]] * 3), hard_case('hard', [[0.8, 0.3, 0.3]] * 3)],
@@ -78,6 +84,8 @@ def test_what_holds_and_what_does_not(known):
         (None, None),
         (None, None),
         (None, None),
+        (2.0, True),
+        (4.0, False),
         (1.1, False),
         (1.25, False),
         (9.0, False),
@@ -109,7 +117,13 @@ def test_how_slow_the_machine_is(known):
 
 def test_what_was_not_measured(known):
     bare = replace(known.comparison, timed=known.comparison.timed[:1])
-    nothing = {'robots': [], 'long_horizons': LongHorizons([], {}), 'hard': [], 'growth': []}
+    nothing = {
+        'robots': [],
+        'models': [],
+        'long_horizons': LongHorizons([], {}),
+        'hard': [],
+        'growth': [],
+    }
     without = replace(known, comparison=bare, **nothing, tails=[], plans=[], latency=None)
     assert {each.holds for each in targets(without)} == {None}
 

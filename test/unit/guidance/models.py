@@ -11,9 +11,9 @@ from cmpsp_ros.parameters.settings import plant_settings
 from cmpsp_ros.simulator.plant import Plant
 
 
-def drive(preset, *given):
+def drive(preset, *given, robot=None):
     """Settings, decisions, motions and the pose at the final time of a run of a preset."""
-    scenario = load_scenario(preset, given, lockstep=True)
+    scenario = load_scenario(preset, given, lockstep=True, robot=robot)
     settings = scenario.settings
     law, plant = GuidanceLaw(settings), Plant(plant_settings(scenario.values))
     pose, decisions, motions = plant.pose, [], [plant.motion]

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from models import assert_arrives, assert_the_same, drive
+from models import assert_arrives, assert_the_same, clearance, drive
+from scenarios import assert_is
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
@@ -76,6 +77,17 @@ def test_into_a_bay_in_reverse_and_forward(heading):
     assert_the_same(run, drive('parking', given))
 
 
+def test_a_heading_that_there_is_no_room_for_is_said_to_be_impossible(fault):
+    given = 'goal.heading=[1.5707963]', 'road.half_width=[0.6]', 'initial_pose=[0.0, 0.0, 0.0]'
+    settings, decisions, motions, pose = drive('three_point_turn', *given)
+    assert_within_limits(settings, decisions, motions)
+    half_way = decisions[50]
+    assert_is(fault, half_way)
+    assert clearance(settings, motions) > 0.0
+    assert np.hypot(*(pose[:2] - settings.goal)) < 0.01
+    assert any(each.missed for each in decisions)
+
+
 def test_a_small_car_among_obstacles_on_a_bend():
     settings, decisions, motions, pose = drive(
         'case3_wide',
@@ -89,6 +101,12 @@ def test_a_small_car_among_obstacles_on_a_bend():
     assert np.hypot(*(pose[:2] - settings.goal)) < 1e-3
     on_the_way = [each for each in decisions if not each.finished]
     assert max(each.level for each in on_the_way) <= FallbackLevel.ELASTIC
+
+
+def test_a_race_car_with_the_work_that_its_plans_take():
+    settings, _, motions, pose = drive('case3_wide', 'solver.work_share=0.3', robot='f1tenth')
+    assert np.hypot(*(pose[:2] - settings.goal)) < 1e-3
+    assert clearance(settings, motions) > 0.0
 
 
 @pytest.mark.parametrize('given', [('command_delay=0.1', 'actuation_delay=0.1'), ('noise.seed=1',)])

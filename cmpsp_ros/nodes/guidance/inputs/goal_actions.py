@@ -117,7 +117,7 @@ class GoalActions:
         if running is None:
             return
         if running.handle.is_cancel_requested:
-            if decision.cancelled and not np.any(decision.wheel_speeds):
+            if decision.cancelled and not np.any(decision.twist):
                 self._end(running.handle.canceled, '', decision.reason)
             return
         ours = decision.goal is not None and decision.goal.position == running.goal.position

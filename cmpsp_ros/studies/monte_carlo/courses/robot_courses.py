@@ -16,6 +16,8 @@ from cmpsp_ros.studies.monte_carlo.courses.scenario import WIDTH, Scenario, scen
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0
 """Of case 3 [m/s, rad/s, 1/m^2]."""
 
+_THOROUGH: Final = {'solver.iterations_per_step': 4, 'solver.work_share': 0.3}
+
 _RADII_WIDE: Final = 4.0
 """Width of the ring in radii of the robot, at least."""
 
@@ -45,6 +47,7 @@ def in_proportion(robot: Robot, given: Mapping[str, Any], radius: float) -> dict
         # As modelled, it stops as modelled.
         'safety.stopping_time': 0.0,
         'weights.road_center': _ROAD_CENTER * (unit / scale) ** 2,
+        **_THOROUGH,
     }
 
 

@@ -73,7 +73,7 @@ def test_a_plan_that_the_wheels_cannot_follow(place):
 @pytest.mark.parametrize(('limit', 'passed'), [(15.0, False), (60.0, True), (math.inf, True)])
 def test_a_plan_after_whose_first_command_the_robot_cannot_stop(limit, passed):
     """It is clear for the next 0.2 s, and leads into an obstacle 1 m ahead."""
-    given = accelerating(limit, (Obstacle('rock', (1.3, -10.0), 0.3),))
+    given = accelerating(limit, (Obstacle('rock', (2.0, -10.0), 1.0),))
     held = np.array([30.0, 30.0])
     start, plan = start_of(given, HERE, previous_control=held), controls(30, 30)
     verdict = Audit(given).check(start, plan, TIMES)

@@ -1,0 +1,74 @@
+"""Braking along the road: what may be clear where a plan's own last arc leads off it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.robots.acceleration import braking
+from cmpsp_ros.world.roads.arc_length import lookahead_points
+from cmpsp_ros.world.roads.road import Road
+
+Array = NDArray[np.float64]
+
+_AHEAD: Final = 1.0
+"""Time in which the point that is pursued would be reached [s]."""
+
+_BESIDE: Final = (0.0, 0.25, -0.25)
+"""Where to brake, in widths of the road to the left of its centre line."""
+
+
+def brakings_on_road(
+    road: Road, start: PlanStart, first: Array, held: float, period: float, max_change: float
+) -> Iterator[Array]:
+    """As `braking_on_road`: along the centre line, to its left and to its right."""
+    for part in _BESIDE:
+        yield braking_on_road(
+            road, start, first, held, period, max_change, beside=part * road.width
+        )
+
+
+def braking_on_road(
+    road: Road,
+    start: PlanStart,
+    first: Array,
+    held: float,
+    period: float,
+    max_change: float,
+    *,
+    beside: float = 0.0,
+) -> Array:
+    """Commands that stop a robot on the road, in the direction in which it drives.
+
+    Args:
+        road: One with a centre line.
+        start: Where a command before them begins.
+        first: That command, shape ``(r,)``.
+        held: For how long it holds [s].
+        period: For how long each of the result does [s].
+        max_change: As of `braking`.
+        beside: How far to the left of the centre line, as seen from the robot [m].
+
+    Returns:
+        As of `braking`.
+    """
+    robot, controls = start.robot, [first]
+    speed = float(robot.twist(first)[0])
+    pose = robot.roll_out(start.pose, first[None], np.array([held]))[-1]
+    ahead = np.array([1.0, -1.0]) * max(_AHEAD * abs(speed), robot.half_track)
+    for _ in range(math.ceil(2.0 * abs(speed) / (robot.braking * period))):
+        away = lookahead_points(road, pose, ahead, (math.nan, math.nan)) - pose[:2]
+        course = float(pose[2]) + (math.pi if speed < 0.0 else 0.0)
+        x, y = away[int(np.argmax(away @ [math.cos(course), math.sin(course)]))]
+        x, y = x - beside * math.sin(course), y + beside * math.cos(course)
+        bend = 2.0 * math.sin(math.atan2(y, x) - course) / math.hypot(x, y)
+        controls.append(robot.limited(robot.controls(np.array([speed, abs(speed) * bend]))))
+        pose = robot.roll_out(pose, controls[-1][None], np.array([period]))[-1]
+    plan = np.array([*controls, robot.stopped(controls[-1])])
+    durations = np.append(held, np.full(len(controls) - 1, period))
+    return braking(plan, durations, period, max_change, robot.paced, along=True)

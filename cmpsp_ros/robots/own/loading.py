@@ -1,0 +1,104 @@
+"""Finds the class that a model of one's own is, and checks what it says of itself."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.robots.own.robot import OwnRobot
+
+Array = NDArray[np.float64]
+
+_NUMBERS: Final = 2, 3
+_PARTS: Final = (0.5, 0.3, -0.2), (0.9, -0.6, 0.4), (0.2, 0.1, 0.7)
+"""Parts of their limits at which controls are tried."""
+
+_STEP: Final = 1e-5
+_TINY: Final = 1e-100
+_TOLERANCE: Final = 1e-6
+_MODELS: Final = (
+    'differential_drive, mecanum, omni_wheels, ackermann or my_package.my_module:MyRobot'
+)
+
+
+class ModelError(ValueError):
+    """A model cannot be used; its arguments are what was found, and what is wanted."""
+
+
+def own_model(name: str) -> type[OwnRobot]:
+    """The class of a name such as `my_package.my_module:MyRobot`.
+
+    Raises:
+        ModelError: There is no such class, or it is not derived from `OwnRobot`.
+    """
+    module, colon, wanted = name.partition(':')
+    if not colon or not module or not wanted:
+        raise ModelError(repr(name), _MODELS)
+    try:
+        found = getattr(import_module(module), wanted)
+    except ImportError as error:
+        raise ModelError(f'{module!r}, which cannot be imported: {error}', 'a module') from error
+    except AttributeError:
+        raise ModelError(f'no {wanted!r} in {module}', 'a class in that module') from None
+    if not isinstance(found, type) or not issubclass(found, OwnRobot):
+        raise ModelError(repr(name), 'a class derived from cmpsp_ros.robots.own.robot.OwnRobot')
+    return found
+
+
+def own_robot(name: str, parameters: Mapping[str, Any]) -> OwnRobot:
+    """The robot of a class of one's own.
+
+    Raises:
+        ModelError: There is no such class, or what it says cannot be or does not fit together.
+    """
+    try:
+        robot = own_model(name).of(parameters)
+        _check(name, robot)
+    except ModelError:
+        raise
+    except Exception as error:
+        # Whatever a class of one's own may raise.
+        found = f'{name}, which raises {type(error).__name__}: {error}'
+        raise ModelError(found, 'a model as in doc/user/your_model.md') from error
+    return robot
+
+
+def _check(name: str, robot: OwnRobot) -> None:
+    r = robot.n_controls
+    if r not in _NUMBERS or not 1 <= robot.n_speeds <= r:
+        found = f'{name} with n_controls {r} and n_speeds {robot.n_speeds}'
+        raise ModelError(found, 'two or three controls, of which one at least is a speed')
+    for what, highest in (('limits', sys.float_info.max), ('change_limits', math.inf)):
+        given = getattr(robot, what)
+        if len(given) != r or not all(0.0 < each <= highest for each in given):
+            raise ModelError(f'{name} with {what} {given}', f'{r} numbers above 0')
+    for part in _PARTS:
+        controls = robot.bounds * np.array(part[:r])
+        _check_slopes(name, robot, controls)
+        twist = robot.twist(controls)
+        again = robot.twist(robot.controls(twist))
+        if not np.allclose(again, twist, rtol=0.0, atol=_TOLERANCE * (1.0 + np.abs(twist).max())):
+            found = f'{name}, of which steer answers {twist} with controls that give {again}'
+            raise ModelError(found, 'the controls of that twist')
+
+
+def _check_slopes(name: str, robot: OwnRobot, controls: Array) -> None:
+    """Compiled code takes derivatives by an imaginary step, which not every function survives."""
+    for a, limit in enumerate(robot.limits):
+        step = np.zeros(robot.n_controls)
+        step[a] = _STEP * limit
+        ahead, behind = (robot.motion(robot.constants, *(controls + s)) for s in (step, -step))
+        wanted = (np.array(ahead) - np.array(behind)) / (2.0 * step[a])
+        imaginary = [complex(each, _TINY * (b == a)) for b, each in enumerate(controls.tolist())]
+        found = np.imag(robot.motion(robot.constants, *imaginary)) / _TINY
+        if not np.allclose(found, wanted, rtol=0.0, atol=_TOLERANCE * (1.0 + np.abs(wanted).max())):
+            said = f'{name}, of which motion has derivatives {found} that should be {wanted}'
+            raise ModelError(
+                said, 'smooth functions of numpy, without abs, min, max or comparisons'
+            )

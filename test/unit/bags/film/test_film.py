@@ -95,7 +95,7 @@ model = render.scene(settings, np.array([[0.0, 0.0], [1.0, 0.0]]), [settings.goa
 picture = np.asarray(frame).astype(int)
 grey = np.ptp(picture, axis=-1) < 10
 blue = picture[..., 2] > picture[..., :2].max(axis=-1) + 60
-print(grey.mean() > 0.5, blue.mean() > 0.02)
+print(grey.mean() > 0.5, blue.mean() > 0.01)
 """
 
 

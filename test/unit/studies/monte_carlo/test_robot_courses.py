@@ -95,6 +95,13 @@ def test_a_run_keeps_every_limit(robot):
     assert outcome(replace(driven, task=weak)).verdict(1e-3) == Verdict.OVER_LIMIT
 
 
+@pytest.mark.parametrize('number', [77, 114])
+def test_a_car_comes_to_its_goal_slowly_enough_to_stop_behind_it(number):
+    made = outcome(drive(study('car').run(number)))
+    assert made.verdict(1e-3) == Verdict.ARRIVED
+    assert made.stop == 0
+
+
 def test_the_judge_brakes_a_car_to_rest():
     pytest.importorskip('casadi')
     task = study('f1tenth').run(2)

@@ -50,6 +50,9 @@ def bench(
     obstacles: Annotated[
         bool, typer.Option('--obstacles', help='Instead, time steps past 0 to 64 obstacles.')
     ] = False,
+    sensors: Annotated[
+        bool, typer.Option('--sensors', help='Instead, time steps with a laser scanner.')
+    ] = False,
     robots: Annotated[
         int | None,
         typer.Option(min=1, max=50, metavar='COUNT', help='Instead, so many robots at once.'),
@@ -63,6 +66,11 @@ def bench(
         from benchmarks.families import many_obstacles  # noqa: PLC0415 (compiles kernels)
 
         console().print(many_obstacles.table(many_obstacles.measure(runs)).rich())
+        return
+    if sensors:
+        from benchmarks.families import sensors as seeing  # noqa: PLC0415 (compiles kernels)
+
+        console().print(seeing.table(seeing.measure(runs)).rich())
         return
     if verify is not None or verify_case is not None:
         from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)

@@ -118,6 +118,7 @@ def drive(task: Task) -> Driven:
                 sighting = None
                 if eyes is not None:
                     eyes.note(*driven.motions[noted:])
+                    eyes.look(stamp)
                     noted, sighting = len(driven.motions), eyes.see(stamp, pose)
                 decision = law.update(stamp, pose, (), sighting)
                 computer.take(law, decision)

@@ -65,16 +65,19 @@ class Eyes:
         """Know how the robot moves from some instants on, in order."""
         self._laser.note(*motions)
 
+    def look(self, stamp: int) -> None:
+        """Scan as often as is due by an instant [ns]."""
+        while self._laser.is_due(stamp):
+            scan = self._laser.scan(self._edges, self._discs)
+            self._surroundings.hear(sight_of(self._message(scan), self._sensor))
+
     def see(self, stamp: int, pose: Array) -> Sighting | None:
-        """What is known by an instant.
+        """What is known of the scans by now.
 
         Args:
             stamp: Of odometry [ns].
             pose: Of odometry, shape ``(3,)`` [m, m, rad].
         """
-        while self._laser.is_due(stamp):
-            scan = self._laser.scan(self._edges, self._discs)
-            self._surroundings.hear(sight_of(self._message(scan), self._sensor))
         self._surroundings.note(stamp, pose)
         return self._surroundings.at(stamp, pose)
 

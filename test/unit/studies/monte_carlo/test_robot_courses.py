@@ -122,7 +122,7 @@ def test_of_forty_robots_all_arrive_that_can_at_little_more_than_the_least_cost(
     order = Order(study(robot, 7), 40, tmp_path / robot, judge=True, costs=10)
     values = run(order, lambda *_: lambda _: None)
     (folder,) = tmp_path.iterdir()
-    assert json.loads((folder / 'summary.json').read_text()) == values
+    assert json.loads((folder / 'summary.json').read_text()) == json.loads(json.dumps(values))
     assert {each['judge']['answer'] for each in values['failures']} <= {judges.NOT_FOUND}
     counts = {name: each['count'] for name, each in values['shares'].items()}
     assert counts['touched an obstacle, of runs with any'] == counts['left the road'] == 0

@@ -131,10 +131,8 @@ class GuidanceLaw:
             return state.sent(self._final_time.finish(state, stamp, pose, moving), tracks)
         state.final_pose = None
         horizon, too_late = self._final_time.horizon(state)
-        halvings = state.lateness.halvings
-        context = PlanningContext(
-            settings, start, goals.target, horizon, state.plan, pending, halvings, state.delay
-        )
+        rest = pending, state.lateness.halvings, state.delay, state.end_speed
+        context = PlanningContext(settings, start, goals.target, horizon, state.plan, *rest)
         if too_late:
             decision = self._final_time.go_on(state, stamp, pose, context)
         else:
@@ -271,6 +269,7 @@ class GuidanceLaw:
     def _turn(self, context: PlanningContext) -> Plan | None:
         """Begin towards another goal; with a plan where no road says how."""
         self._selector.forget()
+        self._state.end_speed = context.end_speed = math.inf
         self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
         fresh = NOT_SEARCHED.reluctance
         self._state.searched = self._state.searched._replace(reluctance=fresh)
@@ -301,6 +300,10 @@ class GuidanceLaw:
             reason = selected.describe(self._audit, self._settings, start.moving)
             reason += self._selector.remark
             ahead = self._approach.contact(plan, start, verdict.worst_margin)
+            if selected.is_relaxed:
+                state.end_speed = math.inf
+            elif ahead is not None and errors[0] <= self._settings.goal_tolerance:
+                state.end_speed = min(state.end_speed, self._approach.end_speed(plan, ahead))
             if why := reason_to_stop(state, context, selected, ahead, closed):
                 state.plan, state.waiting = None, plan
                 if ahead is not None and self._settings.map_search is not None:

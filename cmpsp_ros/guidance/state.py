@@ -57,6 +57,7 @@ class LawState:
         commanded_at: Time stamp that this command answers [ns].
         ramp: Commands by which it can be stopped, audited; shape ``(K, r)``.
         plan: The plan that is followed, if any.
+        end_speed: Largest speed at which a car may come to the goal; infinite for any [m/s].
         waiting: A plan that is improved while the robot waits.
         final_pose: Where the robot was at the final time, shape ``(3,)`` [m, m, rad]; None before.
         tracker: Slots of moving obstacles.
@@ -88,6 +89,7 @@ class LawState:
     commanded_at: int = 0
     ramp: Array = field(default_factory=lambda: NO_RAMP)
     plan: Plan | None = None
+    end_speed: float = math.inf
     waiting: Plan | None = None
     final_pose: Array | None = None
     tracker: ObstacleTracker = field(default_factory=ObstacleTracker)

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 class Robot(ABC):
     """A robot on wheels that drives an arc of a circle under a control that is held.
 
-    Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot that also drives sideways
-    ``(forward, to the left, turn rate)`` [m/s, m/s, rad/s].
+    Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot whose reference point also moves
+    sideways ``(forward, to the left, turn rate)`` [m/s, m/s, rad/s].
 
     Attributes:
         n_controls: Number of controls, ``r``.
@@ -41,6 +41,11 @@ class Robot(ABC):
     wheel_radius: float = 0.035
     max_wheel_speed: float = math.inf
     max_wheel_acceleration: float = math.inf
+
+    @property
+    def twist_parts(self) -> int:
+        """Two or three."""
+        return 3 if self.drives_sideways else 2
 
     @property
     def wheel_names(self) -> tuple[str, ...]:
@@ -130,6 +135,11 @@ class Robot(ABC):
     @abstractmethod
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., r)`` of twists, of either form."""
+
+    def wheel_differences(self, twists: Array, others: Array) -> Array:
+        """By how much a wheel is faster or slower under some twists than others, ``(N,)``."""
+        largest: Array = np.abs(self.wheel_speeds(twists) - self.wheel_speeds(others)).max(axis=1)
+        return largest
 
     @abstractmethod
     def wheel_speeds(self, twist: Array) -> Array:

@@ -113,8 +113,7 @@ def obeyed(record: AuditRecord) -> Verdict:
         if not len(begins):
             continue
         duration = (ends - begins) / NANOSECONDS
-        driven = robot.wheel_speeds(mean_twists(leg.odometry, begins, ends))
-        off = np.abs(driven - robot.wheel_speeds(twists)).max(axis=1)
+        off = robot.wheel_differences(mean_twists(leg.odometry, begins, ends), twists)
         spread = leg.odometry.spreads.max(axis=0)
         noise = _SIGMAS * (spread[0] + robot.half_track * spread[1]) / duration
         allowed = _OBEYED * robot.max_wheel_speed + noise / robot.wheel_radius

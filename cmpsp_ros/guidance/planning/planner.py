@@ -124,25 +124,32 @@ class Planner:
         guess = within_ramp(guess, durations, previous, self._max_change, robot.paced)
         self._ws.trial.U[: steps + 1] = guess
         self._limit[0], self._work_limit[0] = limit, work_limit
+        self._bound_speeds(self._driver, context)
         data = self._data(context, guess)
         self._driver.improve(self._functions, data, steps, over)
         outcome = self._counters[0].item()
         if self._compiled and outcome in (NO_CURVATURE, ITERATION_LIMIT):
             work = self._counters[-1].item() + _WORK_OF_BACK_END * limit * (steps + 1)
             if outcome == NO_CURVATURE or work <= work_limit:
-                return self._improve_otherwise(guess, horizon, data, limit)._replace(work=work)
+                return self._improve_otherwise(guess, context, data, limit)._replace(work=work)
         return _summary(self._driver, self._counters, horizon)
 
     def _improve_otherwise(
-        self, guess: Array, horizon: Horizon, data: GuidanceData | ControlRateData, limit: int
+        self,
+        guess: Array,
+        context: PlanningContext,
+        data: GuidanceData | ControlRateData,
+        limit: int,
     ) -> SolveResult:
         """Do by the QP back ends what the compiled solver cannot: they can add curvature."""
+        horizon = context.horizon
         steps, outputs = len(horizon.durations), terminal_constraint(self._target)
         other = self._others.get(outputs)
         if other is None or steps >= len(other.ws.lower):
             other = self._make_driver(len(self._ws.lower) - 1, outputs, by_name=True)
             self._others[outputs] = other
         self._set_tolerances(other)
+        self._bound_speeds(other, context)
         other.ws.trial.U[: steps + 1] = guess
         other.ws.run['max_iterations'] = limit
         other.improve(self._functions, data, steps, 0)
@@ -213,6 +220,19 @@ class Planner:
         driver.ws.upper[:] = settings.robot.bounds
         driver.ws.lower[:] = -driver.ws.upper
         return driver
+
+    def _bound_speeds(self, driver: Driver, context: PlanningContext) -> None:
+        """Have a car come to the end slowly enough, braking as it can from where it begins."""
+        robot, ws = context.start.robot, driver.ws
+        if robot.steering_limits is None:
+            return
+        durations = context.horizon.durations
+        left = durations.sum() - np.cumsum(durations)
+        slowest = robot.speeds_of(context.start.previous_control).item()
+        braked = abs(slowest) - self._max_change * np.arange(1, len(durations) + 1)
+        slow = (context.end_speed + robot.max_acceleration * left) / robot.wheel_radius
+        ws.upper[: len(durations), 0] = np.clip(np.maximum(slow, braked), 0.0, robot.bounds[0])
+        ws.lower[:, 0] = -ws.upper[:, 0]
 
     def _set_tolerances(self, driver: Driver) -> None:
         run, outputs = driver.ws.run, terminal_constraint(self._target)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -61,6 +62,7 @@ class PlanningContext:
         pending: Verdict on the path to where they begin, if there is one.
         halvings: How often the work of the step is halved.
         delay: From a command to its effect [ns].
+        end_speed: Largest speed of a car at their end; infinite for none [m/s].
     """
 
     settings: GuidanceSettings
@@ -71,6 +73,7 @@ class PlanningContext:
     pending: Verdict | None = None
     halvings: int = 0
     delay: int = 0
+    end_speed: float = math.inf
 
     @classmethod
     def at_pose(

@@ -115,6 +115,17 @@ class Approach:
             found = found or hit
         return found
 
+    def end_speed(self, plan: Plan, ahead: Contact) -> float:
+        """The largest at the end of a plan with which it can stop before what is behind that [m/s].
+
+        Infinite where the plan leads into it before.
+        """
+        speeds = speeds_and_turns(self._settings.robot.twist(plan.controls[:-1]))[:, 0]
+        room = ahead.distance - float(np.abs(speeds) @ plan.horizon.durations)
+        if room < 0.0:
+            return math.inf
+        return self._speed(room, self._settings.control_period)
+
     def _first_hit(self, start: PlanStart, controls: Array, durations: Array) -> Contact | None:
         """What a path leads into first."""
         poses, twists = (

@@ -88,7 +88,7 @@ class SimNode(Node):
         self.period_ns = round(_NS / settings.odom_rate)
         self.next_ns = 0 if has_clock else time.time_ns()
         self.plant = Plant(settings, self.next_ns)
-        self._drives_sideways = settings.robot.drives_sideways
+        self._moves_sideways = settings.robot.twist_parts > 2
         self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
@@ -119,7 +119,7 @@ class SimNode(Node):
         self._traffic.begin(stamp_ns)
         try:
             wanted = twist.linear.x, twist.linear.y, twist.angular.z
-            self.plant.command(stamp_ns, *(wanted if self._drives_sideways else wanted[::2]))
+            self.plant.command(stamp_ns, *(wanted if self._moves_sideways else wanted[::2]))
         except TwistError as error:
             self.get_logger().warning(f'cmd_vel refused: {error}', throttle_duration_sec=2.0)
         self._drive_to(stamp_ns)

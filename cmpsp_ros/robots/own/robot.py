@@ -41,7 +41,7 @@ class OwnRobot(Robot):
         grip: Fraction of its twist that slip leaves.
     """
 
-    n_speeds: ClassVar[int] = 2
+    n_speeds: ClassVar[int]
 
     parameters: Mapping[str, Any]
     grip: float = 1.0
@@ -50,7 +50,7 @@ class OwnRobot(Robot):
     def of(cls, parameters: Mapping[str, Any]) -> Self:
         """The robot that parameters describe, once it is known to be consistent."""
         robot = cls(parameters=parameters, wheel_radius=1.0, max_wheel_speed=1.0)
-        if min(robot.change_limits) < math.inf:
+        if np.min(robot.change_limits) < math.inf:
             robot = replace(robot, max_wheel_acceleration=1.0)
         return robot
 
@@ -65,9 +65,9 @@ class OwnRobot(Robot):
         """Largest magnitude of each control."""
 
     @property
+    @abstractmethod
     def change_limits(self) -> tuple[float, ...]:
         """Largest change of each control in a second; infinite for none."""
-        return (math.inf,) * self.n_controls
 
     @staticmethod
     @abstractmethod
@@ -78,6 +78,11 @@ class OwnRobot(Robot):
     @abstractmethod
     def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
         """The controls of a twist, or those that come near to it."""
+
+    @cached_property
+    def twist_parts(self) -> int:
+        """Three where any control moves it sideways."""
+        return 3 if np.any(self._everywhere[:, 1]) else 2
 
     @property
     def wheel_names(self) -> tuple[str, ...]:
@@ -160,11 +165,9 @@ class OwnRobot(Robot):
         return TwistLimits(_ALL * speed, _ALL * turn_rate)
 
     def twist(self, controls: Array) -> Array:
-        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that drives sideways, of controls."""
-        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
-        forward, left, turn_rate = np.broadcast_arrays(*found)
-        parts = (forward, left, turn_rate) if self.drives_sideways else (forward, turn_rate)
-        return self.grip * np.stack(parts, axis=-1)
+        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that moves sideways, of controls."""
+        twists = self._moved(controls)
+        return twists if self.twist_parts > 2 else twists[..., ::2]
 
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., r)`` of twists, of either form."""
@@ -175,6 +178,15 @@ class OwnRobot(Robot):
     def wheel_speeds(self, twist: Array) -> Array:
         """Controls of twists as parts of their limits, ``(..., r)``."""
         return self.speeds_of(self.controls(twist))
+
+    def wheel_differences(self, twists: Array, others: Array) -> Array:
+        """Differences of the controls as parts of their limits; of angles by how fast it drives."""
+        parts = np.array([self.wheel_speeds(twists), self.wheel_speeds(others)])
+        off = np.abs(parts[0] - parts[1])
+        driving = np.abs(parts[..., : self.n_speeds]).max(axis=(0, 2))
+        off[:, self.n_speeds :] *= driving[:, None]
+        largest: Array = off.max(axis=1)
+        return largest
 
     def speeds_of(self, controls: Array) -> Array:
         """Controls as parts of their limits, ``(..., r)``."""
@@ -204,11 +216,20 @@ class OwnRobot(Robot):
         limited: Array = np.clip(controls, -self.bounds, self.bounds)
         return limited
 
+    def _moved(self, controls: Array) -> Array:
+        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
+        return self.grip * np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    @cached_property
+    def _everywhere(self) -> Array:
+        """Twists ``(K, 3)`` of controls all over their range."""
+        grids = (np.linspace(-each, each, _SAMPLES) for each in self.limits)
+        return self._moved(np.array(list(product(*grids))))
+
     @cached_property
     def _reach(self) -> tuple[float, float, float]:
         """Largest speed and turn rate, and smallest radius, of controls all over their range."""
-        grids = (np.linspace(-each, each, _SAMPLES) for each in self.limits)
-        twists = with_side(self.twist(np.array(list(product(*grids)))))
+        twists = self._everywhere
         speeds, turns = np.hypot(twists[:, 0], twists[:, 1]), np.abs(twists[:, 2])
         moving = speeds > _STOPPED
         tightest = float((turns[moving] / speeds[moving]).max())

@@ -16,6 +16,7 @@ from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.robots.ackermann import Ackermann
+from cmpsp_ros.robots.arcs import arc_part, arc_under
 from cmpsp_ros.robots.omnidirectional import mecanum
 
 ROOT = Path(__file__).parents[3]
@@ -37,10 +38,26 @@ class Car(ForkLift):
         return forward, math.atan(constants[0] * turn_rate / forward) if forward != 0.0 else 0.0
 
 
+class Bike(ForkLift):
+    # Its reference point is ahead of the rear axle.
+    limits = 1.2, 0.7
+    constants = 1.1, 0.3
+
+    @staticmethod
+    def motion(constants, speed, angle):
+        turn_rate = speed * np.tan(angle) / constants[0]
+        return speed, constants[1] * turn_rate, turn_rate
+
+    @staticmethod
+    def steer(constants, forward, left, turn_rate):
+        return forward, math.atan(constants[0] * turn_rate / forward) if forward != 0.0 else 0.0
+
+
 class Platform(OwnRobot):
     n_controls, n_speeds = 3, 3
     drives_sideways = True
     constants = ()
+    change_limits = math.inf, math.inf, math.inf
 
     @property
     def limits(self):
@@ -63,7 +80,7 @@ class NoBase:
 
 class NoMotion(OwnRobot):
     n_controls = 2
-    limits = 1.0, 1.0
+    limits = change_limits = 1.0, 1.0
     constants = ()
 
 class NoLimit(ForkLift):
@@ -71,6 +88,12 @@ class NoLimit(ForkLift):
 
 class OneLimit(ForkLift):
     limits = (1.5,)
+
+class Degrees(ForkLift):
+    limits = 1.5, 40.0
+
+class NoTuple(ForkLift):
+    limits = 1.5
 
 class NegativeChange(ForkLift):
     change_limits = 1.0, -1.0
@@ -82,6 +105,36 @@ class Kinked(ForkLift):
     @staticmethod
     def motion(constants, speed, angle):
         return abs(speed) * np.cos(angle), 0.0, speed * np.sin(angle) / constants[0]
+
+class ForwardsOnly(ForkLift):
+    @staticmethod
+    def motion(constants, speed, angle):
+        ahead = np.maximum(speed, 0.0)
+        return ahead * np.cos(angle), 0.0, ahead * np.sin(angle) / constants[0]
+
+class TwoParts(ForkLift):
+    @staticmethod
+    def motion(constants, speed, angle):
+        return speed, speed * np.sin(angle) / constants[0]
+
+class OfList(ForkLift):
+    @staticmethod
+    def motion(constants, speed, angle):
+        return [speed * np.cos(angle), 0.0, speed * np.sin(angle) / constants[0]]
+
+class OneControl(ForkLift):
+    @staticmethod
+    def steer(constants, forward, left, turn_rate):
+        return (forward,)
+
+class NotInReverse(ForkLift):
+    @staticmethod
+    def steer(constants, forward, left, turn_rate):
+        speed, angle = ForkLift.steer(constants, forward, left, turn_rate)
+        return abs(speed), angle
+
+class NeverSideways(ForkLift):
+    drives_sideways = True
 
 class OfMath(ForkLift):
     @staticmethod
@@ -141,6 +194,24 @@ def test_the_fork_lift_of_the_page(modules):
     np.testing.assert_allclose(slower.twist(controls), 0.9 * robot.twist(controls))
     check(slower, controls, np.array([0.5, 0.2, 1.0, 0.1]))
     np.testing.assert_array_equal(robot.stopped(controls[0]), [0.0, 0.6])
+    # An angle counts as it moves the robot: nearly at rest odometry does not show it.
+    fast, slow = (robot.twist(np.array([[v, 0.6], [v, 0.0]])) for v in (1.5, 1e-3))
+    assert robot.wheel_differences(fast[:1], fast[1:]) == pytest.approx(0.5)
+    assert robot.wheel_differences(slow[:1], slow[1:]) < 1e-3
+
+
+def test_a_reference_point_that_turns_move_sideways(modules):
+    robot = settings_of('forklift:Bike').robot
+    assert not robot.drives_sideways
+    controls, durations = np.array([[1.0, 0.6], [-0.7, 0.2]]), np.array([1.0, 0.5])
+    check(robot, controls, durations)
+    twists = robot.twist(controls)
+    np.testing.assert_allclose(twists[:, 1], 0.3 * twists[:, 2])
+    np.testing.assert_allclose(robot.controls(twists), controls)
+    # What is audited is the path that is driven.
+    poses = robot.roll_out(np.zeros(3), controls, durations)
+    ends = [arc_part(arc_under(poses, twists, k, durations[k]), 1.0)[:2] for k in range(2)]
+    np.testing.assert_allclose(ends, poses[1:, :2], atol=1e-12)
 
 
 def test_models_that_are_there_are_driven_alike(modules):
@@ -179,6 +250,14 @@ def test_models_that_are_there_are_driven_alike(modules):
         ('wrong:Kinked', 'motion has derivatives'),
         ('wrong:OfMath', 'TypeError: must be real number, not complex'),
         ('wrong:OtherSteering', 'of which steer answers'),
+        ('wrong:Degrees', r'limits \(1.5, 40.0\), wanted .*, of angles at most pi'),
+        ('wrong:NoTuple', r'limits 1.5, wanted 2 numbers above 0'),
+        ('wrong:ForwardsOnly', 'motion has derivatives'),
+        ('wrong:TwoParts', 'motion answers .*, wanted speed forward, speed to the left, turn rate'),
+        ('wrong:OfList', 'OfList, which raises .*Error: '),
+        ('wrong:OneControl', r'steer answers \(.*,\), wanted 2 controls'),
+        ('wrong:NotInReverse', 'wanted the controls of that twist'),
+        ('wrong:NeverSideways', 'no speed to the left'),
     ],
 )
 def test_a_model_that_cannot_be_used_is_an_error_of_its_key(modules, model, said):

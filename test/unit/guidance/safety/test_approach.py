@@ -56,6 +56,17 @@ def test_the_speed_leaves_room_to_stop(speed, margin, acceleration):
     assert needed == pytest.approx(found.distance - margin)
 
 
+def test_the_speed_at_the_end_leaves_room_to_stop_behind_it():
+    given = given_with(0.4, 30.0)
+    plan, start = plan_of(given, 1.0, steps=5), start_of(given, HERE)
+    found = approach(given).contact(plan, start)
+    speed = approach(given).end_speed(plan, found)
+    needed = speed * (0.2 + 0.4) + speed**2 / (2.0 * 0.035 * 30.0)
+    assert needed == pytest.approx(found.distance - 1.0)
+    # Before its end no plan is slower for it.
+    assert approach(given).end_speed(plan_of(given, 1.0, steps=20), found) == math.inf
+
+
 def test_a_clear_plan_meets_nothing():
     given = given_with(0.5, obstacles=(FIRST,))
     plan = plan_of(given, 0.3)

@@ -103,7 +103,7 @@ class Footprint:
         slowest = limits.speed - limits.half_track * turn_rate
         ahead, left = turn_rate * np.abs(self.discs.T)
         fastest = np.hypot(slowest + left, ahead)
-        if robot.drives_sideways:
+        if robot.twist_parts > 2:
             fastest = slowest + np.hypot(left, ahead)
         half_track = (limits.speed - float(fastest.max())) / turn_rate
         return TwistLimits(limits.speed, turn_rate, half_track)

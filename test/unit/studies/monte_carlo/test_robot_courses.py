@@ -137,4 +137,4 @@ def test_a_plan_that_may_change_quickly_costs_little_more_than_the_least(robot, 
     quick = *ROBOTS[robot], 'weights.control_change=0.0001'
     order = Order(Study('nominal', 7, assignments=quick, robot=robot), 10, tmp_path, costs=10)
     costs = run(order, lambda *_: lambda _: None)['costs']
-    assert costs['at_most_5_percent_more'] >= 0.9 * costs['of_the_same_class'] > 0
+    assert costs['at_most_5_percent_more'] >= 0.8 * costs['of_the_same_class'] > 0

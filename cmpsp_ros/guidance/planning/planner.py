@@ -227,6 +227,9 @@ class Planner:
         if robot.steering_limits is None:
             return
         durations = context.horizon.durations
+        ws.upper[:, 0], ws.lower[:, 0] = robot.bounds[0], -robot.bounds[0]
+        if context.end_speed == math.inf:
+            return
         left = durations.sum() - np.cumsum(durations)
         slowest = robot.speeds_of(context.start.previous_control).item()
         braked = abs(slowest) - self._max_change * np.arange(1, len(durations) + 1)

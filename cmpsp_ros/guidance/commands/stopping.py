@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from typing import Final
+
+from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.stagnation import PATIENCE, reason_to_wait
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.safety.audit import TOUCHING
 from cmpsp_ros.guidance.state import LawState
+
+_TINY: Final = 1e-6
+"""Of lengths and of angles [m, rad]."""
 
 
 def closed_ahead(
@@ -55,6 +62,12 @@ def reason_to_stop(
         if why and is_near:
             return state.closed_road.wait_before(closed)
         return state.closed_road.reason_to_wait(closed, state.now) or why
-    if not why and ahead is not None and ahead.speed < STANDSTILL:
+    if not why and ahead is not None and ahead.speed < STANDSTILL and not _turns(selected.plan):
         return f'The robot stops: {ahead}'
     return why
+
+
+def _turns(plan: Plan) -> bool:
+    """Whether a plan begins with a turn on the spot: nothing comes nearer, and more is seen."""
+    along = math.dist(plan.poses[0, :2], plan.poses[1, :2])
+    return along < _TINY < abs(float(plan.poses[1, 2] - plan.poses[0, 2]))

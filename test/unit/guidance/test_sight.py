@@ -117,3 +117,12 @@ def test_no_control_step_after_the_first_searches_the_grid():
     assert drive.clearance > 0.0
     assert drive.law.task.map_search is not None
     assert not any(drive.searches[1:])
+
+
+def test_a_robot_turns_to_what_is_behind_it_and_out_of_sight():
+    ahead_only = {'sim.scan.angle_min': -2.356, 'sim.scan.angle_max': 2.356}
+    behind = {'goal.position': [-4.0, -0.2], 'final_time': 14.0, 'sim.obstacles.names': []}
+    drive = Drive('clutter', **ahead_only, **behind)
+    speed, turn_rate = drive.decisions[0].twist
+    assert abs(speed) < 1e-3 < abs(turn_rate)
+    assert math.dist(drive.pose[:2], drive.settings.goal) < 0.02

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 
 Array = NDArray[np.float64]
+
+_NAMED: Final = 6
+"""As many sides a message has, the last of which may stand for the rest."""
 
 
 def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> HomotopyClass:
@@ -34,9 +38,11 @@ def class_of(frame: RoadFrame, centers: tuple[Array, Array], poses: Array) -> Ho
 
 
 def in_words(sides: HomotopyClass, names: Sequence[str]) -> str:
-    """A homotopy class for messages; empty where nothing is passed."""
+    """A homotopy class for messages; empty where nothing is passed. It names the first few."""
     words = {1: 'left', -1: 'right'}
     parts = [f'{words[side]} of {name}' for side, name in zip(sides, names, strict=True) if side]
+    if len(parts) > _NAMED:
+        parts[_NAMED - 1 :] = [f'past {len(parts) - _NAMED + 1} more']
     return ' and '.join(filter(None, [', '.join(parts[:-1]), *parts[-1:]]))
 
 

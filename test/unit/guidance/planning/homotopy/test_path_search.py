@@ -264,6 +264,8 @@ def test_words():
     assert in_words((0, 0), ('a', 'b')) == ''
     assert in_words((0, -1), ('a', 'b')) == 'right of b'
     assert in_words((1, -1, 1), ('a', 'b', 'c')) == 'left of a, right of b and left of c'
+    wanted = 'left of a, left of b, left of c, left of d, left of e and past 3 more'
+    assert in_words((1,) * 8, 'abcdefgh') == wanted
 
 
 def test_a_guess_changes_no_wheel_faster_than_it_can_and_turns_first_from_rest():

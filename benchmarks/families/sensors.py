@@ -34,6 +34,8 @@ class Seen:
         cells: Of the grid around the robot.
         step: From odometry to the decision, with the newest scan and the distance field of the
             grid.
+        scan: To take in the newest scan, which here comes with the odometry that is decided on; in
+            most steps of a robot it has come before.
         field: The distance field alone.
         search: The search of the grid, after the command.
     """
@@ -41,6 +43,7 @@ class Seen:
     name: str
     cells: int
     step: Spread
+    scan: Spread
     field: Spread
     search: Spread
 
@@ -64,13 +67,13 @@ def measure(
         progress()
     found = []
     for preset in presets:
-        step, field, search, cells = np.array(times[preset]).T
-        found.append(Seen(preset, int(cells[0]), *map(Spread.of, (step, field, search))))
+        *parts, cells = np.array(times[preset]).T
+        found.append(Seen(preset, int(cells[0]), *map(Spread.of, parts)))
     return found
 
 
 def _steps(preset: str) -> Iterator[tuple[float, ...]]:
-    """Of each control step: its time, those of field and search [ms], and the grid's cells."""
+    """Of each control step: its time, those of scan, field, search [ms], and the grid's cells."""
     values = TABLE.resolve(load_parameter_file(preset))
     settings, of_plant = guidance_settings(values), plant_settings(values)
     law, plant = GuidanceLaw(settings), Plant(of_plant)
@@ -83,6 +86,7 @@ def _steps(preset: str) -> Iterator[tuple[float, ...]]:
             eyes.look(stamp)
             began = time.thread_time_ns()
             sighting = eyes.see(stamp, pose)
+            seen = time.thread_time_ns()
             if law.is_due(stamp):
                 decision = law.update(stamp, pose, (), sighting)
                 decided = time.thread_time_ns()
@@ -92,8 +96,8 @@ def _steps(preset: str) -> Iterator[tuple[float, ...]]:
                 searched = time.thread_time_ns()
                 distance_field(sighting.grid, unknown_is_free=True)
                 done = time.thread_time_ns()
-                took = np.diff([began, decided, searched, done]) * 1e-6
-                yield took[0], took[2], took[1], sighting.grid.cells.size
+                scan, step, search, field = np.diff([began, seen, decided, searched, done]) * 1e-6
+                yield scan + step, scan, field, search, sighting.grid.cells.size
                 plant.command(stamp, *decision.twist.tolist())
             eyes.note(*plant.advance(stamp + period), plant.motion)
 
@@ -106,15 +110,16 @@ def table(found: Sequence[Seen]) -> Table:
             str(each.cells),
             f'{each.step.median:.2f}',
             f'{each.step.largest:.1f}',
+            f'{each.scan.median:.2f}',
             f'{each.field.median:.2f}',
             f'{each.search.median:.1f}',
             f'{each.search.largest:.1f}',
         )
         for each in found
     ]
-    columns = ('preset', 'cells', 'step', 'max', 'field', 'search', 'max')
+    columns = ('preset', 'cells', 'step', 'max', 'scan', 'field', 'search', 'max')
     note = (
-        'Median and largest computing times [ms]. The step takes in the newest scan, and has the '
-        'distance field of the grid in it; the search follows the command.'
+        'Median and largest computing times [ms]. The step has in it: to take in the newest scan, '
+        'and the distance field of the grid. The search follows the command.'
     )
     return Table('Sensors', columns, rows, note)

@@ -357,8 +357,15 @@ class GuidanceSettings:
 
     def space(self, margin: float = 0.0) -> FreeSpace:
         """Where the robot may be, with a margin [m] around it."""
-        distance = self.robot_radius + margin
-        return FreeSpace.of(self.road, self.obstacles, distance, self.footprint.discs)
+        if margin not in self._spaces:
+            distance = self.robot_radius + margin
+            made = FreeSpace.of(self.road, self.obstacles, distance, self.footprint.discs)
+            self._spaces[margin] = made
+        return self._spaces[margin]
+
+    @cached_property
+    def _spaces(self) -> dict[float, FreeSpace]:
+        return {}
 
     @property
     def annulus(self) -> Annulus:

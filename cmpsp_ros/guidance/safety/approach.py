@@ -109,10 +109,12 @@ class Approach:
             return None
         found = None
         for controls, durations in self._to_rest(plan, start):
-            hit = self._first_hit(start, controls, durations)
+            hit, step = self._first_hit(start, controls, durations)
             if hit is None:
                 return None
             found = found or hit
+            if step < len(plan.horizon.durations):
+                break
         return found
 
     def end_speed(self, plan: Plan, ahead: Contact) -> float:
@@ -126,8 +128,10 @@ class Approach:
             return math.inf
         return self._speed(room, self._settings.control_period)
 
-    def _first_hit(self, start: PlanStart, controls: Array, durations: Array) -> Contact | None:
-        """What a path leads into first."""
+    def _first_hit(
+        self, start: PlanStart, controls: Array, durations: Array
+    ) -> tuple[Contact | None, int]:
+        """What a path leads into first, and in which step."""
         poses, twists = (
             start.robot.roll_out(start.pose, controls, durations),
             start.robot.twist(controls),
@@ -142,7 +146,7 @@ class Approach:
         )
         hits = (swept < -TOUCHING) & (begins >= -TOUCHING)
         if not hits.any():
-            return None
+            return None, len(durations)
         step = int(hits.any(axis=1).argmax())
         what = int(np.where(hits[step], swept[step], np.inf).argmin())
         # As near as it came to it before, it is at least as far away where that arc begins.
@@ -153,7 +157,7 @@ class Approach:
         fastest = abs(self._settings.footprint.speeds_and_turns(twists[step : step + 1])[0, 0])
         ratio = float(speeds[step] / fastest) if fastest > 0.0 else 1.0
         distance += ratio * max(float(before), 0.0)
-        return Contact(names[what], distance, self._speed(distance, float(durations[0])))
+        return Contact(names[what], distance, self._speed(distance, float(durations[0]))), step
 
     def before(self, obstacles: Mapping[str, float], start: PlanStart) -> Contact:
         """The nearest of some obstacles.

@@ -73,7 +73,7 @@ def bench(
         console().print(seeing.table(seeing.measure(runs)).rich())
         return
     if verify is not None or verify_case is not None:
-        from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads kernels)
+        from cmpsp_ros.guidance.solver_settings import SolverSettings  # noqa: PLC0415 (loads kernels)
 
         _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
         return

@@ -146,7 +146,7 @@ def warmup(
 
     Exit code 1 only if there is no folder for the cache.
     """
-    from cmpsp_ros.guidance.settings import SolverSettings  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.guidance.solver_settings import SolverSettings  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
     from cmpsp_ros.warmup.kernels import warm_up_all  # noqa: PLC0415 (loads all kernels)
     from cmpsp_ros.warmup.work_rate import work_rate  # noqa: PLC0415 (loads kernels)

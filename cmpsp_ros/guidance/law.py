@@ -253,8 +253,6 @@ class GuidanceLaw:
     def withdraw(self, decision: Decision, took: float) -> Decision:
         """Take back the last command, which came too late to be sent; its plan goes on.
 
-        The next newer odometry is decided on at once.
-
         Args:
             decision: The last decision, one with a plan.
             took: How long it took [s].
@@ -271,8 +269,7 @@ class GuidanceLaw:
         self._selector.forget()
         self._state.end_speed = context.end_speed = math.inf
         self._state.idle_steps, self._state.closed_road = 0, ClosedRoad()
-        fresh = NOT_SEARCHED.reluctance
-        self._state.searched = self._state.searched._replace(reluctance=fresh)
+        self._state.searched = self._state.searched._replace(reluctance=NOT_SEARCHED.reluctance)
         if not self._state.goals.is_return:
             return None
         return return_to_goal(

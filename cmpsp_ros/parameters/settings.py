@@ -10,14 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import (
-    GuidanceSettings,
-    InitialGuess,
-    MovingObstacles,
-    Safety,
-    SolverSettings,
-    Weights,
-)
+from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles, Safety
+from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.courses.course import place_problems, start_problems

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.verify.case import Rng
-from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.solver_settings import InitialGuess
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings

@@ -23,7 +23,8 @@ from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import MAP, SCREENING, SEEN, GuidanceSettings
+from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
+from cmpsp_ros.guidance.solver_settings import SCREENING
 from cmpsp_ros.world.free_space import FreeSpace
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.settings import UNLIMITED
+from cmpsp_ros.guidance.solver_settings import UNLIMITED
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
 from cmpsp_ros.mpsp.models.control_rate import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.options import Options

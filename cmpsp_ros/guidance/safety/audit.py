@@ -269,8 +269,7 @@ class Audit:
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1
     ) -> list[float]:
         self._sweep(*self._arguments(start, controls, durations, committed))
-        values: list[float] = self._found.tolist()
-        return values
+        return list(self._found.tolist())
 
     def _arguments(
         self, start: PlanStart, controls: Array, durations: Array, committed: int = 1

@@ -10,7 +10,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings, SolverSettings
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.solver_settings import SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
 from cmpsp_ros.parameters.robots import robot_of

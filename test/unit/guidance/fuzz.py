@@ -25,7 +25,8 @@ from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
-from cmpsp_ros.guidance.settings import Safety, Weights
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance.solver_settings import Weights
 
 SECOND_NS = 1_000_000_000
 TIMEOUT = 0.5

@@ -13,7 +13,8 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, SolverSettings
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus

@@ -23,7 +23,8 @@ from scenarios import (
 )
 
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import Safety, SolverSettings, Weights
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 

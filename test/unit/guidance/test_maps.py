@@ -15,7 +15,8 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings, InitialGuess, Safety
+from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
+from cmpsp_ros.guidance.solver_settings import InitialGuess
 from cmpsp_ros.mpsp.jit.watch import compilations
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file

@@ -12,7 +12,8 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
     terminal_penalty,
 )
-from cmpsp_ros.guidance.settings import Safety, SolverSettings
+from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance.solver_settings import SolverSettings
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 from cmpsp_ros.world.roads.annulus import Annulus
 from cmpsp_ros.world.roads.corridor import Corridor

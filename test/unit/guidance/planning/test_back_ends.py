@@ -12,7 +12,7 @@ from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining, shift
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.settings import SolverSettings, Weights
+from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
 from cmpsp_ros.mpsp.jit.addresses import address_of
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT

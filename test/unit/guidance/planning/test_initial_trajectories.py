@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scenarios import CASES, ROAD, settings, start_of
 
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.settings import InitialGuess, SolverSettings
+from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings
 from cmpsp_ros.world.roads.annulus import Annulus
 
 unhurried = hypothesis_settings(deadline=None, max_examples=40)

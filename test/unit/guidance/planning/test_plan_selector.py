@@ -34,7 +34,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import InitialGuess
+from cmpsp_ros.guidance.solver_settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 BOTH = (FIRST, SECOND)

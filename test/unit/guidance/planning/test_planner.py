@@ -10,7 +10,7 @@ from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.settings import SolverSettings, Weights
+from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 HORIZON = remaining(0, PERIOD, 50 * PERIOD)

@@ -18,6 +18,9 @@ from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.nodes import MODULES
 
 _STOP_TIMEOUT = 10.0
+
+_COMPILES = 'Compiling kernels'
+"""What `ProgressLine` says every few seconds."""
 _DOMAINS = range(1, 101)
 _PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
 _PR_SET_PDEATHSIG = 1
@@ -145,6 +148,14 @@ class Child:
         except subprocess.TimeoutExpired:
             self.process.kill()
             return self.process.wait()
+
+    def still_compiles(self) -> bool:
+        """Whether a node that has not answered in time is compiling its kernels, which it says."""
+        said = [each for each in self.last_words().splitlines() if _COMPILES in each]
+        if self.process.poll() is not None or not said:
+            return False
+        sys.stderr.write(f'{self.name}: {said[-1][said[-1].index(_COMPILES) :]}\n')
+        return True
 
     def last_words(self) -> str:
         """The last lines of its log."""

@@ -176,7 +176,8 @@ def _get_ready(
         )
 
     for each, node in zip(robots, children[-len(robots) :], strict=True):
-        _ask(node, 'refuses to start', partial(observer.configure, timeout, each.namespace))
+        configure = partial(observer.configure, timeout, each.namespace, node.still_compiles)
+        _ask(node, 'refuses to start', configure)
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     if record:

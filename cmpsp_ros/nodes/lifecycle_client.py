@@ -122,13 +122,24 @@ class Observer:
                 return from_values(self._written)
         raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
 
-    def configure(self, timeout: float, namespace: str = '') -> bool:
+    def configure(
+        self,
+        timeout: float,
+        namespace: str = '',
+        still_compiles: Callable[[], bool] = lambda: False,
+    ) -> bool:
         """Configure the guidance node of a robot; whether it agreed.
 
+        Args:
+            timeout: Time within which it answers [s].
+            namespace: Of the robot.
+            still_compiles: Asked after that time, and as often again: whether to wait on.
+
         Raises:
-            TimeoutError: It did not answer within the time [s].
+            TimeoutError: It did not answer within the time.
         """
-        return self._change_state(Transition.TRANSITION_CONFIGURE, timeout, namespace)
+        transition = Transition.TRANSITION_CONFIGURE
+        return self._change_state(transition, timeout, namespace, still_compiles)
 
     def activate(self, timeout: float, namespace: str = '') -> bool:
         """Activate the guidance node of a robot; whether it agreed.
@@ -146,12 +157,23 @@ class Observer:
         """
         return self._change_state(Transition.TRANSITION_DEACTIVATE, timeout, namespace)
 
-    def _change_state(self, transition: int, timeout: float, namespace: str) -> bool:
+    def _change_state(
+        self,
+        transition: int,
+        timeout: float,
+        namespace: str,
+        goes_on: Callable[[], bool] = lambda: False,
+    ) -> bool:
         end, client = time.monotonic() + timeout, self._transitions[namespace]
         if self.wait_until(client.service_is_ready, timeout):
             request = ChangeState.Request(transition=Transition(id=transition))
             future = client.call_async(request)
-            if self.wait_until(future.done, end - time.monotonic()):
+            left = end - time.monotonic()
+            while not self.wait_until(future.done, left):
+                if not goes_on():
+                    break
+                left = timeout
+            else:
                 return bool(future.result().success)
         raise TimeoutError(
             f'the guidance node did not answer within {timeout:.0f} s; if it was compiling,'

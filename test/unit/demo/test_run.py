@@ -23,7 +23,8 @@ class Stubborn(Observer):
     def __init__(self, answer):
         self._answer = answer
 
-    def configure(self, timeout, namespace):
+    def configure(self, timeout, namespace, still_compiles):
+        self.waits = still_compiles()
         if self._answer is None:
             raise TimeoutError(f'no answer within {timeout:.0f} s')
         return self._answer
@@ -53,6 +54,18 @@ def child(tmp_path):
 def test_a_node_that_does_not_answer_is_no_node_that_refuses(child):
     with pytest.raises(DemoError, match=r'no answer within 30 s; it said:\ncompiling, once'):
         _get_ready(Stubborn(None), [child()], [CASE3], record=True)
+
+
+def test_a_node_that_compiles_is_waited_for_while_it_lives(child, capsys):
+    observer, node = Stubborn(None), child()
+    node.log.write_text('[INFO] [guidance]: Compiling kernels (once): 12: solve\n')
+    with pytest.raises(DemoError, match='no answer'):
+        _get_ready(observer, [node], [CASE3], record=True)
+    assert observer.waits
+    assert capsys.readouterr().err == 'guidance_node: Compiling kernels (once): 12: solve\n'
+    node.log.write_text('[INFO] [guidance]: compiled 240 kernels in 61.0 s\n')
+    assert not node.still_compiles()
+    assert not child('raise SystemExit(3)').still_compiles()
 
 
 def test_a_node_that_has_ended_is_told_as_such(child):

@@ -51,21 +51,6 @@ class Ackermann(Robot):
         """Smallest radius that the robot turns with [m]."""
         return self.wheel_base / math.tan(self.max_steering_angle)
 
-    @property
-    def max_speed(self) -> float:
-        """Largest speed along the path [m/s]."""
-        return self.wheel_radius * self.max_wheel_speed
-
-    @property
-    def max_acceleration(self) -> float:
-        """Largest acceleration along the path [m/s^2]."""
-        return self.wheel_radius * self.max_wheel_acceleration
-
-    @property
-    def braking(self) -> float:
-        """Deceleration along any arc [m/s^2]."""
-        return self.max_acceleration
-
     @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""

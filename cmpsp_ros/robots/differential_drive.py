@@ -33,21 +33,6 @@ class DifferentialDrive(Robot):
 
     half_track: float = 0.055
 
-    @property
-    def max_speed(self) -> float:
-        """Largest speed along the path [m/s], with both wheels at their limit."""
-        return self.wheel_radius * self.max_wheel_speed
-
-    @property
-    def max_acceleration(self) -> float:
-        """Largest acceleration along the path, with both wheels at their limit [m/s^2]."""
-        return self.wheel_radius * self.max_wheel_acceleration
-
-    @property
-    def braking(self) -> float:
-        """Deceleration along any arc: both wheels lose speed in proportion [m/s^2]."""
-        return self.max_acceleration
-
     @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""

@@ -58,19 +58,19 @@ class Robot(ABC):
         """Speed at the wheels of a unit turn rate [m]."""
 
     @property
-    @abstractmethod
     def max_speed(self) -> float:
-        """Largest speed along the path [m/s]."""
+        """Largest speed along the path, mostly with all wheels at their limit [m/s]."""
+        return self.wheel_radius * self.max_wheel_speed
 
     @property
-    @abstractmethod
     def max_acceleration(self) -> float:
         """Largest acceleration along the path [m/s^2]."""
+        return self.wheel_radius * self.max_wheel_acceleration
 
     @property
-    @abstractmethod
     def braking(self) -> float:
-        """Deceleration that it is capable of, whatever its direction [m/s^2]."""
+        """Deceleration that it is capable of along any arc, in any direction [m/s^2]."""
+        return self.max_acceleration
 
     @property
     @abstractmethod

@@ -106,11 +106,6 @@ class OwnRobot(Robot):
         parts = np.divide(self.change_limits, self.limits)[: self.n_speeds]
         return self.max_speed * float(parts.min())
 
-    @property
-    def braking(self) -> float:
-        """Deceleration that it is capable of [m/s^2]."""
-        return self.max_acceleration
-
     @cached_property
     def kinematics(self) -> Kinematics:
         """The robot for compiled code."""

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import track_keys
-from cmpsp_ros.robots.robot import Robot
+
+if TYPE_CHECKING:
+    from cmpsp_ros.robots.robot import Robot
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""

@@ -22,6 +22,7 @@ from cmpsp_ros.nodes.common.topics import (
     OTHER_PLANS,
     PLAN,
     PLAN_MARKERS,
+    SIGHTING,
     SIM_WHEELS,
     TOPICS,
     Topic,
@@ -156,8 +157,8 @@ def _recorder() -> Rights:
 
 def _viewer() -> Rights:
     found = Rights('viewer')
-    heard = (GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIM_WHEELS, CLOCK)
-    found.subscribe |= {_name(each) for each in heard}
+    own = GUIDANCE_ODOM, DECISION, PLAN, MARKERS, PLAN_MARKERS, SIGHTING, SIM_WHEELS, CLOCK
+    found.subscribe |= {_name(each) for each in own}
     found.request.add('guidance/get_parameters')
     return found
 

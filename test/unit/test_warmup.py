@@ -42,7 +42,8 @@ def caches(tmp_path):
     caches = tmp_path / 'home' / '.cache' / 'cmpsp_ros'
     caches.mkdir(parents=True, mode=0o700)
     folder = kernel_folder()
-    shutil.copytree(folder, caches / folder.name)
+    # Others may compile meanwhile, and remove their locks.
+    shutil.copytree(folder, caches / folder.name, ignore=shutil.ignore_patterns('*.lock'))
     for each in ('guidance.safety.plan_sweep', 'mpsp.qp.dense.condensing'):
         missing = [*(caches / folder.name).glob(f'cmpsp_ros.{each}.*')]
         assert missing

@@ -41,7 +41,7 @@ def test_a_map_that_is_not_there_is_refused_with_its_name(spawn, client):
 
 BESIDE_THE_MAP = {
     'goal.position': '[3.8, 3.0]',
-    'final_time': '18.0',
+    'final_time': '20.0',
     'sensors.names': '[front]',
     'sensors.front.reach': '6.0',
     'sim.scan.rate': '10.0',

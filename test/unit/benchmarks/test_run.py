@@ -64,7 +64,7 @@ def test_progress_is_told():
     small = {'steps': 3, 'horizons': (3,), 'robots': ['jackal'], 'long_horizons': (50,)}
     run(Order(['case1'], runs=1, tail=4, **small), progress)
     assert told == [
-        'robots 1', 'robots', 'long horizons 1', 'long horizons',
+        'robots 1', 'robots', 'models 4', *['models'] * 4, 'long horizons 1', 'long horizons',
         'presets 1', 'presets', 'hard cases 8', *['hard cases'] * 8,
         'plans 11', *['plans'] * 11, 'methods 8', *['methods'] * 8,
         'tail 2', 'tail', 'tail',

@@ -16,7 +16,7 @@ from cmpsp_ros.parameters.courses.obstacles import shapes_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.plausibility import plausibility_warnings
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
-from cmpsp_ros.parameters.scans import OWN_OBSTACLES
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from cmpsp_ros.parameters.parameter import REQUIRED, Group, Parameter, ParameterType, Range
-from cmpsp_ros.parameters.robots import robot_parameters
+from cmpsp_ros.parameters.robots.models import robot_parameters
 from cmpsp_ros.parameters.simulator_catalogue import simulator_parameters
 from cmpsp_ros.parameters.table import ParameterTable
 

@@ -25,9 +25,9 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.footprints import footprint_of, footprint_problems
-from cmpsp_ros.parameters.robots import robot_of, robot_problems
-from cmpsp_ros.parameters.sensors import sight_of, sight_problems
+from cmpsp_ros.parameters.robots.footprints import footprint_of, footprint_problems
+from cmpsp_ros.parameters.robots.models import robot_of, robot_problems
+from cmpsp_ros.parameters.robots.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.simulator.measurement import OdometryErrors
 from cmpsp_ros.simulator.physics import Physics

@@ -13,7 +13,7 @@ from sensor_msgs.msg import LaserScan
 from cmpsp_ros.nodes.common.topics import SIM_SCAN
 from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.courses.roads import road_of
-from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.simulator.laser import Laser
 from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
 

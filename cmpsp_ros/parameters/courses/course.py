@@ -13,8 +13,8 @@ import numpy as np
 from cmpsp_ros.parameters.courses.obstacles import in_obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import known_road, off_road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.footprints import KEY as FOOTPRINT
-from cmpsp_ros.parameters.footprints import footprint_of
+from cmpsp_ros.parameters.robots.footprints import KEY as FOOTPRINT
+from cmpsp_ros.parameters.robots.footprints import footprint_of
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.obstacles.shapes import Point

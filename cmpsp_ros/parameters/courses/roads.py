@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.footprints import footprint_of, radius_name
+from cmpsp_ros.parameters.robots.footprints import footprint_of, radius_name
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.roads.annulus import Annulus

@@ -67,7 +67,7 @@ def own_robot(name: str, parameters: Mapping[str, Any]) -> OwnRobot:
     except ModelError:
         raise
     except Exception as error:
-        # Whatever a class of one's own may raise.
+        # A class of one's own may raise anything.
         said = str(error).strip().partition('\n')[0]
         found = f'{name}, which raises {type(error).__name__}: {said}'
         raise ModelError(found, 'a model as in doc/user/your_model.md') from error

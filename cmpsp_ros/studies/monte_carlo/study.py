@@ -14,8 +14,8 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.solver_settings import SolverSettings
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
-from cmpsp_ros.parameters.robots import robot_of
-from cmpsp_ros.parameters.scans import laser_settings
+from cmpsp_ros.parameters.robots.models import robot_of
+from cmpsp_ros.parameters.robots.scans import laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.simulator.laser import LaserSettings
 from cmpsp_ros.simulator.plant import PlantSettings

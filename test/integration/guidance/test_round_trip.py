@@ -64,7 +64,7 @@ def test_a_drive_is_replayed_audited_reported_and_exported(cmpsp, verdicts, tmp_
     with Bag(bag) as opened:
         counts = {topic: there.count for topic, there in opened.topics.items()}
     decisions = counts[NAMES.decision]
-    assert decisions >= 50
+    assert decisions > 50
 
     again, code = cmpsp('replay', bag)
     assert code == 0, again.stdout + again.stderr

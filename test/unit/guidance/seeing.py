@@ -11,7 +11,7 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.sensing.laser_scan import sight_of
 from cmpsp_ros.sensing.surroundings import Surroundings

@@ -7,7 +7,7 @@ import pytest
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import ParameterError
 from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots import MODELS
+from cmpsp_ros.parameters.robots.models import MODELS
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 

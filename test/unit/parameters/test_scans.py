@@ -7,7 +7,7 @@ import pytest
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.scans import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.simulator.laser import LaserSettings
 from cmpsp_ros.world.obstacles.shapes import Capsule
 

@@ -92,6 +92,9 @@ class Decision(NamedTuple):
         wheel_slip: Wheel-slip ratio that is estimated and compensated.
         wheel_lag: Lag of the wheels that is compensated, the least possible and the longest [s];
             None where none is considered.
+        response_delay: Delay and lag of the response to commands that explains odometry, the least
+            possible and the longest [s]; None while odometry agrees with `command_delay`.
+        prediction_error: Bound of the distance of odometry from what was predicted for it [m].
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
@@ -130,6 +133,8 @@ class Decision(NamedTuple):
     failures: int = 0
     wheel_slip: float = 0.0
     wheel_lag: tuple[float, float, float] | None = None
+    response_delay: tuple[float, float, float] | None = None
+    prediction_error: float = 0.0
     finished: bool = False
     missed: bool = False
     halted: bool = False

@@ -15,7 +15,7 @@ from cmpsp_ros.guidance.commands.late_commands import LateCommands
 from cmpsp_ros.guidance.commands.stopping import closed_ahead, reason_to_stop
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NEVER, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NEVER
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
@@ -67,7 +67,6 @@ class GuidanceLaw:
         self._decisions = DecisionBuilder(settings, self._audit)
         self._final_time = FinalTime(settings, self._fallback, self._decisions)
         self._late_commands = LateCommands(settings, self._audit, self._fallback, self._decisions)
-        self._delay = to_nanoseconds(settings.command_delay)
         self._selector = PlanSelector(settings, self._audit, self._timer)
 
     def reset(self) -> None:
@@ -118,10 +117,9 @@ class GuidanceLaw:
         state.start = stamp if state.start is None else state.start
         now = state.now = stamp - state.start
         moving = state.tracker.update(stamp, pose, tracks, settings.moving_obstacles)
-        if state.end_period(settings, stamp, pose, self._delay):
+        if state.end_period(settings, stamp, pose):
             self._selector.restart()
-        here, start = state.predict(settings.road, stamp, pose, moving, self._delay)
-        given = state.pending.until(stamp, self._delay)
+        here, start, given = state.predict(settings.road, stamp, pose, moving)
         pending = self._audit.check_pending(here, *given) if len(given[1]) else None
         ramp = state.ramp = self._audit.braking_from(start) if late else state.ramp
         goals = state.goals
@@ -145,7 +143,7 @@ class GuidanceLaw:
         decision = decision._replace(reason=put_off + decision.reason)
         self._final_time.decide_in_time(state, start, decision.plan)
         state.step += 1
-        state.begin_period(settings, stamp, pose, state.previous_control, self._delay)
+        state.begin_period(settings, stamp, pose, state.previous_control)
         return state.sent(decision, tracks)
 
     def _see(self, sighting: Sighting | None) -> None:
@@ -284,6 +282,8 @@ class GuidanceLaw:
         if state.tracker.new_obstacle_seen:
             self._selector.look_again()
         state.waiting = None
+        if reason := state.response.reason_to_stop(self._settings):
+            return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         if state.closed_road.waits and not len(start.moving):
             return self._decisions.stop(state, stamp, pose, state.closed_road.waits)
         selected = self._selector.best(context)
@@ -329,10 +329,10 @@ class GuidanceLaw:
         state.plan = plan
         self._drop_plan_after_failures()
         limited = self._approach.limited(
-            plan, verdict, ahead, start, context.pending, here, state.lag.possible
+            plan, verdict, ahead, start, context.pending, here, state.risk(stamp)
         )
         if limited is None:
-            reason = f'The robot stops: if its wheels lag, no speed is clear. {reason}'
+            reason = f'The robot stops: no speed is clear of what its response may be. {reason}'
             return self._decisions.stop(state, stamp, pose, reason, result, moving=start.moving)
         plan, verdict, remark = limited
         state.reaches_goal = context.goal.errors(plan.poses[-1])[0] <= self._settings.goal_tolerance

@@ -46,12 +46,14 @@ class Safety:
         margin: Kept from every obstacle and road edge in addition to the robot's radius [m].
         between_samples: Whether the path between two control steps must be clear as well.
         stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
+        max_prediction_error: Largest error of predicted odometry with which the robot drives [m].
         stop_within_sight: Whether the robot can stop before what no sensor has seen yet.
     """
 
     margin: float = 0.0
     between_samples: bool = True
     stopping_time: float = 0.5
+    max_prediction_error: float = 0.5
     stop_within_sight: bool = True
 
 
@@ -121,6 +123,8 @@ class GuidanceSettings:
         command_delay: Time from the stamp of odometry to the effect of the command that answers
             it [s].
         max_command_delay: Longest that this may take, as long as no command has been later [s].
+        delay_tolerance: How far `command_delay` may be wrong, either way: within that it is
+            corrected [s].
         obstacles: Static obstacles.
         moving_obstacles: How moving ones are considered.
         sight: What sees obstacles, and how that is remembered.
@@ -152,6 +156,7 @@ class GuidanceSettings:
     control_period: float = 0.2
     command_delay: float = 0.0
     max_command_delay: float = 0.0
+    delay_tolerance: float = 0.1
     obstacles: tuple[Shape, ...] = ()
     moving_obstacles: MovingObstacles = field(default_factory=MovingObstacles)
     sight: SightSettings = field(default_factory=SightSettings)

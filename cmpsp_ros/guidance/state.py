@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Decision, Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.guidance.mission.closed_road import ClosedRoad
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
-from cmpsp_ros.guidance.prediction.lag import LagEstimate
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.response import ResponseEstimate, Risk
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
@@ -38,7 +38,7 @@ class LawState:
     Attributes:
         goals: Which goal is driven to.
         slip: Estimate of the wheel slip.
-        lag: Estimate of the lag of the wheels.
+        response: Estimate of how the robot responds to commands.
         robot: Kinematics, with that slip.
         used_slip: The slip that it has.
         run: How many runs there were before.
@@ -70,7 +70,7 @@ class LawState:
 
     goals: GoalManager
     slip: SlipEstimate
-    lag: LagEstimate
+    response: ResponseEstimate
     robot: Robot
     used_slip: float
     run: int
@@ -105,17 +105,16 @@ class LawState:
         slip = SlipEstimate(settings.max_slip)
         used = min(slip.slip, settings.max_slip)
         robot = settings.robot.slipping(used)
-        lag, rest = LagEstimate(settings.max_lag, robot.n_controls), robot.at_rest
+        response, rest = ResponseEstimate(settings), robot.at_rest
         pending = PendingCommands(robot.n_controls)
         goals = GoalManager(settings)
-        return cls(goals, slip, lag, robot, used, run, revision, rest, pending)
+        return cls(goals, slip, response, robot, used, run, revision, rest, pending)
 
     def reconfigure(self, settings: GuidanceSettings, before: GuidanceSettings) -> None:
         """Go on with other settings."""
         self.goals.reconfigure(settings)
         self.use_slip(settings)
-        if settings.max_lag != before.max_lag:
-            self.lag.reconfigure(settings.max_lag)
+        self.response.reconfigure(settings)
         self.revision, self.idle_steps = self.revision + 1, 0
         self.closed_road = ClosedRoad()
         if settings.road != before.road:
@@ -159,15 +158,22 @@ class LawState:
         Returns:
             It, with what was known of slip, lag and surroundings.
         """
-        self.lag.advance(decision.stamp, self.pending.latest, self.robot)
-        self.pending.add(decision.stamp, self.previous_control)
+        self.pending.add(decision.stamp, self.previous_control, decision.twist)
         self.commanded_at = decision.stamp
         if self.sighting is not None:
             decision = decision._replace(sighting=self.sighting.stamp)
-        lag = self.lag.figures
-        if self.used_slip == 0.0 and not tracks and lag is None:
-            return decision
-        return decision._replace(wheel_slip=self.used_slip, wheel_lag=lag, tracks=tracks)
+        response = self.response
+        return decision._replace(
+            wheel_slip=self.used_slip,
+            wheel_lag=response.lag_interval,
+            response_delay=response.delay_interval,
+            prediction_error=response.error,
+            tracks=tracks,
+        )
+
+    def risk(self, stamp: int) -> Risk:
+        """How else the robot may respond than plans assume."""
+        return self.response.risk(stamp, self.pending)
 
     def take_back(self, took: float) -> None:
         """Take back the last command, which was not sent since it took so long [s]."""
@@ -177,36 +183,42 @@ class LawState:
         self.interrupt(is_lost=True)
 
     def predict(
-        self, road: Road, stamp: int, pose: Array, moving: MovingDiscs, delay: int
-    ) -> tuple[PlanStart, PlanStart]:
-        """Where the robot is, and where a plan begins.
+        self, road: Road, stamp: int, pose: Array, moving: MovingDiscs
+    ) -> tuple[PlanStart, PlanStart, tuple[Array, Array]]:
+        """Where the robot is, where a plan begins, and the controls that lead there.
 
-        That is where it will be when a command of now takes effect; and if its wheels lag, where it
-        would come at their present speeds until then.
+        A plan begins where the robot will be when a command given now takes effect. One whose
+        wheels lag by ``T`` moves as one whose wheels obey at once, so much later: until then they
+        keep the speeds that they have when the command reaches them.
 
         Args:
             road: The road.
             stamp: Present time [ns].
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
             moving: Moving obstacles.
-            delay: From a command to its effect, without a lag [ns].
+
+        Returns:
+            The present state, the initial state of a plan, and the controls that the commands given
+            before have in effect until the new one reaches the wheels, ``(K, r)``, each for so long
+            ``(K,)`` [s].
         """
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(pose, self.robot, moving, self.progress, self.previous_control)
-        controls, durations = self.pending.until(stamp, delay)
-        lag, wheels = self.lag.best
-        self.delay = delay + lag
-        if lag:
-            controls, durations = wheels[None], np.array([lag / NANOSECONDS])
+        response = self.response.in_use(stamp, self.pending)
+        self.delay = self.response.delay + to_nanoseconds(response.lag)
+        given = controls, durations = response.in_effect()
+        if response.lag > 0.0:
+            controls = np.vstack([controls, response.settled])
+            durations = np.append(durations, response.lag)
         if not len(durations):
-            return here, here
+            return here, here, given
         ahead = self.robot.roll_out(pose, controls, durations)[-1]
         progress = project_on_path(road, ahead, self.progress)
         later = moving.after(float(durations.sum()))
-        return here, here._replace(pose=ahead, moving=later, progress=progress)
+        return here, here._replace(pose=ahead, moving=later, progress=progress), given
 
     def begin_period(
-        self, settings: GuidanceSettings, stamp: int, pose: Array, control: Array, delay: int
+        self, settings: GuidanceSettings, stamp: int, pose: Array, control: Array
     ) -> None:
         """Record how a control period begins, for the estimate of slip.
 
@@ -215,28 +227,24 @@ class LawState:
             stamp: When it begins [ns].
             pose: Where, shape ``(3,)`` [m, m, rad].
             control: Commanded then, shape ``(r,)``.
-            delay: From a command to its effect [ns].
         """
         if settings.max_slip > 0.0:
-            ahead, durations = self.pending.until(stamp, delay)
+            ahead, durations = self.pending.until(stamp, self.response.delay)
             speeds = np.array([self.pending.in_force, *ahead, control])
             self.slip.begin(stamp, pose, speeds, durations)
 
-    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array, delay: int) -> bool:
+    def end_period(self, settings: GuidanceSettings, stamp: int, pose: Array) -> bool:
         """Update the estimates at the end of a control period.
 
         Args:
             settings: All settings of the guidance law.
             stamp: When it ends [ns].
             pose: Where, shape ``(3,)`` [m, m, rad].
-            delay: From a command to its effect [ns]; with one, no lag is told from it.
 
         Returns:
             Whether the slip is another one now.
         """
-        self.lag.advance(stamp, self.pending.latest, self.robot)
-        if not delay:
-            self.lag.see(pose, settings.robot.half_track)
+        self.response.update(stamp, pose, self.pending, self.robot, self.used_slip)
         limit = settings.max_slip
         if limit > 0.0 and self.slip.end(stamp, pose, settings.robot, limit):
             self.use_slip(settings)
@@ -246,9 +254,9 @@ class LawState:
     def lose_period(self) -> None:
         """Leave the present control period out of the estimates: nobody knows what happens."""
         self.slip.lose()
-        self.lag.lose()
+        self.response.lose()
 
-    def pose_at_end(self, stamp: int, pose: Array, latest: int, delay: int) -> Array:
+    def pose_at_end(self, stamp: int, pose: Array, latest: int) -> Array:
         """Where the robot was at the final time, which odometry need not meet.
 
         It is driven back by the commands since, unless odometry has come too late to be sure.
@@ -257,11 +265,10 @@ class LawState:
             stamp: Time stamp of the odometry [ns].
             pose: Where the robot is, shape ``(3,)`` [m, m, rad].
             latest: How long after the final time odometry may come [ns].
-            delay: From a command to its effect [ns].
         """
         end = (self.start or 0) + self.goals.end
         if self.final_pose is None and 0 < stamp - end <= latest:
-            speeds, durations = self.pending.since(end, stamp, delay)
+            speeds, durations = self.pending.since(end, stamp, self.response.delay)
             self.final_pose = self.robot.roll_out(pose, speeds, -durations)[-1]
         return pose if self.final_pose is None else self.final_pose
 

@@ -45,6 +45,10 @@ def _parameters() -> Iterator[Parameter]:
         'previous command must be clear of everything until then, and is slowed down where it is '
         'not. 0: `command_delay`, and longer after commands have been late.',
         range=_NOT_NEGATIVE, **guidance_only)
+    yield task('command_delay_tolerance', _DOUBLE, 0.1, 's',
+        'How far `command_delay` may be wrong, either way. Where odometry contradicts its '
+        'predictions, the delay that explains it is estimated within that and used instead. '
+        '0: not corrected.', range=Range(0.0, 0.5), **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
         "Largest time constant of the wheels' response. It is estimated from odometry, without "
         '`command_delay`, and compensated. Each command, and a stop after it, must be clear by a '
@@ -288,6 +292,9 @@ def _parameters() -> Iterator[Parameter]:
         'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
         'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
+    yield safety('safety.max_prediction_error', _DOUBLE, 0.5, 'm',
+        'Distance of odometry from its prediction beyond which the robot stops; half of it slows '
+        'it down. 0: it never stops for it.', range=_NOT_NEGATIVE)
     yield safety('safety.stop_within_sight', _BOOL, True, '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
         'not seen.')

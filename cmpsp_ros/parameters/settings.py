@@ -88,6 +88,7 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         control_period=values['control_period'],
         command_delay=values['command_delay'],
         max_command_delay=values['max_command_delay'],
+        delay_tolerance=values['command_delay_tolerance'],
         max_slip=values['max_wheel_slip'],
         max_lag=values['max_wheel_lag'],
         obstacles=obstacles_of(values),

@@ -34,7 +34,6 @@ class FinalTime:
         """
         self._settings, self._fallback, self._decisions = settings, fallback, decisions
         self._period = to_nanoseconds(settings.control_period)
-        self._delay = to_nanoseconds(settings.command_delay)
 
     def horizon(self, state: LawState) -> tuple[Horizon, bool]:
         """The horizon of this step's plan, and whether a new one would come too late.
@@ -128,7 +127,7 @@ class FinalTime:
         """
         state.due, state.plan = state.now + self._period, None
         has_goal = state.goals.goal is not None
-        passed = state.pose_at_end(stamp, pose, self._period, self._delay) if has_goal else pose
+        passed = state.pose_at_end(stamp, pose, self._period) if has_goal else pose
         error, heading_error = state.goals.target.errors(passed)
         off, by = heading_error or 0.0, ''
         if has_goal and error > self._settings.goal_tolerance:

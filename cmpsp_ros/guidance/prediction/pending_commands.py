@@ -1,4 +1,4 @@
-"""Pending commands: given, but not in effect yet. They drive the robot until a new one does.
+"""Commands given so far: those in effect, and those pending, which do not drive the robot yet.
 
 A command takes effect `command_delay` after the stamp of the odometry that it answers, and holds
 until the next one takes effect. So the robot will be driven by the commands before for as long as
@@ -7,7 +7,9 @@ the delay lasts, and a plan can begin only where they leave it.
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +18,11 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 
 Array = NDArray[np.float64]
 
+_REMEMBERED: Final = 5 * NANOSECONDS
+"""Age of the oldest command that is kept beside the one before it [ns]."""
 
-_KEPT = 8
-"""Commands that are remembered of those that took effect."""
+_TWISTS: Final = 64
+"""Number of twists that are kept."""
 
 
 class PendingCommands:
@@ -30,9 +34,9 @@ class PendingCommands:
         Args:
             n_controls: Number of its controls.
         """
+        self._before = self._in_force = np.zeros(n_controls)
         self._given: deque[tuple[int, Array]] = deque()
-        self._in_force = np.zeros(n_controls)
-        self._in_effect: deque[tuple[int, Array]] = deque(maxlen=_KEPT)
+        self._twists: deque[tuple[int, list[float]]] = deque(maxlen=_TWISTS)
 
     @property
     def in_force(self) -> Array:
@@ -42,29 +46,34 @@ class PendingCommands:
     @property
     def latest(self) -> Array:
         """The last command, shape ``(r,)``."""
-        return self._given[-1][1] if self._given else self._in_force
+        return self._given[-1][1] if self._given else self._before
 
-    def add(self, stamp: int, control: Array) -> None:
+    def add(self, stamp: int, control: Array, twist: Array | None = None) -> None:
         """Remember a command.
 
         Args:
             stamp: Time that it answers [ns]; one before the last one's is taken for that one's,
                 for no command overtakes another.
             control: The command, shape ``(r,)``.
+            twist: The same as a twist, shape ``(2,)`` or ``(3,)``, for `pose_after`.
         """
         if self._given:
             stamp = max(stamp, self._given[-1][0])
+            while self._given and self._given[0][0] < stamp - _REMEMBERED:
+                self._before = self._given.popleft()[1]
         self._given.append((stamp, control))
+        if twist is not None:
+            self._twists.append((stamp, twist.tolist()))
 
     def take_back(self) -> Array:
         """Forget the last command, which was never sent; the one before it, shape ``(r,)``."""
         self._given.pop()
+        if self._twists:
+            self._twists.pop()
         return self.latest
 
     def until(self, stamp: int, delay: int) -> tuple[Array, Array]:
-        """What the wheels do from an instant on until a command given then takes effect.
-
-        What was over before is forgotten: instants must not go back.
+        """Controls from an instant on until a command given then takes effect.
 
         Args:
             stamp: The instant [ns].
@@ -73,34 +82,94 @@ class PendingCommands:
         Returns:
             Controls ``(K, r)``, and for how long each holds ``(K,)`` [s]; nothing without a delay.
         """
-        while self._given and self._given[0][0] + delay <= stamp:
-            at, self._in_force = self._given.popleft()
-            self._in_effect.append((at + delay, self._in_force))
+        ahead: list[tuple[int, Array]] = []
+        self._in_force = self._before
+        for at, control in reversed(self._given):
+            if at + delay <= stamp:
+                self._in_force = control
+                break
+            if at < stamp:
+                ahead.append((at + delay, control))
         if not delay:
             return np.empty((0, len(self._in_force))), np.empty(0)
-        ahead = [(at + delay, speeds) for at, speeds in self._given if at < stamp]
-        speeds = np.array([self._in_force, *(each for _, each in ahead)])
+        ahead.reverse()
+        controls = np.array([self._in_force, *(each for _, each in ahead)])
         edges = np.array([stamp, *(at for at, _ in ahead), stamp + delay], dtype=np.int64)
         durations = np.diff(edges) / NANOSECONDS
         lasting = durations > 0.0
-        return speeds[lasting], durations[lasting]
+        return controls[lasting], durations[lasting]
 
     def since(self, begin: int, end: int, delay: int) -> tuple[Array, Array]:
-        """What the wheels did between two instants, the latest first.
+        """Controls in effect between two instants, the latest first.
 
         Args:
             begin: The earlier instant [ns], not long ago.
-            end: The later one [ns], which was asked for last.
+            end: The later one [ns].
             delay: Time from a command's stamp to its effect [ns].
 
         Returns:
             Controls ``(K, r)``, and for how long each held ``(K,)`` [s].
         """
-        self.until(end, delay)
-        speeds, lengths = [], []
-        for at, each in reversed(self._in_effect):
-            if end > begin:
-                speeds.append(each)
+        controls, lengths = [], []
+        for given, control in reversed(self._given):
+            at = given + delay
+            if at <= end and end > begin:
+                controls.append(control)
                 lengths.append((end - max(at, begin)) / NANOSECONDS)
-                end = min(end, max(at, begin))
-        return np.array(speeds).reshape(-1, len(self._in_force)), np.array(lengths)
+                end = max(at, begin)
+        return np.array(controls).reshape(-1, len(self._before)), np.array(lengths)
+
+    def pose_after(
+        self, pose: Array, begin: int, end: int, delay: int, grip: float
+    ) -> tuple[float, float, float]:
+        """Pose to which the commands lead a robot that obeys each at once, after the delay.
+
+        In plain Python: it is asked for at every control step, and takes microseconds so.
+
+        Args:
+            pose: At the beginning, shape ``(3,)`` [m, m, rad].
+            begin: The earlier instant [ns], not long ago.
+            end: The later one [ns].
+            delay: Time from a command's stamp to its effect [ns].
+            grip: Fraction of its wheels' turning by which the robot moves.
+        """
+        held, until = list[tuple[list[float], float]](), end
+        for given, twist in reversed(self._twists):
+            at = given + delay
+            if at < until:
+                held.append((twist, (until - max(at, begin)) * 1e-9))
+                until = at
+                if at <= begin:
+                    break
+        x, y, heading = pose.tolist()
+        for (forward, *left, turn_rate), seconds in reversed(held):
+            half = 0.5 * grip * turn_rate * seconds
+            chord = grip * seconds * (math.sin(half) / half if half else 1.0)
+            cosine, sine = math.cos(heading + half), math.sin(heading + half)
+            x += chord * forward * cosine
+            y += chord * forward * sine
+            if left:
+                x -= chord * left[0] * sine
+                y += chord * left[0] * cosine
+            heading += 2.0 * half
+        return x, y, heading
+
+    def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
+        """Commands given up to an instant, for the response of the wheels to them.
+
+        Args:
+            stamp: The instant [ns].
+            earliest: Instant before which a command has taken its full effect [ns].
+
+        Returns:
+            When each was given, relative to the instant ``(K,)`` [s], and controls ``(K + 1, r)``:
+            the one before them first.
+        """
+        before, times, controls = self._before, list[float](), list[Array]()
+        for at, control in self._given:
+            if at < earliest:
+                before = control
+            elif at < stamp:
+                times.append((at - stamp) / NANOSECONDS)
+                controls.append(control)
+        return np.array(times), np.array([before, *controls])

@@ -7,7 +7,7 @@ robot that is heavier than its model is beyond that arc before it stands.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
@@ -27,7 +28,6 @@ from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
 Array = NDArray[np.float64]
-Lags = Sequence[tuple[float, Array]]
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 
@@ -184,9 +184,9 @@ class Approach:
         start: PlanStart,
         pending: Verdict | None,
         here: PlanStart,
-        lags: Lags,
+        risk: Risk,
     ) -> tuple[Plan, Verdict, str] | None:
-        """A plan no faster than is safe before what it leads into, and if the wheels lag.
+        """A plan no faster than is safe before what it leads into, however the robot responds.
 
         Args:
             plan: One that has passed its audit.
@@ -195,7 +195,7 @@ class Approach:
             start: Where it begins.
             pending: As of `calmed`.
             here: As of `calmed`.
-            lags: As of `calmed`.
+            risk: As of `calmed`.
 
         Returns:
             It, its verdict and a remark for the reason; None where no speed is safe.
@@ -208,11 +208,11 @@ class Approach:
             if checked.passed:
                 plan, verdict = slowed, checked
                 remark = f' Slows down to {self._speed_of(plan):.3g} m/s: {ahead}'
-        calm = self.calmed(plan, verdict, start, pending, here, lags)
+        calm = self.calmed(plan, verdict, start, pending, here, risk)
         if calm is None:
             return None
         if calm[0] is not plan:
-            remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: its wheels may lag.'
+            remark += f' Slowed to {self._speed_of(calm[0]):.3g} m/s: {risk.remark}'
         return (*calm, remark)
 
     def _speed_of(self, plan: Plan) -> float:
@@ -242,9 +242,9 @@ class Approach:
         start: PlanStart,
         pending: Verdict | None,
         here: PlanStart,
-        lags: Lags,
+        risk: Risk,
     ) -> tuple[Plan, Verdict] | None:
-        """A plan so slow that its first command and a stop are clear if the wheels lag, too.
+        """A plan so slow that its first command and a stop are clear however the robot responds.
 
         Args:
             plan: One that has passed its audit.
@@ -252,12 +252,12 @@ class Approach:
             start: Where it begins.
             pending: Verdict on the path to its beginning, if there is one.
             here: Where the robot is.
-            lags: That the wheels may have [s], with their speeds by now [rad/s].
+            risk: How else the robot may respond.
 
         Returns:
             It and its verdict, at the largest speed tried that is clear; None where none is.
         """
-        if not lags:
+        if not risk.responses:
             return plan, verdict
         for fraction in _SPEEDS:
             slower, checked = plan, verdict
@@ -266,8 +266,10 @@ class Approach:
                 durations = plan.horizon.durations
                 checked = self._audit.check(start, slower.controls, durations, pending)
             if checked.passed and all(
-                self._lag_audit.is_clear_with_lag(here, slower, checked.ramp, each, lag)
-                for lag, each in lags
+                self._lag_audit.is_clear_with(
+                    each, here, slower, checked.ramp, fraction * risk.error
+                )
+                for each in risk.responses
             ):
                 return slower, checked
         return None

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.response import Response, driven
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
 from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking, with_lag
+from cmpsp_ros.robots.acceleration import NO_RAMP, braking
 from cmpsp_ros.robots.footprint import placed
 from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
 
@@ -32,9 +33,7 @@ _ROUNDING = 1e-6
 _SEEN: Final = f'obstacle {SEEN}'
 
 _TO_REST: Final = 4.0
-_SLICES: Final = 4
-"""How many time constants a lagging wheel is watched for after the last command, and in how many
-arcs each command is driven."""
+"""Time constants for which a lagging wheel is watched after the last command."""
 
 CHANGE_ROUNDING: Final = 1e-6
 """What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
@@ -213,25 +212,30 @@ class Audit:
         shortfall = self._swept(start, ramp, np.full(len(ramp), self._period), len(ramp))[4]
         return NO_RAMP if shortfall > _ROUNDING else ramp
 
-    def is_clear_with_lag(
-        self, start: PlanStart, plan: Plan, ramp: Array, wheels: Array, lag: float
+    def is_clear_with(
+        self, response: Response, here: PlanStart, plan: Plan, ramp: Array, error: float
     ) -> bool:
-        """Whether the first command of a plan, and then the ramp, are clear if the wheels lag.
+        """Whether a robot that responds so stays clear under a plan's first command and a stop.
 
         Args:
-            start: Where the plan begins.
+            response: To the commands given before, and to these.
+            here: Where the robot is.
             plan: The plan.
             ramp: Commands after its first, shape ``(K, r)``.
-            wheels: Control in effect at first, shape ``(r,)``.
-            lag: Time constant of the wheels [s].
+            error: Clearance wanted [m], where the robot has that now.
         """
         ramp = ramp.reshape(-1, plan.controls.shape[1])
-        commands = np.vstack([plan.controls[:1], ramp])
-        commands = np.vstack([commands, start.robot.stopped(commands[-1])])
+        commands = np.vstack([response.pending, plan.controls[:1], ramp])
+        commands = np.vstack([commands, here.robot.stopped(commands[-1])])
+        first = len(response.durations)
         held = np.full(len(commands), self._period)
-        held[0], held[-1] = plan.horizon.durations[0], _TO_REST * lag
-        path = with_lag(wheels.copy(), commands, held, lag, _SLICES)
-        return not self._swept(start, *path, len(path[1]))[4] > _ROUNDING
+        held[:first] = response.durations
+        held[first], held[-1] = plan.horizon.durations[0], _TO_REST * response.lag
+        path = driven(response.effective.copy(), commands, held, response.lag)
+        found = self._swept(here, *path, len(path[1]))
+        if found[4] > _ROUNDING:
+            return False
+        return found[1] >= error or found[1] >= float(self.clearance_at(here.pose, here.moving, here.progress).min()) - _ROUNDING
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.

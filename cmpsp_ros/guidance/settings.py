@@ -53,7 +53,7 @@ class Safety:
     margin: float = 0.0
     between_samples: bool = True
     stopping_time: float = 0.5
-    max_prediction_error: float = 0.5
+    max_prediction_error: float = 0.3
     stop_within_sight: bool = True
 
 

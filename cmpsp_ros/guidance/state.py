@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from cmpsp_ros.world.roads.arc_length import project_on_path
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
+
+_NOTHING: Final = np.empty((0, 0)), np.empty(0)
+"""Controls that a robot without a delay is driven by until a new one takes effect."""
 
 
 @dataclass
@@ -162,13 +166,11 @@ class LawState:
         self.commanded_at = decision.stamp
         if self.sighting is not None:
             decision = decision._replace(sighting=self.sighting.stamp)
-        response = self.response
+        lag, delay = self.response.lag_interval, self.response.delay_interval
+        if self.used_slip == 0.0 and not tracks and lag is None:
+            return decision
         return decision._replace(
-            wheel_slip=self.used_slip,
-            wheel_lag=response.lag_interval,
-            response_delay=response.delay_interval,
-            prediction_error=response.error,
-            tracks=tracks,
+            wheel_slip=self.used_slip, wheel_lag=lag, response_delay=delay, tracks=tracks
         )
 
     def risk(self, stamp: int) -> Risk:
@@ -204,14 +206,15 @@ class LawState:
         """
         self.progress = project_on_path(road, pose, self.progress)
         here = PlanStart(pose, self.robot, moving, self.progress, self.previous_control)
+        if not (self.response.delay or self.response.lag):
+            self.delay = 0
+            return here, here, _NOTHING
         response = self.response.in_use(stamp, self.pending)
         self.delay = self.response.delay + to_nanoseconds(response.lag)
         given = controls, durations = response.in_effect()
         if response.lag > 0.0:
             controls = np.vstack([controls, response.settled])
             durations = np.append(durations, response.lag)
-        if not len(durations):
-            return here, here, given
         ahead = self.robot.roll_out(pose, controls, durations)[-1]
         progress = project_on_path(road, ahead, self.progress)
         later = moving.after(float(durations.sum()))

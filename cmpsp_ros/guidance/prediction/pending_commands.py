@@ -133,25 +133,29 @@ class PendingCommands:
             delay: Time from a command's stamp to its effect [ns].
             grip: Fraction of its wheels' turning by which the robot moves.
         """
-        held, until = list[tuple[list[float], float]](), end
+        held: list[tuple[list[float], float]] = []
+        until = end
         for given, twist in reversed(self._twists):
             at = given + delay
             if at < until:
-                held.append((twist, (until - max(at, begin)) * 1e-9))
-                until = at
                 if at <= begin:
+                    held.append((twist, (until - begin) * 1e-9))
                     break
+                held.append((twist, (until - at) * 1e-9))
+                until = at
         x, y, heading = pose.tolist()
         for (forward, *left, turn_rate), seconds in reversed(held):
-            half = 0.5 * grip * turn_rate * seconds
-            chord = grip * seconds * (math.sin(half) / half if half else 1.0)
-            cosine, sine = math.cos(heading + half), math.sin(heading + half)
-            x += chord * forward * cosine
-            y += chord * forward * sine
+            driven = grip * seconds
+            half = 0.5 * turn_rate * driven
+            chord = driven * math.sin(half) / half if half else driven
+            heading += half
+            cosine, sine = chord * math.cos(heading), chord * math.sin(heading)
+            x += forward * cosine
+            y += forward * sine
             if left:
-                x -= chord * left[0] * sine
-                y += chord * left[0] * cosine
-            heading += 2.0 * half
+                x -= left[0] * sine
+                y += left[0] * cosine
+            heading += half
         return x, y, heading
 
     def before(self, stamp: int, earliest: int) -> tuple[Array, Array]:
@@ -165,7 +169,9 @@ class PendingCommands:
             When each was given, relative to the instant ``(K,)`` [s], and controls ``(K + 1, r)``:
             the one before them first.
         """
-        before, times, controls = self._before, list[float](), list[Array]()
+        before = self._before
+        times: list[float] = []
+        controls: list[Array] = []
         for at, control in self._given:
             if at < earliest:
                 before = control

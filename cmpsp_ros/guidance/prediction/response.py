@@ -117,6 +117,9 @@ def driven(effective: Array, commands: Array, held: Array, lag: float) -> tuple[
     return with_lag(effective, commands, held, lag, SLICES) if lag > 0.0 else (commands, held)
 
 
+_AS_TOLD: Final = Risk([], 0.0, '')
+
+
 class ResponseEstimate:
     """The response of one run, seen at its control steps.
 
@@ -138,7 +141,8 @@ class ResponseEstimate:
             return
         self._bounds = bounds
         self._with_lag = settings.max_lag > 0.0
-        longest = settings.max_lag if self._with_lag else told + tolerance
+        longest = told + tolerance if tolerance > 0.0 else 0.0
+        longest = settings.max_lag if self._with_lag else longest
         lags = np.linspace(0.0, longest, _LAGS + 1) if longest > 0.0 else np.zeros(1)
         steps = math.floor(tolerance / _STEP + 0.5)
         offsets = _STEP * np.arange(-steps, steps + 1)
@@ -184,14 +188,8 @@ class ResponseEstimate:
         totals = (self._delays + self._lags)[self._possible]
         return self.delay / NANOSECONDS + self.lag, float(totals.min()), float(totals.max())
 
-    @property
-    def possible(self) -> NDArray[np.intp]:
-        """Numbers of responses that a command must be clear with: the quickest, slowest, and one.
-
-        None while odometry agrees with settings that know no lag.
-        """
-        if not (self._with_lag or self._is_corrected):
-            return np.zeros(0, np.intp)
+    def _chosen(self) -> NDArray[np.intp]:
+        """Numbers of the quickest possible response, the slowest, and one between."""
         numbers = np.flatnonzero(self._possible)
         totals = self._delays[numbers] + self._lags[numbers]
         order = numbers[np.argsort(totals, kind='stable')]
@@ -210,7 +208,9 @@ class ResponseEstimate:
             stamp: Present time [ns].
             commands: Those given before.
         """
-        numbers = self.possible
+        if not (self._with_lag or self._is_corrected):
+            return _AS_TOLD
+        numbers = self._chosen()
         delays, lags = self._delays[numbers], self._lags[numbers]
         if len(numbers):
             delays[0], delays[-1] = max(delays[0] - self._jitter, 0.0), delays[-1] + self._jitter
@@ -272,13 +272,14 @@ class ResponseEstimate:
         began, self._began = self._began, (stamp, pose)
         if began is None:
             return
-        if not self._with_lag and not self._periods:
-            before = began[1]
-            predicted = commands.pose_after(before, began[0], stamp, self.delay, 1.0 - slip)
-            error = _distance(predicted, pose.tolist(), robot.half_track)
-            if error <= _UNNOTICED:
-                self.error = max(error, _DECAY * self.error)
-                return
+        predicted = commands.pose_after(began[1], began[0], stamp, self.delay, 1.0 - slip)
+        error = _distance(predicted, pose.tolist(), robot.half_track)
+        if error > 2.0 * robot.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
+            # No response to commands has made it: odometry has jumped.
+            return
+        if error <= _UNNOTICED and not self._with_lag and not self._periods:
+            self.error = max(error, _DECAY * self.error)
+            return
         self._try_all(*began, stamp, pose, commands, robot)
 
     def _try_all(

@@ -60,8 +60,9 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'qp_iterations': decision.qp_iterations,
         'active_rows': decision.active_rows,
         'failures': decision.failures,
+        'prediction_error': decision.prediction_error,
         **({'wheel_slip': decision.wheel_slip} if decision.wheel_slip > 0.0 else {}),
-        **_of_lag(decision),
+        **_of_response(decision),
         'finished': decision.finished,
         'missed': decision.missed,
         'halted': decision.halted,
@@ -95,9 +96,14 @@ def _of_wheels(decision: Decision) -> dict[str, object]:
     return {WHEELS: ' '.join(map(repr, speeds)), **of_car}
 
 
-def _of_lag(decision: Decision) -> dict[str, object]:
-    keys = 'wheel_lag', 'wheel_lag_min', 'wheel_lag_max'
-    return dict(zip(keys, decision.wheel_lag or (), strict=False))
+def _of_response(decision: Decision) -> dict[str, object]:
+    """Delay and lag of the response to commands, each with its interval, where estimated."""
+    intervals = {'wheel_lag': decision.wheel_lag, 'response_delay': decision.response_delay}
+    return {
+        f'{key}{end}': value
+        for key, interval in intervals.items()
+        for end, value in zip(('', '_min', '_max'), interval or (), strict=False)
+    }
 
 
 def _of_goal(decision: Decision) -> dict[str, object]:

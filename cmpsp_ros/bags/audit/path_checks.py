@@ -14,6 +14,7 @@ from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
 from cmpsp_ros.bags.audit.record import AuditRecord, Leg, RunSpan
+from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.guidance.goals import Goal
@@ -109,16 +110,16 @@ def margin(record: AuditRecord) -> Verdict:
 def commanded(record: AuditRecord) -> Verdict:
     """The arc of each command, held for a control period from the pose where it takes effect.
 
-    That is the pose of its odometry, or with `command_delay` or an estimated lag the one measured
-    that much later. A robot that is too close already may only be commanded not to get closer.
+    That is the pose of its odometry, or with `command_delay`, or with a delay or lag that was
+    estimated, the one measured that much later. A robot that is too close already may only be commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
-    lags = {each.stamp: each.wheel_lag for each in record.decisions}
+    estimates = {each.stamp: each for each in record.decisions}
     for leg in record.legs:
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
-        behind = [lags.get(stamp, 0.0) for stamp in commands.stamps.tolist()]
-        delays = np.add([each.command_delay for each in settings_of], behind)
+        answered = [estimates.get(stamp) for stamp in commands.stamps.tolist()]
+        delays = np.array(list(map(_effect_delay, settings_of, answered)))
         poses = _measured(leg, commands.stamps, delays)
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
@@ -144,6 +145,15 @@ def commanded(record: AuditRecord) -> Verdict:
         else f'A command leads {-worst:.3g} m too close to {nearest} before the next is due.'
     )
     return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+
+
+def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
+    """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
+    if decision is None:
+        return settings.command_delay
+    if decision.response_delay is not None:
+        return decision.response_delay
+    return settings.command_delay + decision.wheel_lag
 
 
 def jumps(record: AuditRecord) -> Verdict:

@@ -7,11 +7,12 @@ settings give are tried side by side: each leads from where odometry was to wher
 and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods and errors of
 ``sigma`` each, a response is possible as long as
 
-    S - min S <= (5 sigma)^2,   sigma^2 = max(min S / n, (2 mm)^2)
+    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
 
 which is the likelihood-ratio interval of five standard deviations. The response in use is replaced
 by the likeliest one when it is beyond three. What no response explains, as slip or a push, makes
-``sigma`` larger and the interval wider.
+``sigma`` larger and the interval wider. How far the delay varies from command to command (jitter)
+is taken from the periods one by one.
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ _UNNOTICED: Final = 0.002
 
 _POSSIBLE: Final = 5.0
 """Standard deviations up to which a response is possible."""
+
+_EXPLAINED: Final = 2.0
+"""Standard deviations up to which a response explains a single control period."""
 
 _IN_USE: Final = 3.0
 """Standard deviations up to which the response in use stays."""
@@ -156,7 +160,7 @@ class ResponseEstimate:
         self._misfits, self._periods = np.zeros(len(self._delays)), 0.0
         self._found = np.zeros(len(self._delays))
         self.delay, self.lag = to_nanoseconds(told), 0.0
-        self._is_corrected, self._jitter = False, 0.0
+        self._told, self._jitter = self.delay, 0.0
         self._possible = self._as_told
         self.lose()
 
@@ -166,13 +170,13 @@ class ResponseEstimate:
 
     @property
     def is_corrected(self) -> bool:
-        """Whether odometry has contradicted what the settings say of the delay."""
-        return self._is_corrected
+        """Whether odometry has contradicted what the settings say."""
+        return self.delay != self._told or (self.lag > 0.0 and not self._with_lag)
 
     @property
     def lag_interval(self) -> tuple[float, float, float] | None:
         """The lag in use, the least possible and the largest [s]; None where none is considered."""
-        if not self._with_lag and not self._is_corrected:
+        if not self._with_lag and not self.is_corrected:
             return None
         lags = self._lags[self._possible]
         return self.lag, float(lags.min()), float(lags.max())
@@ -183,7 +187,7 @@ class ResponseEstimate:
 
         None while odometry agrees with what the settings say.
         """
-        if not self._is_corrected:
+        if not self.is_corrected:
             return None
         totals = (self._delays + self._lags)[self._possible]
         return self.delay / NANOSECONDS + self.lag, float(totals.min()), float(totals.max())
@@ -194,7 +198,7 @@ class ResponseEstimate:
         totals = self._delays[numbers] + self._lags[numbers]
         order = numbers[np.argsort(totals, kind='stable')]
         first = 0
-        if not self._is_corrected and order[0] == numbers[0] and not self._lags[order[0]]:
+        if not self.is_corrected and order[0] == numbers[0] and not self._lags[order[0]]:
             # No lag at all is what the plan has been checked with.
             order = order[1:]
             first = max(len(order) // 3 - 1, 0)
@@ -208,7 +212,7 @@ class ResponseEstimate:
             stamp: Present time [ns].
             commands: Those given before.
         """
-        if not (self._with_lag or self._is_corrected):
+        if not (self._with_lag or self.is_corrected):
             return _AS_TOLD
         numbers = self._chosen()
         delays, lags = self._delays[numbers], self._lags[numbers]
@@ -219,7 +223,7 @@ class ResponseEstimate:
             for delay, lag in zip(delays.tolist(), lags.tolist(), strict=True)
         ]
         remark = 'its wheels may lag.'
-        if self._is_corrected:
+        if self.is_corrected:
             remark = f'predictions have been wrong by {self.error:.2g} m.'
         return Risk(responses, self.error, remark)
 
@@ -311,34 +315,34 @@ class ResponseEstimate:
         put_misfits(*arguments)
         # Where all responses lead to the same place, it says nothing about them.
         if float(found.max() - found.min()) > _UNNOTICED**2:
-            self._jitter = max(self._deviation(found), _FADING * self._jitter)
             self._misfits = _FORGETTING * self._misfits + found
             self._periods = _FORGETTING * self._periods + 1.0
-            self._choose()
+            if self._periods > 1.0:
+                least = max(float(self._misfits.min()), self._periods * _UNNOTICED**2)
+                variance = least / (self._periods - 1.0)
+                self._jitter = max(self._deviation(found, variance), _FADING * self._jitter)
+                self._choose(variance)
         error = math.sqrt(float(found[self._nearest()]))
         self.error = max(error, _DECAY * self.error)
 
-    def _choose(self) -> None:
+    def _choose(self, variance: float) -> None:
         """Replace the response in use by the likeliest one where odometry contradicts it."""
         misfits = self._misfits
         least = float(misfits.min())
-        variance = max(least / self._periods, _UNNOTICED**2)
-        as_told = self._as_told
-        if float(misfits[as_told].min()) - least <= _IN_USE**2 * variance and not self._is_corrected:
+        as_told = float(misfits[self._as_told].min()) - least
+        if as_told <= _IN_USE**2 * variance and not self.is_corrected:
             # What the settings say of the delay is likely enough.
-            misfits = np.where(as_told, misfits, math.inf)
+            misfits = np.where(self._as_told, misfits, math.inf)
             least = float(misfits.min())
-        else:
-            self._is_corrected = True
         self._possible = misfits - least <= _POSSIBLE**2 * variance
         if float(misfits[self._nearest()]) - least > _IN_USE**2 * variance:
             best = int(misfits.argmin())
             self.delay, self.lag = to_nanoseconds(float(self._delays[best])), float(self._lags[best])
 
-    def _deviation(self, found: Array) -> float:
+    def _deviation(self, found: Array, variance: float) -> float:
         """By how much the delay in use must change to explain one control period by itself [s]."""
         totals = self._delays + self._lags - (self.delay / NANOSECONDS + self.lag)
-        explained = found <= max(_UNNOTICED**2, float(found.min()))
+        explained = found - float(found.min()) <= _EXPLAINED**2 * variance
         return float(np.abs(totals[explained]).min())
 
     def _nearest(self) -> int:

@@ -41,6 +41,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
     seldom = {
         'wheel_slip',
         'wheel_lag',
+        'response_delay',
         'steering_angle',
         'tracks',
         'sighting',

@@ -34,6 +34,7 @@ from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.guidance.solver_settings import InitialGuess
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
@@ -162,6 +163,8 @@ def test_where_new_plans_do_not_help_they_are_made_ever_more_seldom(monkeypatch)
 
 def test_a_plan_that_may_not_be_followed_is_replaced_at_every_step(monkeypatch):
     given = replace(settings(BOTH, 51.0, ROAD), failure_tolerance=50)
+    # It stands still all the time.
+    given = replace(given, delay_tolerance=0.0, safety=Safety(max_prediction_error=0.0))
     law = GuidanceLaw(given)
     run = drive(law, given, ON_TIME[:6])
     improve, guesses = Planner.improve, []

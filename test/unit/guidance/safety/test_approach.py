@@ -10,6 +10,7 @@ from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, sta
 from cmpsp_ros.guidance.decision import FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.safety.approach import Approach
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
@@ -169,7 +170,8 @@ def test_far_away_nothing_is_slowed_down():
 def test_wheels_that_lag_as_much_as_they_may_touch_nothing(number):
     """Without it, this heavy robot leaves the road by 24 cm and more."""
     assert outcome(drive_study(Study('heavy').run(number))).clearance > 0.0
-    heedless = Study('heavy', assignments=('max_wheel_lag=0.0',))
+    told = 'max_wheel_lag=0.0', 'command_delay_tolerance=0.0'
+    heedless = Study('heavy', assignments=told)
     assert outcome(drive_study(heedless.run(number))).clearance < -0.2
 
 
@@ -191,10 +193,11 @@ def test_what_lies_between_the_paths_of_less_lag_and_more():
     audit = Audit(given)
     verdict = audit.check(start, plan.controls, plan.horizon.durations)
     assert verdict.passed
-    lags = [0.1, 0.2, 0.3]
-    clear = [audit.is_clear_with_lag(start, plan, verdict.ramp, wheels, lag) for lag in lags]
+    nothing = np.empty((0, 2)), np.empty(0)
+    lags = [Response(0.0, lag, wheels, *nothing) for lag in (0.1, 0.2, 0.3)]
+    clear = [audit.is_clear_with(lag, start, plan, verdict.ramp, 0.0) for lag in lags]
     assert clear == [True, False, True]
-    known = [(lag, wheels) for lag in lags]
+    known = Risk(lags, 0.0, 'its wheels may lag.')
     assert approach(given).calmed(plan, verdict, start, None, start, known) is None
     away = replace(given, obstacles=(FIRST,))
     assert approach(away).calmed(plan, verdict, start, None, start, known)[0] is plan

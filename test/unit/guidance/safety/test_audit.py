@@ -9,6 +9,7 @@ from scenarios import FIRST, PERIOD, SECOND, clearance, settings, start_of
 
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance.prediction.response import Response
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.world.obstacles.shapes import Obstacle
@@ -230,4 +231,5 @@ def test_a_stop_that_wheels_which_lag_come_to_too_late(lag, clear):
     plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(40, 40), np.zeros((6, 3)))
     verdict = Audit(given).check(start, plan.controls, TIMES)
     assert verdict.passed
-    assert Audit(given).is_clear_with_lag(start, plan, verdict.ramp, held, lag) == clear
+    response = Response(0.0, lag, held, np.empty((0, 2)), np.empty(0))
+    assert Audit(given).is_clear_with(response, start, plan, verdict.ramp, 0.0) == clear

@@ -15,6 +15,7 @@ from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
@@ -101,6 +102,8 @@ def drive(task: Task) -> Driven:
 
     An exception in the law ends its part as in the node: the robot is stopped.
     """
+    if task.foreign is not None:
+        return _drive_foreign(task, task.foreign)
     driven, plant = Driven(task), Plant(task.plant)
     driven.motions.append(plant.motion)
     driven.end = to_nanoseconds(task.settings.final_time)
@@ -132,14 +135,28 @@ def drive(task: Task) -> Driven:
             _brake(plant, driven, law, period)
     except Exception as error:
         # The study goes on and reports it.
-        text = ' '.join(str(error).split())
-        driven.exception = f'{type(error).__name__}: {text}'
+        driven.exception = _in_words(error)
         plant.command(plant.stamp_ns, 0.0, 0.0)
     end = max(driven.end, plant.stamp_ns)
     _advance(plant, driven, end)
     plant.command(end, 0.0, 0.0)
     _advance(plant, driven, end + to_nanoseconds(_to_rest(task.plant)))
     return driven
+
+
+def _drive_foreign(task: Task, foreign: ForeignRobot) -> Driven:
+    drive = ForeignDrive(foreign, task.settings.robot, task.scenario.pose)
+    driven = Driven(task, drive.motions, drive.decisions)
+    try:
+        drive.run(GuidanceLaw(task.settings), task.settings.control_period)
+    except Exception as error:
+        driven.exception = _in_words(error)
+    driven.end = drive.end if drive.end < drive.motions[-1].stamp_ns else drive.motions[-1].stamp_ns
+    return driven
+
+
+def _in_words(error: Exception) -> str:
+    return f'{type(error).__name__}: {" ".join(str(error).split())}'
 
 
 def _brake(plant: Plant, driven: Driven, law: GuidanceLaw, period: int) -> None:
@@ -188,7 +205,8 @@ def outcome(driven: Driven) -> Outcome:
         obstacles=len(task.truth.obstacles),
         x=x,
         y=y,
-        time=driven.end / NANOSECONDS,
+        time=task.settings.final_time if task.foreign else driven.end / NANOSECONDS,
+        told_error=None if task.foreign is None else task.foreign.told_error,
         pace=_pace(driven) if task.has_map else None,
     )
 
@@ -265,7 +283,7 @@ def _is_outside(driven: Driven) -> bool:
 def _instants(driven: Driven, final: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Positions at the beginning of each control period, and at the final time [m]."""
     period = to_nanoseconds(driven.task.settings.control_period)
-    chosen, due = [], 0
+    chosen, due = [], driven.motions[0].stamp_ns
     for motion in driven.motions:
         if due <= motion.stamp_ns < final:
             chosen.append(motion.pose)

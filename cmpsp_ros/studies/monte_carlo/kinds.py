@@ -12,7 +12,11 @@ from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.cylinders import field_scenario
 from cmpsp_ros.studies.monte_carlo.courses.random_courses import corridor_scenario, floor_scenario
 from cmpsp_ros.studies.monte_carlo.courses.rooms import room_scenario
-from cmpsp_ros.studies.monte_carlo.courses.scenario import Scenario, scenario
+from cmpsp_ros.studies.monte_carlo.courses.scenario import (
+    Scenario,
+    paper_scenario,
+    scenario,
+)
 
 PRESET: Final = 'case3'
 _SEEING: Final = {
@@ -65,6 +69,7 @@ class Kind:
         sees: Whether the law knows nothing of obstacles but what a scanner shows.
         has_map: Whether it knows them from a map, and what it takes is compared with the shortest
             path.
+        is_foreign: Whether the robot is a `ForeignRobot`, and the law is told wrong about it.
         score_speed: Of the straight way, for the score of the BARN challenge [m/s]; None for none.
     """
 
@@ -76,12 +81,13 @@ class Kind:
     preset: str = PRESET
     sees: bool = False
     has_map: bool = False
+    is_foreign: bool = False
     score_speed: float | None = None
 
     @property
     def has_own_roads(self) -> bool:
         """Whether each run has another road."""
-        return self.draw is not scenario
+        return self.draw not in {scenario, paper_scenario}
 
 
 KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
@@ -116,6 +122,14 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
             },
             0.05,
             lag=(0.1, 0.3),
+        ),
+        # A robot without shared code, and a delay that is told wrong by up to 100 ms. The weight
+        # keeps plans from commands that a robot which lags cannot follow.
+        'told_wrong': Kind(
+            {'safety.margin': 0.05, 'weights.control_rate': 0.01},
+            0.05,
+            paper_scenario,
+            is_foreign=True,
         ),
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),

@@ -58,6 +58,7 @@ class Outcome:
         time: The final time, which may have been put off [s].
         pace: Length of the shortest clear path by that time, as a part of the nominal speed; None
             without a map.
+        told_error: Error of the delay that the law was told [s]; None where it is told right.
     """
 
     number: int
@@ -83,6 +84,7 @@ class Outcome:
     y: tuple[float, ...]
     time: float
     pace: float | None = None
+    told_error: float | None = None
 
     @property
     def clearance(self) -> float:

@@ -23,6 +23,7 @@ from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario
 from cmpsp_ros.studies.monte_carlo.eyes import Eyes, map_of
+from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignRobot
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.kinds import KINDS, Kind
 
@@ -124,6 +125,11 @@ class Study:
             lag = float(np.random.default_rng([drawn.seed, number]).uniform(*self.kind.lag))
             plant = replace(plant, wheel_lag=lag)
         known, changes = drawn.obstacles, drawn.changes
+        foreign = None
+        if self.kind.is_foreign:
+            foreign = ForeignRobot.draw(self.seed, number)
+            changes = {**changes, 'command_delay': foreign.told}
+            plant = replace(plant, wheel_lag=foreign.lag)
         if self.kind.sees:
             known = ()
         elif self.kind.has_map:
@@ -139,6 +145,7 @@ class Study:
             self.kind.lateness,
             replace(_scanner(self), seed=drawn.seed) if self.kind.sees else None,
             has_map=self.kind.has_map,
+            foreign=foreign,
         )
 
     def command(self, number: int) -> str:
@@ -160,6 +167,7 @@ class Task:
         scenario: Start and obstacles.
         settings: Of the guidance law.
         plant: Of the simulated robot.
+        foreign: The robot that is driven instead, if any.
         lateness: Longest time that a control step takes, in control periods.
         scanner: Of a robot that knows nothing of the obstacles but what it sees.
         patience: Time after which a run that is put off again and again ends [s].
@@ -173,6 +181,7 @@ class Task:
     scanner: LaserSettings | None = None
     patience: float = 180.0
     has_map: bool = False
+    foreign: ForeignRobot | None = None
 
     @property
     def truth(self) -> GuidanceSettings:

@@ -19,6 +19,8 @@ from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.monte_carlo.study import Study
 
 _LEVELS = ('nominal', 'elastic', 'previous_plan', 'stop')
+_NEARLY = 0.03
+"""Error of a delay that is told nearly right [s]."""
 _SPREADS = {
     'miss [m], goal in reach': 'miss_in_reach_m',
     'clearance [m]': 'clearance_m',
@@ -62,10 +64,23 @@ def shares(outcomes: Sequence[Outcome]) -> list[Share]:
     def in_reach(name: str, largest: float) -> Share:
         return Share(name, sum(each.miss <= largest for each in reachable), len(reachable))
 
+    told = [each for each in outcomes if each.told_error is not None]
+    nearly_right = [each for each in told if abs(each.told_error or 0.0) <= _NEARLY]
     touched = [each.touched for each in outcomes if each.obstacle_clearance is not None]
     return [
         in_reach('arrived within 1 mm, goal in reach', 1e-3),
         in_reach('arrived within 5 cm, goal in reach', 0.05),
+        *(
+            [
+                Share(
+                    f'arrived within 5 cm, delay told within {1e3 * _NEARLY:.0f} ms',
+                    sum(each.miss <= 0.05 for each in nearly_right),
+                    len(nearly_right),
+                )
+            ]
+            if told
+            else []
+        ),
         Share('touched an obstacle, of runs with any', sum(touched), len(touched)),
         runs('left the road', *(each.left_road for each in outcomes)),
         runs('exceptions', *(bool(each.exception) for each in outcomes)),
@@ -215,6 +230,7 @@ def write_parquet(
         for each in outcomes
     ]
     types = {'obstacle_clearance': pa.float64(), 'trouble_time': pa.float64(), 'judge': pa.string()}
+    types['told_error'] = pa.float64()
     table = pa.Table.from_pylist(rows)
     # A column of nothing but None has no type of its own.
     for name, kind in types.items():

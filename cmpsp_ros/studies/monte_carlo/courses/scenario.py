@@ -33,6 +33,18 @@ _BEYOND: Final = 0.5
 
 _ATTEMPTS: Final = 1000
 
+_PAPER_OBSTACLES: Final = (
+    Obstacle('a', (8.0, -6.0), 0.7),
+    Obstacle('b', (10.0, -2.0), 0.5),
+)
+"""Those of case 3."""
+
+_STARTS: Final = -9.6, -9.1
+"""Ordinates around the paper's -9.25 [m]."""
+
+_ASKEW: Final = 0.3
+"""Largest heading at the start; the paper's is 0 [rad]."""
+
 Point = tuple[float, float]
 
 
@@ -93,6 +105,24 @@ def scenario(
         if clear and is_open(road, [*obstacles, drawn], width):
             obstacles.append(drawn)
     return Scenario(number, (*start, heading), tuple(obstacles), plant_seed)
+
+
+def paper_scenario(
+    settings: GuidanceSettings, seed: int, number: int, most_obstacles: int
+) -> Scenario:
+    """The course of case 3, from starts near the paper's.
+
+    Args:
+        settings: Not used: the course is the same for every robot.
+        seed: Of the study, not negative.
+        number: Of the run, not negative.
+        most_obstacles: Maximum number on the road.
+    """
+    del settings
+    random = np.random.default_rng(np.random.SeedSequence([seed, number]))
+    plant_seed = int(random.integers(2**31))
+    pose = 0.0, float(random.uniform(*_STARTS)), float(random.uniform(-_ASKEW, _ASKEW))
+    return Scenario(number, pose, _PAPER_OBSTACLES[:most_obstacles], plant_seed)
 
 
 def is_open(road: Annulus, obstacles: Sequence[Obstacle], width: float) -> bool:

@@ -1,0 +1,200 @@
+"""A robot that is not the simulator's, and that the law is told wrong about.
+
+It shares no code with the simulator: a unicycle whose speed and turn rate lag behind the command,
+advanced at the ticks of its own loop, which also publish odometry with the stamps of its own clock.
+Messages and control steps take time, more on a busy computer; commands count from the next tick on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.decision import Decision
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.simulator.body import Motion
+
+Array = NDArray[np.float64]
+
+_RATES = 20.0, 50.0
+_LAGS = 0.05, 0.2
+_OFFSETS = -0.05, 0.05
+_TOLD_ERRORS = -0.1, 0.1
+_BUSY = 0.0, 0.01
+_STEP = 0.002, 0.008
+"""Time of a control step on an idle computer [s]."""
+_MESSAGE = 0.0005, 0.003
+"""Time that a message takes [s]."""
+_POSITION_STDDEV, _HEADING_STDDEV = 0.001, 0.001
+_WATCHDOG = 0.5
+_TO_REST = 1.5
+
+
+@dataclass(frozen=True)
+class ForeignRobot:
+    """What is drawn for a run.
+
+    Attributes:
+        rate: Of its loop and its odometry [Hz].
+        lag: Time constant of speed and turn rate [s].
+        clock_offset: By which its clock is ahead of the computer's [s].
+        told_error: Error of the `command_delay` that the law is told [s].
+        busy: Mean time by which other work delays a control step [s].
+        seed: Of latencies and noise.
+    """
+
+    rate: float
+    lag: float
+    clock_offset: float
+    told_error: float
+    busy: float
+    seed: int
+
+    @classmethod
+    def draw(cls, seed: int, number: int) -> ForeignRobot:
+        """The robot of a run."""
+        random = np.random.default_rng([seed, number, 1])
+        rate, lag, offset, error = (
+            float(random.uniform(*each)) for each in (_RATES, _LAGS, _OFFSETS, _TOLD_ERRORS)
+        )
+        return cls(rate, lag, offset, error, float(random.choice(_BUSY)), int(random.integers(2**31)))
+
+    @property
+    def delay(self) -> float:
+        """Mean delay of its response to a command, the lag included [s].
+
+        Half a tick less: a command acts on the whole of the tick that it comes in.
+        """
+        latencies = (sum(each) / 2.0 for each in (_STEP, _MESSAGE, _MESSAGE))
+        return self.lag + sum(latencies) + self.busy - 0.5 / self.rate
+
+    @property
+    def told(self) -> float:
+        """What the law is told of it [s]."""
+        return max(self.delay + self.told_error, 0.0)
+
+
+@dataclass
+class _Unicycle:
+    """Its state at a tick, as its own program has it."""
+
+    x: float
+    y: float
+    heading: float
+    time: float
+    speed: float = 0.0
+    turn_rate: float = 0.0
+    command: tuple[float, float] = (0.0, 0.0)
+    heard: float = -math.inf
+
+    def tick(self, lag: float, duration: float) -> None:
+        """Advance by a tick: the velocities first, then the pose with them."""
+        self.time += duration
+        if self.time - self.heard > _WATCHDOG:
+            self.command = 0.0, 0.0
+        part = 1.0 - math.exp(-duration / lag)
+        self.speed += part * (self.command[0] - self.speed)
+        self.turn_rate += part * (self.command[1] - self.turn_rate)
+        middle = self.heading + self.turn_rate * duration / 2.0
+        self.x += self.speed * duration * math.cos(middle)
+        self.y += self.speed * duration * math.sin(middle)
+        self.heading += self.turn_rate * duration
+
+
+class ForeignDrive:
+    """A drive: the robot, the messages under way, and the law on a computer that takes its time.
+
+    Attributes:
+        motions: Pose and twist at each tick, stamped by the robot's clock.
+        decisions: Of the law, up to the final time.
+        end: The final time, by the robot's clock [ns]; 0 before the first decision.
+    """
+
+    def __init__(self, foreign: ForeignRobot, model: Robot, pose: tuple[float, ...]) -> None:
+        """Put the robot at the start, at rest.
+
+        Args:
+            foreign: What it is like.
+            model: For the wheel speeds of its twists.
+            pose: Initial pose [m, m, rad].
+        """
+        self._foreign, self._model = foreign, model
+        self._random = np.random.default_rng(foreign.seed)
+        self._body = _Unicycle(*pose, time=1.0 + self._random.uniform(0.0, 1.0 / foreign.rate))
+        self._odometry: deque[tuple[float, int, Array]] = deque()
+        self._commands: deque[tuple[float, tuple[float, float]]] = deque()
+        self._free_at = 0.0
+        self.motions: list[Motion] = []
+        self.decisions: list[Decision] = []
+        self.end = 0
+
+    def run(self, law: GuidanceLaw, period: float) -> None:
+        """Drive until the robot is at rest after the final time.
+
+        Args:
+            law: The guidance law.
+            period: Control period [s].
+        """
+        self._note()
+        while not self.end or self._stamp < self.end + round(_TO_REST * NANOSECONDS):
+            body, duration = self._body, 1.0 / self._foreign.rate
+            while self._commands and self._commands[0][0] <= body.time + duration:
+                body.heard, body.command = self._commands.popleft()
+            begin = np.array([body.x, body.y, body.heading])
+            body.tick(self._foreign.lag, duration)
+            self._note(begin)
+            noise = self._random.standard_normal(3)
+            noise *= _POSITION_STDDEV, _POSITION_STDDEV, _HEADING_STDDEV
+            pose = np.array([body.x, body.y, body.heading]) + noise
+            arrival = body.time + self._random.uniform(*_MESSAGE)
+            self._odometry.append((arrival, self._stamp, pose))
+            self._guide(law, period, body.time + duration)
+
+    @property
+    def _stamp(self) -> int:
+        return round((self._body.time + self._foreign.clock_offset) * NANOSECONDS)
+
+    def _note(self, begin: Array | None = None) -> None:
+        """Note the arc that the robot has driven since the last tick, split at the final time."""
+        stamp, body = self._stamp, self._body
+        if begin is not None:
+            twist = np.array([body.speed, body.turn_rate])
+            wheels = self._model.wheel_speeds(twist)
+            since = self.motions.pop().stamp_ns
+            self.motions.append(Motion(since, begin, wheels, twist))
+            if since < self.end < stamp:
+                control, held = self._model.controls(twist)[None], (self.end - since) / NANOSECONDS
+                there = self._model.roll_out(begin, control, np.array([held]))[-1]
+                self.motions.append(Motion(self.end, there, wheels, twist))
+        rest = np.zeros(2)
+        pose = np.array([body.x, body.y, body.heading])
+        self.motions.append(Motion(stamp, pose, self._model.wheel_speeds(rest), rest))
+
+    def _guide(self, law: GuidanceLaw, period: float, until: float) -> None:
+        """Let the computer work off the odometry that it can take up before an instant [s]."""
+        while self._odometry and max(self._odometry[0][0], self._free_at) < until:
+            arrival, stamp, pose = self._odometry.popleft()
+            begin = max(arrival, self._free_at)
+            if begin - arrival > period and law.is_due(stamp) and self._odometry:
+                _, stamp, pose = self._odometry[-1]
+                self._odometry.clear()
+            decision = law.update(stamp, pose)
+            if decision is None:
+                continue
+            took = self._random.uniform(*_STEP) + self._random.exponential(self._foreign.busy)
+            if took > period and decision.plan is not None:
+                decision = law.withdraw(decision, took)
+            law.search(pose)
+            self._free_at = begin + took
+            self.end = self.end or law.ends_at or 0
+            if not decision.late:
+                heard = self._free_at + self._random.uniform(*_MESSAGE)
+                self._commands.append((heard, (float(decision.twist[0]), float(decision.twist[1]))))
+            if not decision.finished:
+                self.decisions.append(decision)

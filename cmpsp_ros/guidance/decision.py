@@ -94,7 +94,8 @@ class Decision(NamedTuple):
             None where none is considered.
         response_delay: Delay and lag of the response to commands that explains odometry, the least
             possible and the longest [s]; None while odometry agrees with `command_delay`.
-        prediction_error: Bound of the distance of odometry from what was predicted for it [m].
+        prediction_error: Bound of the distance of odometry from what was predicted for it [m]; 0 up
+            to 2 mm.
         finished: Whether the final time has passed.
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.

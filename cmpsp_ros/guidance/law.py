@@ -197,6 +197,11 @@ class GuidanceLaw:
         return self._state.foretold
 
     @property
+    def warnings(self) -> list[str]:
+        """What no plan of the run can do, and parameters that odometry contradicts."""
+        return [*self.foretold, *self._state.response.warnings()]
+
+    @property
     def task(self) -> GuidanceSettings:
         """The settings, with the goal that was received instead of theirs where there is one."""
         received = self._state.goals.received

@@ -36,6 +36,9 @@ Array = NDArray[np.float64]
 _UNNOTICED: Final = 0.002
 """Error of a prediction that is always allowed for [m]."""
 
+_WELL_EXPLAINED: Final = 0.01
+"""Error that the best response may leave in a period that counts at least half [m]."""
+
 _POSSIBLE: Final = 5.0
 """Standard deviations up to which a response is possible."""
 
@@ -129,7 +132,7 @@ class ResponseEstimate:
 
     Attributes:
         delay: From a command to its effect, of the response in use [ns].
-        error: Bound of the prediction error that the response in use leaves [m].
+        error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
     """
 
     def __init__(self, settings: GuidanceSettings) -> None:
@@ -237,9 +240,7 @@ class ResponseEstimate:
             ' (safety.max_prediction_error).'
         )
 
-    def response(
-        self, stamp: int, commands: PendingCommands, delay: float, lag: float
-    ) -> Response:
+    def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
         """A response, and the commands so far.
 
         Args:
@@ -261,6 +262,18 @@ class ResponseEstimate:
         """The response in use, as `response`."""
         return self.response(stamp, commands, self.delay / NANOSECONDS, self.lag)
 
+    def warnings(self) -> list[str]:
+        """Parameters to be set otherwise, in sentences; none while odometry agrees with them."""
+        if self.delay_interval is None:
+            return []
+        found, least, longest = self.delay_interval
+        told, tolerance, max_lag = self._bounds
+        bounded = '' if found < told + tolerance + max_lag - _STEP / 2.0 else ', its upper bound'
+        return [
+            f'Commands take effect after {found:.3f} s ({least:.3f} to {longest:.3f}){bounded},'
+            f' by odometry: command_delay is {told:.3g} s.'
+        ]
+
     def update(
         self, stamp: int, pose: Array, commands: PendingCommands, robot: Robot, slip: float
     ) -> None:
@@ -281,10 +294,10 @@ class ResponseEstimate:
         if error > 2.0 * robot.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
             # No response to commands has made it: odometry has jumped.
             return
-        if error <= _UNNOTICED and not self._with_lag and not self._periods:
-            self.error = max(error, _DECAY * self.error)
-            return
-        self._try_all(*began, stamp, pose, commands, robot)
+        if error > _UNNOTICED or self._with_lag or self._periods:
+            error = self._try_all(*began, stamp, pose, commands, robot)
+        error = max(error, _DECAY * self.error)
+        self.error = error if error > _UNNOTICED else 0.0
 
     def _try_all(
         self,
@@ -294,7 +307,8 @@ class ResponseEstimate:
         pose: Array,
         commands: PendingCommands,
         robot: Robot,
-    ) -> None:
+    ) -> float:
+        """Try all responses on a control period; the error of the one in use [m]."""
         times, controls = commands.before(stamp, self._earliest(began, stamp))
         found, duration = self._found, (stamp - began) / NANOSECONDS
         arguments = (
@@ -315,15 +329,16 @@ class ResponseEstimate:
         put_misfits(*arguments)
         # Where all responses lead to the same place, it says nothing about them.
         if float(found.max() - found.min()) > _UNNOTICED**2:
-            self._misfits = _FORGETTING * self._misfits + found
-            self._periods = _FORGETTING * self._periods + 1.0
+            # What no response explains says little about any.
+            weight = 1.0 / (1.0 + float(found.min()) / _WELL_EXPLAINED**2)
+            self._misfits = _FORGETTING * self._misfits + weight * found
+            self._periods = _FORGETTING * self._periods + weight
             if self._periods > 1.0:
                 least = max(float(self._misfits.min()), self._periods * _UNNOTICED**2)
                 variance = least / (self._periods - 1.0)
                 self._jitter = max(self._deviation(found, variance), _FADING * self._jitter)
                 self._choose(variance)
-        error = math.sqrt(float(found[self._nearest()]))
-        self.error = max(error, _DECAY * self.error)
+        return math.sqrt(float(found[self._nearest()]))
 
     def _choose(self, variance: float) -> None:
         """Replace the response in use by the likeliest one where odometry contradicts it."""
@@ -337,7 +352,10 @@ class ResponseEstimate:
         self._possible = misfits - least <= _POSSIBLE**2 * variance
         if float(misfits[self._nearest()]) - least > _IN_USE**2 * variance:
             best = int(misfits.argmin())
-            self.delay, self.lag = to_nanoseconds(float(self._delays[best])), float(self._lags[best])
+            self.delay, self.lag = (
+                to_nanoseconds(float(self._delays[best])),
+                float(self._lags[best]),
+            )
 
     def _deviation(self, found: Array, variance: float) -> float:
         """By how much the delay in use must change to explain one control period by itself [s]."""

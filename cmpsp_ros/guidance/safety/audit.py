@@ -235,7 +235,11 @@ class Audit:
         found = self._swept(here, *path, len(path[1]))
         if found[4] > _ROUNDING:
             return False
-        return found[1] >= error or found[1] >= float(self.clearance_at(here.pose, here.moving, here.progress).min()) - _ROUNDING
+        return (
+            found[1] >= error
+            or found[1]
+            >= float(self.clearance_at(here.pose, here.moving, here.progress).min()) - _ROUNDING
+        )
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.

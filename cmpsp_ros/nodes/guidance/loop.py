@@ -172,7 +172,7 @@ class GuidanceLoop:
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
-            *self._law.foretold,
+            *self._law.warnings,
         ]
 
     @property

@@ -151,7 +151,7 @@ def _drive_foreign(task: Task, foreign: ForeignRobot) -> Driven:
         drive.run(GuidanceLaw(task.settings), task.settings.control_period)
     except Exception as error:
         driven.exception = _in_words(error)
-    driven.end = drive.end if drive.end < drive.motions[-1].stamp_ns else drive.motions[-1].stamp_ns
+    driven.end = min(drive.end, drive.motions[-1].stamp_ns)
     return driven
 
 

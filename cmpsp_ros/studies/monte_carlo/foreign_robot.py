@@ -63,7 +63,8 @@ class ForeignRobot:
         rate, lag, offset, error = (
             float(random.uniform(*each)) for each in (_RATES, _LAGS, _OFFSETS, _TOLD_ERRORS)
         )
-        return cls(rate, lag, offset, error, float(random.choice(_BUSY)), int(random.integers(2**31)))
+        busy = float(random.choice(_BUSY))
+        return cls(rate, lag, offset, error, busy, int(random.integers(2**31)))
 
     @property
     def delay(self) -> float:
@@ -84,10 +85,10 @@ class ForeignRobot:
 class _Unicycle:
     """Its state at a tick, as its own program has it."""
 
+    time: float
     x: float
     y: float
     heading: float
-    time: float
     speed: float = 0.0
     turn_rate: float = 0.0
     command: tuple[float, float] = (0.0, 0.0)
@@ -116,7 +117,9 @@ class ForeignDrive:
         end: The final time, by the robot's clock [ns]; 0 before the first decision.
     """
 
-    def __init__(self, foreign: ForeignRobot, model: Robot, pose: tuple[float, ...]) -> None:
+    def __init__(
+        self, foreign: ForeignRobot, model: Robot, pose: tuple[float, float, float]
+    ) -> None:
         """Put the robot at the start, at rest.
 
         Args:
@@ -125,8 +128,10 @@ class ForeignDrive:
             pose: Initial pose [m, m, rad].
         """
         self._foreign, self._model = foreign, model
+        self._tick = 1.0 / foreign.rate
         self._random = np.random.default_rng(foreign.seed)
-        self._body = _Unicycle(*pose, time=1.0 + self._random.uniform(0.0, 1.0 / foreign.rate))
+        began = 1.0 + float(self._random.uniform(0.0, 1.0 / foreign.rate))
+        self._body = _Unicycle(began, *pose)
         self._odometry: deque[tuple[float, int, Array]] = deque()
         self._commands: deque[tuple[float, tuple[float, float]]] = deque()
         self._free_at = 0.0
@@ -143,7 +148,7 @@ class ForeignDrive:
         """
         self._note()
         while not self.end or self._stamp < self.end + round(_TO_REST * NANOSECONDS):
-            body, duration = self._body, 1.0 / self._foreign.rate
+            body, duration = self._body, self._tick
             while self._commands and self._commands[0][0] <= body.time + duration:
                 body.heard, body.command = self._commands.popleft()
             begin = np.array([body.x, body.y, body.heading])

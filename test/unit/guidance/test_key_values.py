@@ -42,6 +42,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
         'wheel_slip',
         'wheel_lag',
         'response_delay',
+        'prediction_error',
         'steering_angle',
         'tracks',
         'sighting',

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import CASES, PERIOD, ROAD, START, drive
+from scenarios import CASES, PERIOD, ROAD, START, assert_is, drive
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
@@ -56,7 +56,7 @@ def test_of_a_robot_at_rest_nothing_is_known():
 
 def test_a_push_leaves_many_lags_possible():
     _, least, longest = estimated(0.2, push=0.1).lag_interval
-    assert longest - least > 0.2
+    assert longest - least > 0.15
 
 
 def test_a_jump_says_nothing():
@@ -95,10 +95,10 @@ def test_a_delay_that_is_told_wrong_is_corrected(told, delay, lag, noise):
 
 def test_beyond_its_bounds_nothing_is_corrected():
     given = replace(CASES['case 3'], command_delay=0.0)
-    estimate = estimated(0.0, given=given, delay=0.15)
+    estimate = estimated(0.0, given=given, delay=0.11, times=3)
     assert estimate.delay_interval[0] == pytest.approx(0.1)
     told = replace(given, delay_tolerance=0.0)
-    assert estimated(0.0, given=told, delay=0.15).delay_interval is None
+    assert estimated(0.0, given=told, delay=0.11).delay_interval is None
 
 
 def test_noise_alone_corrects_nothing():
@@ -111,11 +111,11 @@ def test_noise_alone_corrects_nothing():
 
 def test_a_robot_as_told_is_predicted_exactly():
     estimate = estimated(0.0, given=CASES['case 3'], times=3)
-    assert estimate.error < 1e-12
+    assert estimate.error == 0.0
     assert estimate.risk(0, PendingCommands()).responses == []
 
 
-def test_predictions_that_are_beyond_all_bounds_stop_the_robot():
+def test_predictions_that_are_beyond_all_bounds_stop_the_robot(fault):
     """Its wheels do not turn, whatever is commanded."""
     given = replace(CASES['case 3'], initial_guess=ROAD, safety=Safety(max_prediction_error=0.25))
     law, stopped = GuidanceLaw(given), []
@@ -126,13 +126,15 @@ def test_predictions_that_are_beyond_all_bounds_stop_the_robot():
     assert stopped
     assert not any(each.twist.any() for each in stopped)
     assert all(each.prediction_error > 0.25 for each in stopped)
+    for each in stopped:
+        assert_is(fault, each)
 
 
 def test_a_delay_is_taken_for_no_lag():
     given = replace(CASES['case 3'], initial_guess=ROAD, max_lag=LONGEST, command_delay=0.1)
     law = GuidanceLaw(given)
     run = drive(law, replace(given, command_delay=0.1), [k * PERIOD for k in range(5)])
-    assert run.decisions[-1].prediction_error > 0.0
+    assert run.decisions[-1].prediction_error > 0.01
 
 
 def test_a_plan_begins_where_the_lag_that_is_estimated_leads():

@@ -189,17 +189,12 @@ class GuidanceLaw:
         if decision.step > 0 or decision.finished:
             return decision
         self._state.foretold = tuple(infeasibility_warnings(self.task, (pose[0], pose[1])))
-        return decision._replace(reason=' '.join([decision.reason, *self.foretold]))
-
-    @property
-    def foretold(self) -> tuple[str, ...]:
-        """What no plan of the run can do, in sentences."""
-        return self._state.foretold
+        return decision._replace(reason=' '.join([decision.reason, *self._state.foretold]))
 
     @property
     def warnings(self) -> list[str]:
         """What no plan of the run can do, and parameters that odometry contradicts."""
-        return [*self.foretold, *self._state.response.warnings()]
+        return [*self._state.foretold, *self._state.response.warnings()]
 
     @property
     def task(self) -> GuidanceSettings:
@@ -287,10 +282,9 @@ class GuidanceLaw:
         if state.tracker.new_obstacle_seen:
             self._selector.look_again()
         state.waiting = None
-        if reason := state.response.reason_to_stop(self._settings):
+        closed = '' if len(start.moving) else state.closed_road.waits
+        if reason := state.response.reason_to_stop(self._settings) or closed:
             return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
-        if state.closed_road.waits and not len(start.moving):
-            return self._decisions.stop(state, stamp, pose, state.closed_road.waits)
         selected = self._selector.best(context)
         state.reaches_goal = False
         closed = closed_ahead(state, self._approach, context, selected)

@@ -111,7 +111,8 @@ def commanded(record: AuditRecord) -> Verdict:
     """The arc of each command, held for a control period from the pose where it takes effect.
 
     That is the pose of its odometry, or with `command_delay`, or with a delay or lag that was
-    estimated, the one measured that much later. A robot that is too close already may only be commanded not to get closer.
+    estimated, the one measured that much later. A robot that is too close already may only be
+    commanded not to get closer.
     """
     worst, at, nearest = math.inf, record.start, ''
     estimates = {each.stamp: each for each in record.decisions}

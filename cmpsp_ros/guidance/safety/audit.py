@@ -217,12 +217,7 @@ class Audit:
     ) -> bool:
         """Whether a robot that responds so stays clear under a plan's first command and a stop.
 
-        Args:
-            response: To the commands given before, and to these.
-            here: Where the robot is.
-            plan: The plan.
-            ramp: Commands after its first, shape ``(K, r)``.
-            error: Clearance wanted [m], where the robot has that now.
+        The clearance wanted is `error` [m], or the present one; `ramp` ``(K, r)`` is the stop.
         """
         ramp = ramp.reshape(-1, plan.controls.shape[1])
         commands = np.vstack([response.pending, plan.controls[:1], ramp])
@@ -235,11 +230,8 @@ class Audit:
         found = self._swept(here, *path, len(path[1]))
         if found[4] > _ROUNDING:
             return False
-        return (
-            found[1] >= error
-            or found[1]
-            >= float(self.clearance_at(here.pose, here.moving, here.progress).min()) - _ROUNDING
-        )
+        now = self.clearance_at(here.pose, here.moving, here.progress)
+        return bool(found[1] >= min(error, float(now.min()) - _ROUNDING))
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.

@@ -231,7 +231,7 @@ class GuidanceLoop:
         self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
         decision = self._law.foretell(decision, pose)
         if not self._begun:
-            for each in self._law.foretold:
+            for each in self._law.warnings:
                 self._node.get_logger().warning(each)
         self._begun = True
         if self.decision is None or decision.goal != self.decision.goal:

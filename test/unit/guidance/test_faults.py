@@ -178,9 +178,9 @@ def shortest_way(start, goal, inner):
 def test_what_no_plan_can_do_is_foretold_behind_the_first_command():
     law, pose = GuidanceLaw(replace(EMPTY, final_time=5.0)), np.array(START)
     first = law.update(0, pose)
-    assert law.foretold == ()
-    assert law.foretell(first, pose).reason == f'{first.reason} {law.foretold[0]}'
-    assert law.foretold[0].startswith('The goal is out of reach by ')
+    assert law.warnings == []
+    assert law.foretell(first, pose).reason == f'{first.reason} {law.warnings[0]}'
+    assert law.warnings[0].startswith('The goal is out of reach by ')
     second = law.update(PERIOD, pose)
     assert law.foretell(second, pose) is second
 

@@ -8,7 +8,7 @@ from scenarios import CASES, PERIOD, ROAD, START, assert_is, drive
 
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
-from cmpsp_ros.guidance.prediction.response import ResponseEstimate
+from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.plant import Plant, PlantSettings

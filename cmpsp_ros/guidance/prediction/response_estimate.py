@@ -1,0 +1,320 @@
+"""How the robot responds to commands: predictions checked against odometry, and corrected by it.
+
+A response is a delay ``d`` from a command's stamp to its effect, and a first-order lag ``T`` behind
+it. At each control step the pose predicted for it by the response in use is compared with odometry.
+While they agree, nothing else is done. Once they do not, all responses within the bounds that the
+settings give are tried side by side: each leads from where odometry was to where it should be now,
+and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods and errors of
+``sigma`` each, a response is possible as long as
+
+    S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
+
+which is the likelihood-ratio interval of five standard deviations. The response in use is replaced
+by the likeliest one when it is beyond three. What no response explains, as slip or a push, makes
+``sigma`` larger and the interval wider. How far the delay varies from command to command (jitter)
+is taken from the periods one by one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
+from cmpsp_ros.guidance.prediction.response import Response, Risk
+from cmpsp_ros.guidance.prediction.response_functions import put_misfits, settle
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.robot import Robot
+
+Array = NDArray[np.float64]
+
+_UNNOTICED: Final = 0.002
+"""Error of a prediction that is always allowed for [m]."""
+
+_WELL_EXPLAINED: Final = 0.01
+"""Error that the best response may leave in a period that counts at least half [m]."""
+
+_POSSIBLE: Final = 5.0
+"""Standard deviations up to which a response is possible."""
+
+_EXPLAINED: Final = 2.0
+"""Standard deviations up to which a response explains a single control period."""
+
+_IN_USE: Final = 3.0
+"""Standard deviations up to which the response in use stays."""
+
+_FORGETTING: Final = 0.95
+"""Weight that a period keeps when the next one with information comes."""
+
+_DECAY: Final = 0.9
+"""Part of the error bound that is left after a control period without such an error."""
+
+_FADING: Final = 0.98
+"""The same of the jitter, without such a deviation."""
+
+_STEP: Final = 0.01
+"""Distance of the delays that are tried [s]."""
+
+_LAGS: Final = 12
+"""Number of lags that are tried beside none, evenly spaced."""
+
+_SETTLED: Final = 10.0
+"""Time constants after which a lag is over."""
+
+_AS_TOLD: Final = Risk([], 0.0, '')
+
+
+class ResponseEstimate:
+    """The response of one run, seen at its control steps.
+
+    Attributes:
+        delay: From a command to its effect, of the response in use [ns].
+        error: Bound of the prediction error that the response in use leaves [m]; 0 up to 2 mm.
+    """
+
+    def __init__(self, settings: GuidanceSettings) -> None:
+        """Trust the settings until odometry contradicts them."""
+        self.error = 0.0
+        self.reconfigure(settings)
+
+    def reconfigure(self, settings: GuidanceSettings) -> None:
+        """Begin again with other bounds, if they are others."""
+        told, tolerance = settings.command_delay, settings.delay_tolerance
+        bounds = told, tolerance, settings.max_lag
+        if bounds == getattr(self, '_bounds', None):
+            return
+        self._bounds = bounds
+        self._with_lag = settings.max_lag > 0.0
+        longest = told + tolerance if tolerance > 0.0 else 0.0
+        longest = settings.max_lag if self._with_lag else longest
+        lags = np.linspace(0.0, longest, _LAGS + 1) if longest > 0.0 else np.zeros(1)
+        steps = math.floor(tolerance / _STEP + 0.5)
+        offsets = _STEP * np.arange(-steps, steps + 1)
+        grid_offsets, grid_lags = (each.ravel() for each in np.meshgrid(offsets, lags))
+        # A delay that is told without a lag includes it.
+        delays = told + grid_offsets - (0.0 if self._with_lag else grid_lags)
+        # None takes effect before it is given; the rounding of a sum is no reason to leave it out.
+        chosen = delays > -_STEP / 2.0
+        self._delays, self._lags = np.maximum(delays[chosen], 0.0), grid_lags[chosen].copy()
+        self._as_told = np.abs(grid_offsets[chosen]) < _STEP / 2.0
+        self._misfits, self._periods = np.zeros(len(self._delays)), 0.0
+        self._found = np.zeros(len(self._delays))
+        self.delay, self.lag = to_nanoseconds(told), 0.0
+        self._told, self._jitter = self.delay, 0.0
+        self._possible = self._as_told
+        self.lose()
+
+    def lose(self) -> None:
+        """Leave out the present control period: what the robot does in it is unknown."""
+        self._began: tuple[int, Array] | None = None
+
+    @property
+    def is_corrected(self) -> bool:
+        """Whether odometry has contradicted what the settings say."""
+        return self.delay != self._told or (self.lag > 0.0 and not self._with_lag)
+
+    @property
+    def lag_interval(self) -> tuple[float, float, float] | None:
+        """The lag in use, the least possible and the largest [s]; None where none is considered."""
+        if not self._with_lag and not self.is_corrected:
+            return None
+        lags = self._lags[self._possible]
+        return self.lag, float(lags.min()), float(lags.max())
+
+    @property
+    def delay_interval(self) -> tuple[float, float, float] | None:
+        """Delay and lag together: in use, the least possible and the largest [s].
+
+        None while odometry agrees with what the settings say.
+        """
+        if not self.is_corrected:
+            return None
+        totals = (self._delays + self._lags)[self._possible]
+        return self.delay / NANOSECONDS + self.lag, float(totals.min()), float(totals.max())
+
+    def _chosen(self) -> NDArray[np.intp]:
+        """Numbers of the quickest possible response, the slowest, and one between."""
+        numbers = np.flatnonzero(self._possible)
+        totals = self._delays[numbers] + self._lags[numbers]
+        order = numbers[np.argsort(totals, kind='stable')]
+        first = 0
+        if not self.is_corrected and order[0] == numbers[0] and not self._lags[order[0]]:
+            # No lag at all is what the plan has been checked with.
+            order = order[1:]
+            first = max(len(order) // 3 - 1, 0)
+        middle = (first + len(order)) // 2
+        return order[[first, min(middle, len(order) - 1), -1]] if len(order) else order
+
+    def risk(self, stamp: int, commands: PendingCommands) -> Risk:
+        """How else the robot may respond than plans assume.
+
+        Args:
+            stamp: Present time [ns].
+            commands: Those given before.
+        """
+        if not (self._with_lag or self.is_corrected):
+            return _AS_TOLD
+        numbers = self._chosen()
+        delays, lags = self._delays[numbers], self._lags[numbers]
+        if len(numbers):
+            delays[0], delays[-1] = max(delays[0] - self._jitter, 0.0), delays[-1] + self._jitter
+        responses = [
+            self.response(stamp, commands, delay, lag)
+            for delay, lag in zip(delays.tolist(), lags.tolist(), strict=True)
+        ]
+        remark = 'its wheels may lag.'
+        if self.is_corrected:
+            remark = f'predictions have been wrong by {self.error:.2g} m.'
+        return Risk(responses, self.error, remark)
+
+    def reason_to_stop(self, settings: GuidanceSettings) -> str:
+        """Why the robot must not drive on, in a sentence; empty where predictions are good."""
+        allowed = settings.safety.max_prediction_error
+        if not self.error > allowed > 0.0:
+            return ''
+        return (
+            f'Odometry is {self.error:.2g} m from where the commands lead, more than {allowed} m'
+            ' (safety.max_prediction_error).'
+        )
+
+    def response(self, stamp: int, commands: PendingCommands, delay: float, lag: float) -> Response:
+        """A response, and the commands so far.
+
+        Args:
+            stamp: Present time [ns].
+            commands: Those given before.
+            delay: From a command to its effect [s].
+            lag: Time constant of the control behind it [s].
+        """
+        nanoseconds = to_nanoseconds(delay)
+        pending, durations = commands.until(stamp, nanoseconds)
+        effective = commands.in_force
+        if lag > 0.0:
+            times, controls = commands.before(stamp, self._earliest(stamp))
+            effective = np.empty(controls.shape[1])
+            settle(effective, 0.0, times, controls, delay, lag)
+        return Response(delay, lag, effective, pending, durations)
+
+    def in_use(self, stamp: int, commands: PendingCommands) -> Response:
+        """The response in use, as `response`."""
+        return self.response(stamp, commands, self.delay / NANOSECONDS, self.lag)
+
+    def warnings(self) -> list[str]:
+        """Parameters to be set otherwise, in sentences; none while odometry agrees with them."""
+        if self.delay_interval is None:
+            return []
+        found, least, longest = self.delay_interval
+        told, tolerance, max_lag = self._bounds
+        bounded = '' if found < told + tolerance + max_lag - _STEP / 2.0 else ', its upper bound'
+        return [
+            f'Commands take effect after {found:.3f} s ({least:.3f} to {longest:.3f}){bounded},'
+            f' by odometry: command_delay is {told:.3g} s.'
+        ]
+
+    def update(
+        self, stamp: int, pose: Array, commands: PendingCommands, robot: Robot, slip: float
+    ) -> None:
+        """Compare odometry with what was predicted for it.
+
+        Args:
+            stamp: Time stamp of the odometry [ns].
+            pose: Where the robot is, shape ``(3,)`` [m, m, rad].
+            commands: Those given before.
+            robot: Kinematics.
+            slip: Of its wheels, a fraction.
+        """
+        began, self._began = self._began, (stamp, pose)
+        if began is None:
+            return
+        predicted = commands.pose_after(began[1], began[0], stamp, self.delay, 1.0 - slip)
+        error = _distance(predicted, pose.tolist(), robot.half_track)
+        if error > 2.0 * robot.max_speed * (stamp - began[0]) / NANOSECONDS + _UNNOTICED:
+            # No response to commands has made it: odometry has jumped.
+            return
+        if error > _UNNOTICED or self._with_lag or self._periods:
+            error = self._try_all(*began, stamp, pose, commands, robot)
+        error = max(error, _DECAY * self.error)
+        self.error = error if error > _UNNOTICED else 0.0
+
+    def _try_all(
+        self,
+        began: int,
+        before: Array,
+        stamp: int,
+        pose: Array,
+        commands: PendingCommands,
+        robot: Robot,
+    ) -> float:
+        """Try all responses on a control period; the error of the one in use [m]."""
+        times, controls = commands.before(stamp, self._earliest(began))
+        found, duration = self._found, (stamp - began) / NANOSECONDS
+        arguments = (
+            found,
+            self._delays,
+            self._lags,
+            times,
+            controls,
+            duration,
+            np.ascontiguousarray(before, np.float64),
+            np.ascontiguousarray(pose, np.float64),
+            robot.half_track,
+            robot.kinematics,
+            np.empty((2, 3)),
+            np.empty((1, controls.shape[1])),
+            np.empty(controls.shape[1]),
+        )
+        put_misfits(*arguments)
+        # Where all responses lead to the same place, it says nothing about them.
+        if float(found.max() - found.min()) > _UNNOTICED**2:
+            # What no response explains says little about any.
+            weight = 1.0 / (1.0 + float(found.min()) / _WELL_EXPLAINED**2)
+            self._misfits = _FORGETTING * self._misfits + weight * found
+            self._periods = _FORGETTING * self._periods + weight
+            if self._periods > 1.0:
+                least = max(float(self._misfits.min()), self._periods * _UNNOTICED**2)
+                variance = least / (self._periods - 1.0)
+                self._jitter = max(self._deviation(found, variance), _FADING * self._jitter)
+                self._choose(variance)
+        return math.sqrt(float(found[self._nearest()]))
+
+    def _choose(self, variance: float) -> None:
+        """Replace the response in use by the likeliest one where odometry contradicts it."""
+        misfits = self._misfits
+        least = float(misfits.min())
+        as_told = float(misfits[self._as_told].min()) - least
+        if as_told <= _IN_USE**2 * variance and not self.is_corrected:
+            # What the settings say of the delay is likely enough.
+            misfits = np.where(self._as_told, misfits, math.inf)
+            least = float(misfits.min())
+        self._possible = misfits - least <= _POSSIBLE**2 * variance
+        if float(misfits[self._nearest()]) - least > _IN_USE**2 * variance:
+            best = int(misfits.argmin())
+            self.delay = to_nanoseconds(float(self._delays[best]))
+            self.lag = float(self._lags[best])
+
+    def _deviation(self, found: Array, variance: float) -> float:
+        """By how much the delay in use must change to explain one control period by itself [s]."""
+        totals = self._delays + self._lags - (self.delay / NANOSECONDS + self.lag)
+        explained = found - float(found.min()) <= _EXPLAINED**2 * variance
+        return float(np.abs(totals[explained]).min())
+
+    def _nearest(self) -> int:
+        """Number of the response in use."""
+        off = np.abs(self._delays - self.delay / NANOSECONDS) + np.abs(self._lags - self.lag)
+        return int(off.argmin())
+
+    def _earliest(self, began: int) -> int:
+        """Instant before which a command has had its full effect [ns], whatever the response."""
+        longest = float(self._delays.max()) + _SETTLED * float(self._lags.max())
+        return began - to_nanoseconds(longest)
+
+
+def _distance(predicted: Sequence[float], pose: Sequence[float], half_track: float) -> float:
+    """Distance of two poses, the heading by what it moves a wheel [m]."""
+    turned = math.remainder(predicted[2] - pose[2], math.tau)
+    return math.hypot(predicted[0] - pose[0], predicted[1] - pose[1], half_track * turned)

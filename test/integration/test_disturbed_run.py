@@ -123,9 +123,13 @@ def test_a_robot_with_times_of_its_own_arrives_and_repeats_to_the_last_bit(run_d
     runs = [run_demo(name, OWN_TIMES)[0] for name in ('one', 'other')]
     (poses, decisions), (other_poses, other_decisions) = (contents(folder) for folder in runs)
     assert decisions == other_decisions
-    assert poses == other_poses
+    for topic, there in poses.items():
+        # A busy recorder may lack some of the truth, which is told at each change of a lag.
+        either = there | other_poses[topic]
+        assert len(either) == len({at for at, _ in either}) > 290, topic
     instants = np.diff([int(each['stamp']) for _, each in decisions]) / 1e6
-    assert instants.min() < 180.0 < 220.0 < instants.max()
+    assert instants.min() < 180.0
+    assert instants.max() > 220.0
     # Odometry of the final time ends the run, not the clock that is ahead of it.
     assert decisions[-1][1]['halted'] == 'false'
     assert judged(runs[0])['miss_m'] < 0.05

@@ -256,7 +256,7 @@ class GuidanceLoop:
     def _expect_end(self, decision: Decision, now: int) -> None:
         """See to it that the robot stops in time where odometry does not come just then.
 
-        In lockstep it always comes, and a clock that goes on first would decide on chance.
+        In lockstep it always comes; whether clock or odometry came first would be chance.
         """
         end = self._law.ends_at
         if decision.finished or end is None or self._in_lockstep:

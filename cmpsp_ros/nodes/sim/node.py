@@ -86,11 +86,9 @@ class SimNode(Node):
 
         # The first motion compiles the kinematics, which must not count as time that passes.
         _ = Plant(settings).motion
-        self._clock_offset_ns = round(self.values['clock_offset'] * _NS)
+        offset_ns = self._clock_offset_ns = round(self.values['clock_offset'] * _NS)
         # No stamp is negative, and neither is the time on /clock.
-        begin_ns = max(0, self._clock_offset_ns)
-        if not has_clock:
-            begin_ns = time.time_ns() + self._clock_offset_ns
+        begin_ns = max(0, offset_ns) if has_clock else time.time_ns() + offset_ns
         self.instants = OdometrySchedule(settings, begin_ns)
         self.measured_ns = begin_ns
         self.plant = Plant(settings, begin_ns)

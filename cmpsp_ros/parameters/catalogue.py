@@ -211,7 +211,7 @@ def _parameters() -> Iterator[Parameter]:
         'Distance from this sensor beyond which its measurements are ignored.',
         range=_POSITIVE, **_FIXED)
     yield sight('sensors.<name>.heights', _DOUBLES, [-1e3, 1e3], 'm',
-        'Least and greatest z of the points of a `cloud` that are used, in its frame.',
+        'Least and greatest z of the points of a `cloud` that are obstacles, in its frame.',
         **_POINT, **_FIXED)
     yield sight('sight.size', _DOUBLE, 10.0, 'm',
         'Side of the square grid around the robot in which obstacles are remembered.',

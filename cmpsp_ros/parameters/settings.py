@@ -127,9 +127,11 @@ def plant_settings(values: Values) -> PlantSettings:
         robot=robot_of(values),
         initial_pose=tuple(values['initial_pose']),
         odom_rate=values['odom_rate'],
+        odom_jitter=values['odom_jitter'],
         cmd_vel_timeout=values['cmd_vel_timeout'],
         actuation_delay=values['actuation_delay'],
         actuation_jitter=values['actuation_jitter'],
+        actuation_period=values['actuation_period'],
         wheel_lag=values['wheel_lag'],
         wheel_slip=tuple(values['wheel_slip']),
         wheel_slip_stddev=values['wheel_slip_stddev'],
@@ -169,9 +171,15 @@ def check_pace(values: Values) -> None:
     rate, factor = values['odom_rate'], values['real_time_factor']
     if rate < 1e-3:
         problems.append(Problem('odom_rate', f'{rate} Hz', 'at least 0.001 Hz'))
-    elif values['lockstep'] and _whole(values['control_period']) % _whole(1.0 / rate):
+    elif values['odom_jitter'] >= 1.0 / rate:
+        wanted = f'less than the odometry period of {1.0 / rate:.9g} s'
+        problems.append(Problem('odom_jitter', f'{values["odom_jitter"]} s', wanted))
+    elif values['lockstep'] and not _meets_control_instants(values):
         found = f'{values["control_period"]} s and {rate} Hz'
-        wanted = 'a whole number of odometry periods in a control period, for lockstep'
+        wanted = (
+            'a whole number of odometry periods in a control period, or an odometry period with '
+            'odom_jitter in half of one, for lockstep'
+        )
         problems.append(Problem('control_period, odom_rate', found, wanted))
     if values['lockstep'] and values['odom_timeout'] <= values['control_period']:
         # Its odometry comes in bursts of one control period.
@@ -192,6 +200,13 @@ def check_pace(values: Values) -> None:
     if not 1e-3 <= factor <= 1e3:
         problems.append(Problem('real_time_factor', f'{factor}', 'from 0.001 to 1000'))
     _raise_if_any(problems)
+
+
+def _meets_control_instants(values: Values) -> bool:
+    """Whether guidance and simulator agree on which odometry a control step falls due at."""
+    period, jitter = _whole(1.0 / values['odom_rate']), _whole(values['odom_jitter'])
+    control = _whole(values['control_period'])
+    return 2 * (period + jitter) <= control or (not jitter and not control % period)
 
 
 def _dropout_windows(values: Values) -> tuple[tuple[float, float], ...]:

@@ -29,6 +29,12 @@ def simulator_parameters() -> Iterator[Parameter]:
     yield sim('odom_rate', _DOUBLE, 50.0, 'Hz',
         'Odometry messages per second of simulated time.',
         range=Range(0.0, 10000.0, low_open=True), **_FIXED)
+    yield sim('odom_jitter', _DOUBLE, 0.0, 's',
+        'Maximum delay of an odometry instant after its point on the time grid, uniformly '
+        'distributed; less than the odometry period.', range=_NOT_NEGATIVE, **_FIXED)
+    yield sim('clock_offset', _DOUBLE, 0.0, 's',
+        'Time by which the clock of the robot, in all stamps of the simulator, is ahead of the '
+        'ROS time of the other nodes.', range=Range(-3600.0, 3600.0), **_FIXED)
     yield sim('cmd_vel_timeout', _DOUBLE, 0.5, 's',
         'Age of the last command at which the robot stops by itself; 0: never.',
         range=_NOT_NEGATIVE, nodes=('guidance', 'sim'))
@@ -50,6 +56,9 @@ def simulator_parameters() -> Iterator[Parameter]:
     yield plant('actuation_jitter', _DOUBLE, 0.0, 's',
         'Maximum additional delay of a command, uniformly distributed; commands stay in order.',
         range=_NOT_NEGATIVE)
+    yield plant('actuation_period', _DOUBLE, 0.0, 's',
+        'Period of the controller of the robot: a command takes effect at its next cycle; '
+        '0: at once.', range=_NOT_NEGATIVE)
     yield plant('wheel_lag', _DOUBLE, 0.0, 's',
         'Time constant of the wheels (first order).', range=_NOT_NEGATIVE)
     yield plant('wheel_slip', _DOUBLES, [0.0, 0.0], '',

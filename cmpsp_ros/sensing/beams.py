@@ -73,6 +73,7 @@ class Sight:
         sensor: Where they come from.
         stamp: When the last was measured [ns].
         stamps: When each was measured, in ascending order, shape ``(B,)`` [ns].
+        begins: Where the part of each begins that shows free space, shape ``(B, 2)`` [m].
         ends: Where each ends, shape ``(B, 2)`` [m].
         hits: Whether there is something at its end, shape ``(B,)``.
         is_sweep: Whether neighbours in the array are neighbours in space, so that what is between
@@ -83,6 +84,7 @@ class Sight:
     sensor: Sensor
     stamp: int
     stamps: Indices
+    begins: Array
     ends: Array
     hits: NDArray[np.bool_]
     is_sweep: bool
@@ -94,7 +96,7 @@ class Beams:
 
     Attributes:
         stamp: When the last was measured [ns].
-        starts: Where the sensor was, shape ``(B, 2)`` [m].
+        starts: Where each begins to show free space, shape ``(B, 2)`` [m].
         ends: As of `Sight`, shape ``(B, 2)`` [m].
         hits: As of `Sight`, shape ``(B,)``.
         is_sweep: As of `Sight`.
@@ -115,8 +117,10 @@ def project(sight: Sight, poses: Array) -> Beams:
         poses: Of the robot at their stamps, shape ``(B, 3)`` [m, m, rad].
     """
     ahead, left, turned = sight.sensor.pose
-    starts = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
-    ends = starts + _turned(sight.ends, poses[:, 2] + turned)
+    places = poses[:, :2] + _turned(np.array([ahead, left]), poses[:, 2])
+    starts, ends = (
+        places + _turned(each, poses[:, 2] + turned) for each in (sight.begins, sight.ends)
+    )
     return Beams(sight.stamp, starts, ends, sight.hits, sight.is_sweep)
 
 

@@ -65,6 +65,7 @@ def sight_of(message: Any, sensor: Sensor) -> Sight:
         sensor,
         int(stamps[-1]),
         stamps,
+        np.zeros((count, 2)),
         lengths[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]),
         (is_met & (ranges <= farthest)) | is_near,
         is_sweep=True,

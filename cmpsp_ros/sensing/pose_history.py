@@ -55,7 +55,8 @@ class PoseHistory:
         """Poses at times between the first and the last, ``(K,)`` [ns]; ``(K, 3)`` [m, m, rad]."""
         low = max(bisect_right(self._stamps, stamps.min(initial=self._stamps[-1])) - 1, 0)
         high = bisect_left(self._stamps, stamps.max(initial=self._stamps[0])) + 1
-        first = self._stamps[low]
+        # An empty cloud has no stamps.
+        high, first = max(high, low + 1), self._stamps[low]
         known = np.array(self._stamps[low:high]) - first
         poses = np.array(self._poses[low:high])
         return np.column_stack([np.interp(stamps - first, known, each) for each in poses.T])

@@ -39,10 +39,12 @@ class PlantSettings:
         robot: Kinematics and limits.
         initial_pose: Pose at the start and after a reset (x, y, heading) [m, m, rad].
         odom_rate: Odometry messages a second [Hz].
+        odom_jitter: Longest delay of one of their instants, evenly distributed [s].
         cmd_vel_timeout: Time for which a command holds once it has taken effect [s]; 0 means for
             ever.
         actuation_delay: Time from a command to its effect [s].
         actuation_jitter: Longest time that a command takes beyond it, evenly distributed [s].
+        actuation_period: Period at which the robot's controller takes commands; 0 for at once [s].
         wheel_lag: Time constant with which the wheels follow a command [s].
         wheel_slip: Part of its turning by which each wheel (right, left) fails to move the robot.
         wheel_slip_stddev: Standard deviation of what is added to it, for each wheel and command.
@@ -54,9 +56,11 @@ class PlantSettings:
     robot: Robot
     initial_pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     odom_rate: float = 50.0
+    odom_jitter: float = 0.0
     cmd_vel_timeout: float = 0.5
     actuation_delay: float = 0.0
     actuation_jitter: float = 0.0
+    actuation_period: float = 0.0
     wheel_lag: float = 0.0
     wheel_slip: tuple[float, float] = (0.0, 0.0)
     wheel_slip_stddev: float = 0.0
@@ -155,7 +159,8 @@ class Plant:
     def command(self, stamp_ns: int, *twist: float) -> None:
         """Ask for a twist; it is driven from ``stamp_ns`` plus the actuation delay on.
 
-        It takes effect in `advance`, also when there is no delay. However the delay may vary, no
+        A controller with a period takes it at its next instant. It takes effect in `advance`, also
+        when there is no delay. However the delay may vary, no
         command overtakes another.
 
         Args:
@@ -180,7 +185,7 @@ class Plant:
         if not is_possible:
             raise TwistError(f'{said}: too large for any wheel')
         self._heard_ns, self._latest = stamp_ns, robot.limited(control)
-        effect_ns = stamp_ns + self._delay_ns()
+        effect_ns = self._taken_ns(stamp_ns + self._delay_ns())
         if self._pending:
             effect_ns = max(effect_ns, self._pending[-1].effect_ns)
         self._pending.append(_Command(effect_ns, self._latest, self._next_grip()))
@@ -238,6 +243,12 @@ class Plant:
     def _delay_ns(self) -> int:
         delay, jitter = self._settings.actuation_delay, self._settings.actuation_jitter
         return round((delay + jitter * self._jitter.random() if jitter else delay) * _NS)
+
+    def _taken_ns(self, arrival_ns: int) -> int:
+        """When the controller takes a command that has arrived at an instant [ns]."""
+        period_ns = round(self._settings.actuation_period * _NS)
+        wait_ns = -(arrival_ns - self._start_ns) % period_ns if period_ns else 0
+        return arrival_ns + wait_ns
 
     def _next_grip(self) -> Array:
         grip: Array = 1.0 - np.array(self._settings.wheel_slip, dtype=float)

@@ -20,6 +20,7 @@ class Stream(IntEnum):
     DROPOUT = 4
     RANGE = 5
     BEAM = 6
+    ODOMETRY = 7
 
 
 def generator(seed: int, stream: Stream) -> np.random.Generator:

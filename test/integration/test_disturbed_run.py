@@ -107,6 +107,37 @@ def test_a_disturbed_run_repeats_to_the_last_bit_and_its_replay_is_identical(run
     assert outcome.plans >= 40
 
 
+# Of a robot that shares neither clock nor control instants with the guidance.
+OWN_TIMES = {
+    'odom_rate': '30.0',
+    'odom_jitter': '0.002',
+    'clock_offset': '-0.03',
+    'actuation_period': '0.0333',
+    'wheel_lag': '0.1',
+    'command_delay': '0.1',
+    'safety.margin': '0.05',
+}
+
+
+def test_a_robot_with_times_of_its_own_arrives_and_repeats_to_the_last_bit(run_demo):
+    runs = [run_demo(name, OWN_TIMES)[0] for name in ('one', 'other')]
+    (poses, decisions), (other_poses, other_decisions) = (contents(folder) for folder in runs)
+    assert decisions == other_decisions
+    for topic, there in poses.items():
+        # A busy recorder may lack some of the truth, which is told at each change of a lag.
+        either = there | other_poses[topic]
+        assert len(either) == len({at for at, _ in either}) > 290, topic
+    instants = np.diff([int(each['stamp']) for _, each in decisions]) / 1e6
+    assert instants.min() < 180.0
+    assert instants.max() > 220.0
+    # Odometry of the final time ends the run, not the clock that is ahead of it.
+    assert decisions[-1][1]['halted'] == 'false'
+    assert judged(runs[0])['miss_m'] < 0.05
+    assert judged(runs[0])['clearance_m'] > 0.05
+    outcome = replay(runs[0] / 'bag', Names.under(''))
+    assert outcome.first is None, str(outcome)
+
+
 def test_a_run_is_judged_by_the_truth(run_demo):
     folder, code = run_demo('biased', {'noise.bias': '[0.05, 0.0, 0.0]'})
     summary = judged(folder)

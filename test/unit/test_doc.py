@@ -151,3 +151,10 @@ def test_other_output_names_page_and_line():
 def test_missing_links_are_found():
     text = '[a](a.md#b) ![c](c.png) [d](https://d.example) [e](#e)\n```text\n[f](f)\n```\n'
     assert links_of(text) == ['a.md#b', 'c.png']
+
+
+@pytest.mark.parametrize('page', LINKING, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_fields_that_are_echoed_are_known_to_ros2cli_of_jazzy(page):
+    """0.32 takes names between dots; elements of arrays came with 0.38."""
+    fields = re.findall(r'ros2 topic echo .*--field[ =](\S+)', page.read_text(encoding='utf-8'))
+    assert all(re.fullmatch(r'\w+(\.\w+)*', each) for each in fields)

@@ -233,7 +233,7 @@ SIM_ODOM = Topic(
     'out',
     'odom',
     Odometry,
-    'at `odom_rate` on an exact time grid, with the errors of `noise`',
+    'at `odom_rate` on an exact time grid, up to `odom_jitter` late, with the errors of `noise`',
     depth=OF_A_RUN,
 )
 SIM_MOVING = Topic(

@@ -70,7 +70,7 @@ class GuidanceLoop:
             garbage: Collected where there is time for it.
         """
         self._node, self._settings, self._garbage = node, settings, garbage
-        self.active = False
+        self.active, self._in_lockstep = False, values['lockstep']
         self._law = GuidanceLaw(settings, time.perf_counter_ns)
         self._outputs = GuidanceOutputs(node, values, settings)
         self._transforms = TransformInput(node, values['robot_frame'], settings)
@@ -254,16 +254,19 @@ class GuidanceLoop:
         return read_odometry(newest), newest
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """See to it that the robot stops in time where odometry does not come just then."""
+        """See to it that the robot stops in time where odometry does not come just then.
+
+        In lockstep it always comes; whether clock or odometry came first would be chance.
+        """
         end = self._law.ends_at
-        if decision.finished or end is None:
+        if decision.finished or end is None or self._in_lockstep:
             return
         self._end_timer.timer_period_ns = max(1, end - now) + _LATEST_ODOMETRY
         self._end_timer.reset()
 
     def _on_end(self) -> None:
         self._end_timer.cancel()
-        # Odometry of that instant comes first where it is there; in lockstep it always is.
+        # Odometry of that instant comes first where it is there.
         drain_queue(self._odometry)
         now, end = self._now(), self._law.ends_at
         is_over = self._is_finished or self._goals.cancelled

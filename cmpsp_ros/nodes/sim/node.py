@@ -39,6 +39,7 @@ from cmpsp_ros.parameters.settings import check_pace, check_start, plant_setting
 from cmpsp_ros.parameters.table import is_of_ros
 from cmpsp_ros.quick_exit import quick_exit
 from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
 from cmpsp_ros.simulator.plant import Plant, TwistError
 
 try:
@@ -85,9 +86,12 @@ class SimNode(Node):
 
         # The first motion compiles the kinematics, which must not count as time that passes.
         _ = Plant(settings).motion
-        self.period_ns = round(_NS / settings.odom_rate)
-        self.next_ns = 0 if has_clock else time.time_ns()
-        self.plant = Plant(settings, self.next_ns)
+        offset_ns = self._clock_offset_ns = round(self.values['clock_offset'] * _NS)
+        # No stamp is negative, and neither is the time on /clock.
+        begin_ns = max(0, offset_ns) if has_clock else time.time_ns() + offset_ns
+        self.instants = OdometrySchedule(settings, begin_ns)
+        self.measured_ns = begin_ns
+        self.plant = Plant(settings, begin_ns)
         self._moves_sideways = settings.robot.twist_parts > 2
         self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
@@ -105,11 +109,11 @@ class SimNode(Node):
             The last odometry of it; None if none was due, or that one is lost.
         """
         message = None
-        while self.next_ns <= stamp_ns:
-            self._drive_to(self.next_ns)
-            message = self.measure()
+        while (due_ns := self.instants.next_ns) <= stamp_ns:
+            self._drive_to(due_ns)
+            self.measured_ns, message = due_ns, self.measure()
             self.publish(message)
-            self.next_ns += self.period_ns
+            self.instants.advance()
         self._drive_to(stamp_ns)
         return message
 
@@ -143,7 +147,8 @@ class SimNode(Node):
         """
         stamp_ns = self.plant.stamp_ns
         if self._clock_out is not None:
-            self._clock_out.publish(ClockMessage(clock=_stamp(stamp_ns)))
+            now = _stamp(stamp_ns - self._clock_offset_ns)
+            self._clock_out.publish(ClockMessage(clock=now))
         if self._moving is not None:
             tracks = self._traffic.at(stamp_ns)
             self._moving.publish(cloud_of(tracks, stamp_ns, self.values['frame_id']))

@@ -27,7 +27,7 @@ LATE = 0.1
 
 
 class RealTime:
-    """Simulated time follows a steady clock; odometry falls due on an exact grid of it."""
+    """Simulated time follows a steady clock; odometry falls due at exact instants of it."""
 
     def __init__(self, sim: SimNode) -> None:
         self._sim = sim
@@ -51,21 +51,22 @@ class RealTime:
 
     def _on_timer(self) -> None:
         self._catch_up()
-        wait = (self._sim.next_ns - self._clock_ns()) / self._factor
+        wait = (self._sim.instants.next_ns - self._clock_ns()) / self._factor
         # Armed anew for every instant: a period of its own would drift against the grid.
         self._timer.timer_period_ns = max(1, math.ceil(wait))
         self._timer.reset()
 
     def _catch_up(self) -> None:
         sim, clock_ns = self._sim, self._clock_ns()
-        late = (clock_ns - sim.next_ns) / _NS / self._factor
+        next_ns = sim.instants.next_ns
+        late = (clock_ns - next_ns) / _NS / self._factor
         if late > LATE:
             sim.get_logger().warning(
                 f'odometry is {late:.2f} s late: this machine does not keep up with '
                 f'odom_rate {sim.values["odom_rate"]} Hz and real_time_factor {self._factor}',
                 throttle_duration_sec=5.0,
             )
-        sim.run_to(min(clock_ns, sim.next_ns + (CATCH_UP - 1) * sim.period_ns))
+        sim.run_to(min(clock_ns, next_ns + (CATCH_UP - 1) * sim.instants.period_ns))
 
     def _clock_ns(self) -> int:
         return self._start_ns + int((time.monotonic_ns() - self._begun_ns) * self._factor)
@@ -74,7 +75,7 @@ class RealTime:
 class Lockstep:
     """Simulated time stands still at every control instant until its odometry is answered.
 
-    Where the odometry of a control instant is lost, it stands still at the next that is not.
+    Where the odometry of that instant is lost, or falls due later, it stands still at the next.
     """
 
     def __init__(self, sim: SimNode) -> None:
@@ -119,12 +120,14 @@ class Lockstep:
 
     def _go_to(self, stamp_ns: int) -> None:
         self._awaited = self._sim.run_to(stamp_ns)
+        if self._sim.measured_ns < stamp_ns:
+            self._awaited = None
         self._go_on()
 
     def _go_on(self) -> None:
-        """Drive on while odometry is lost: nobody could answer it."""
+        """Drive on while odometry is lost or not yet due: nobody could answer it."""
         while self._awaited is None:
-            self._awaited = self._sim.run_to(self._sim.next_ns)
+            self._awaited = self._sim.run_to(self._sim.instants.next_ns)
 
     def _next_instant(self, now_ns: int) -> int:
         """When the guidance will decide again, after it has decided now.

@@ -14,6 +14,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
 from cmpsp_ros.simulator.body import Motion
+from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
 from cmpsp_ros.simulator.plant import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
@@ -107,11 +108,11 @@ def drive(task: Task) -> Driven:
     driven, plant = Driven(task), Plant(task.plant)
     driven.motions.append(plant.motion)
     driven.end = to_nanoseconds(task.settings.final_time)
-    period, stamp, noted = to_nanoseconds(1.0 / task.plant.odom_rate), 0, 0
+    instants, noted = OdometrySchedule(task.plant, 0), 0
     try:
         law, computer, eyes = GuidanceLaw(task.settings), Computer(task), task.eyes()
         # At the very end the law may still put it off.
-        while stamp < driven.end + int(task.settings.may_be_late):
+        while (stamp := instants.next_ns) < driven.end + int(task.settings.may_be_late):
             _hand_over(plant, driven, computer, stamp)
             _advance(plant, driven, stamp)
             pose = plant.measure()
@@ -128,11 +129,11 @@ def drive(task: Task) -> Driven:
                 if task.settings.may_be_late and law.ends_at is not None:
                     driven.end = min(law.ends_at, to_nanoseconds(task.patience))
                 _hand_over(plant, driven, computer, stamp)
-            stamp += period
+            instants.advance()
         _hand_over(plant, driven, computer, driven.end)
         _advance(plant, driven, driven.end)
         if task.settings.max_wheel_change < math.inf:
-            _brake(plant, driven, law, period)
+            _brake(plant, driven, law, instants.period_ns)
     except Exception as error:
         # The study goes on and reports it.
         driven.exception = _in_words(error)
@@ -271,7 +272,8 @@ def _hand_over(plant: Plant, driven: Driven, computer: Computer, stamp: int) -> 
 def _to_rest(plant: PlantSettings) -> float:
     """Time after which a stop has taken effect [s]; the wheels' lag never quite ends."""
     lag = _LAGS_TO_REST * plant.wheel_lag
-    return plant.actuation_delay + plant.actuation_jitter + lag + 1.0 / plant.odom_rate
+    delay = plant.actuation_delay + plant.actuation_jitter + plant.actuation_period
+    return delay + lag + 1.0 / plant.odom_rate
 
 
 def _is_outside(driven: Driven) -> bool:

@@ -121,10 +121,10 @@ def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
 
     # One that is refused leaves the robot where it is, and one in an unknown frame too.
     status, code, reason = navigate(0.0, 0.0).result()
-    assert (status, code) == (GoalStatus.STATUS_ABORTED, 9000)
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 103)
     assert 'The goal is 9 m inside or beyond' in reason
     status, code, reason = navigate(0.0, 0.0, 'map').result()
-    assert (status, code) == (GoalStatus.STATUS_ABORTED, 9002)
+    assert (status, code) == (GoalStatus.STATUS_ABORTED, 102)
     assert "frame 'map', wanted 'odom'" in reason
 
     # Cancelled half way it stops, and stays.
@@ -156,7 +156,7 @@ def test_navigate_to_pose(drive, actions, client, spawn, tmp_path):
     client.until(lambda: last.feedback)
     assert client.change_state('deactivate')
     reason = 'The guidance node was deactivated.'
-    assert last.result() == (GoalStatus.STATUS_ABORTED, 9000, reason)
+    assert last.result() == (GoalStatus.STATUS_ABORTED, 100, reason)
     assert not navigate(9.0, 4.5).handle.accepted
     client.until(lambda: 'navigate_to_pose is rejected: the node is inactive' in guidance.stderr)
     assert 'Traceback' not in guidance.stderr

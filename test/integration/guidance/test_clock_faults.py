@@ -15,9 +15,9 @@ ZERO = (0.0, 0.0)
 
 
 @pytest.fixture
-def tick(start_node, client):
+def tick(start_node, client, request):
     """A node on simulated time, active; `tick(stamp)` publishes that time [ns]."""
-    start_node('guidance_node', {'use_sim_time': True})
+    start_node('guidance_node', {'use_sim_time': True, **getattr(request, 'param', {})})
     clock = client.node.create_publisher(Clock, '/clock', 1)
     client.connect()
     client.until_health(state='active')
@@ -68,6 +68,19 @@ def test_a_clock_that_stands_still_is_told(fault, tick, client, make_odometry):
     tick(8 * SECOND + PERIOD)
     client.until(lambda: _drives(client, make_odometry(8 * SECOND + PERIOD, POSE)))
     client.until(lambda: client.decisions[-1]['step'] == '1')
+
+
+@pytest.mark.parametrize('tick', [{'lockstep': True}], indirect=True)
+def test_in_lockstep_the_odometry_after_the_final_time_ends_the_run(tick, client, make_odometry):
+    for stamp in (8 * SECOND, 18 * SECOND - PERIOD // 2):
+        tick(stamp)
+        client.decide(make_odometry(stamp, POSE))
+    count = len(client.decisions)
+    tick(18 * SECOND + PERIOD // 10)
+    client.until_health(said='stands still at 18.020 s')
+    assert len(client.decisions) == count
+    decision, _ = client.decide(make_odometry(18 * SECOND + PERIOD // 10, POSE))
+    assert (decision['finished'], decision['halted']) == ('true', 'false')
 
 
 def test_a_computer_that_is_too_slow_is_told(fault, start_node, client, make_odometry):

@@ -1,15 +1,16 @@
-"""A laser scanner over DDS: no command without it, and none on what it cannot have seen."""
+"""Sensors over DDS: no command without them, and none on what they cannot have seen."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.time import Time
-from sensor_msgs.msg import LaserScan
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
 pytestmark = pytest.mark.integration
 
@@ -83,6 +84,56 @@ def test_scans_that_come_are_used_and_those_that_do_not_stop_the_robot(
         fault.assert_said('—', health['level'][0], health['said'])
         show(stamp := stamp + PERIOD_NS)
     assert 'Traceback' not in running.stderr
+
+
+# A camera 0.3 m above the floor.
+SEEING_FLOOR = {
+    'odom_timeout': 60.0,
+    'sensors.names': '[front]',
+    'sensors.front.type': 'cloud',
+    'sensors.front.reach': 5.0,
+    'sensors.front.heights': '[-0.25, 0.1]',
+    'sight.timeout': 60.0,
+}
+
+
+def test_points_on_the_floor_show_where_to_drive_and_no_points_nothing(
+    start_node, client, make_odometry
+):
+    running = start_node('guidance_node', SEEING_FLOOR)
+    client.connect()
+    client.until_health(state='active')
+    publisher = client.node.create_publisher(PointCloud2, 'scan', qos_profile_sensor_data)
+    client.until(publisher.get_subscription_count)
+    stamp = client.now()
+
+    def decide(points):
+        nonlocal stamp
+        stamp += PERIOD_NS
+        publisher.publish(cloud_of(points, stamp))
+        return client.decide(make_odometry(stamp, POSE))
+
+    # A cloud may come after the odometry of its time: it counts for the next.
+    for _ in range(10):
+        decision, command = decide(np.empty((0, 3)))
+        assert command[0] < 0.1
+    assert 'has not been seen yet' in decision['reason']
+    angles, away = np.meshgrid(np.linspace(-1.0, 1.0, 400), np.linspace(0.3, 7.0, 150))
+    floor = np.stack([away * np.cos(angles), away * np.sin(angles), np.full(away.shape, -0.3)], 2)
+    driven = [decide(floor.reshape(-1, 3))[1][0] for _ in range(10)]
+    assert max(driven) > 0.5
+    assert 'Traceback' not in running.stderr
+
+
+def cloud_of(points, stamp):
+    fields = [
+        PointField(name=each, offset=4 * k, datatype=7, count=1) for k, each in enumerate('xyz')
+    ]
+    message = PointCloud2(height=1, width=len(points), fields=fields, point_step=12)
+    message.row_step, message.data = 12 * len(points), points.astype('<f4').tobytes()
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
+    message.header.frame_id = 'base_scan'
+    return message
 
 
 def _stamp(message):

@@ -92,6 +92,31 @@ def test_the_truth_and_the_time_go_on_while_odometry_is_lost(simulate, ros):
     assert place(client.odometry[-1])[0] == pytest.approx(1.4, abs=1e-12)
 
 
+def test_time_waits_at_the_first_odometry_of_a_control_instant_on_the_clock_of_the_robot(
+    simulate, ros
+):
+    robot = {'odom_rate': 30.0, 'odom_jitter': 0.03, 'clock_offset': -0.05}
+    simulate({**LOCKSTEP, **robot, 'enable_stamped_cmd_vel': 'true'})
+    client = Client(ros, kind=TwistStamped)
+    client.connect()
+    waited_at = []
+    for step in range(8):
+        client.until(
+            lambda step=step: stamp(client.odometry[-1]) - first(client) >= step * CONTROL_NS
+        )
+        waited_at.append(stamp(client.odometry[-1]))
+        client.send(twist(0.5), client.odometry[-1].header.stamp)
+    heard = sorted({stamp(message) for message in client.odometry})
+    for step, waited in enumerate(waited_at):
+        due = first(client) + step * CONTROL_NS
+        assert waited == next(each for each in heard if each >= due)
+    client.until(lambda: {each + 50 * MS for each in heard} <= set(client.clocks))
+
+
+def first(client):
+    return stamp(client.odometry[0])
+
+
 def test_the_truth_of_lagging_and_slipping_wheels_can_be_drawn_again(simulate, ros):
     disturbed = {'wheel_lag': 0.05, 'wheel_slip': '[0.1, 0.05]', 'actuation_delay': 0.03}
     _, client = run_lockstep(simulate, ros, 6, **disturbed)

@@ -13,7 +13,7 @@ from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
 from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.sensing.laser_scan import sight_of
+from cmpsp_ros.sensing import laser_scan, point_cloud
 from cmpsp_ros.sensing.surroundings import Surroundings
 from cmpsp_ros.simulator.laser import Laser
 from cmpsp_ros.simulator.plant import Plant
@@ -41,8 +41,44 @@ def message_of(scan, settings, frame_id):
     )
 
 
+CAMERA_HEIGHT, SLOPES = 0.3, np.tan(np.radians(np.linspace(-60.0, 5.0, 80)))
+"""Of a depth camera: above the floor [m], and of the beams that it has one above the other."""
+
+
+def cloud_of(scan, settings, frame_id, sees_floor):
+    """What a depth camera in place of the scanner sees: walls higher than it, and the floor."""
+    angles = settings.angle_min + (settings.angle_max - settings.angle_min) * np.linspace(
+        0.0, 1.0, len(scan.ranges)
+    )
+    floor = np.where((SLOPES < 0.0) & sees_floor, CAMERA_HEIGHT / np.abs(SLOPES), math.inf)
+    ranges = np.where(np.isfinite(scan.ranges), scan.ranges, math.inf)
+    away = np.minimum(ranges, floor[:, None])
+    z = SLOPES[:, None] * np.where(np.isfinite(away), away, 0.0)
+    is_there = np.isfinite(away) & (z > -1.001 * CAMERA_HEIGHT)
+    points = np.stack([away * np.cos(angles), away * np.sin(angles), z], axis=-1)[is_there]
+    data = points.astype('<f4')
+    fields = [
+        SimpleNamespace(name=name, offset=4 * k, datatype=7, count=1)
+        for k, name in enumerate('xyz')
+    ]
+    seconds, nanoseconds = divmod(scan.stamp_ns, 1000 * MS)
+    stamp = SimpleNamespace(sec=seconds, nanosec=nanoseconds)
+    return SimpleNamespace(
+        header=SimpleNamespace(frame_id=frame_id, stamp=stamp),
+        height=1,
+        width=len(data),
+        fields=fields,
+        is_bigendian=False,
+        point_step=12,
+        row_step=12 * len(data),
+        data=data.tobytes(),
+    )
+
+
 class Drive:
     """A run, from time 0 to an end [s]; obstacles may be there from a time on.
+
+    With a sensor of type `cloud` the scanner is a depth camera, which may see the floor.
 
     Attributes:
         decisions: All of them.
@@ -51,7 +87,7 @@ class Drive:
         searches: How many searches of a grid each control step has made.
     """
 
-    def __init__(self, preset='unknown', end=None, appears=0.0, **changes):
+    def __init__(self, preset='unknown', end=None, appears=0.0, sees_floor=True, **changes):
         given = load_parameter_file(preset)
         if f'{OWN_OBSTACLES}.names' in changes:
             given = {key: value for key, value in given.items() if OWN_OBSTACLES not in key}
@@ -80,7 +116,12 @@ class Drive:
                 self.clearance = min(self.clearance, swept.min(initial=math.inf))
             while laser.is_due(stamp):
                 scan = laser.scan(*(there if is_there else none))
-                surroundings.hear(sight_of(message_of(scan, lidar, sensor.frame_id), sensor))
+                if sensor.type == 'cloud':
+                    message = cloud_of(scan, lidar, sensor.frame_id, sees_floor)
+                    surroundings.hear(point_cloud.sight_of(message, sensor))
+                else:
+                    message = message_of(scan, lidar, sensor.frame_id)
+                    surroundings.hear(laser_scan.sight_of(message, sensor))
             pose = plant.measure()
             surroundings.note(stamp, pose)
             assert surroundings.blindness(stamp) == ''

@@ -59,6 +59,34 @@ def test_the_robot_can_stop_within_what_it_has_seen():
     assert any('has not been seen yet' in each.reason for each in careful.decisions)
 
 
+CLOUD = {
+    'sensors.front.type': 'cloud',
+    'sensors.front.reach': 5.0,
+    'sensors.front.heights': [-0.25, 0.1],
+    'sim.scan.dropout': 0.0,
+}
+"""A depth camera 0.3 m above the floor: 5 cm above the floor and more is an obstacle."""
+
+
+def test_a_cloud_with_points_on_the_floor_lets_the_robot_drive_at_speed():
+    drive = Drive(**FAST, **CLOUD, end=5.0)
+    assert max(speeds(drive)) > 1.2
+    assert not any('has not been seen yet' in each.reason for each in drive.decisions[5:])
+
+
+def test_a_cloud_without_points_on_the_floor_shows_no_free_space():
+    drive = Drive(**FAST, **CLOUD, sees_floor=False, end=5.0)
+    assert max(speeds(drive)) < 0.1
+    assert all('has not been seen yet' in each.reason for each in drive.decisions)
+
+
+def test_obstacles_that_only_a_depth_camera_sees_are_passed():
+    drive = Drive(**CLOUD)
+    assert drive.clearance > 0.03
+    assert math.dist(drive.pose[:2], drive.settings.goal) < 0.01
+    assert all(each.level != FallbackLevel.STOP for each in drive.decisions[:-1])
+
+
 WALL = {
     'sim.obstacles.names': ['wall'],
     'sim.obstacles.wall.type': 'capsule',

@@ -48,6 +48,7 @@ def test_every_parameter_reaches_its_place():
         'goal.position': [-10, 0], 'final_time': 12, 'control_period': 0.1,
         'command_delay': 0.06,
         'initial_pose': [0, 10, 1], 'odom_rate': 20, 'cmd_vel_timeout': 0, 'actuation_delay': 0.03,
+        'odom_jitter': 0.04, 'actuation_period': 0.02,
         'noise.position_stddev': 0.01, 'noise.heading_stddev': 0.02, 'noise.seed': 7,
         'noise.bias': [1, 2, 3], 'noise.drift': [4, 5, 6], 'noise.dropout': 0.5,
         'noise.dropout_windows': [1, 2, 3.5, 4], 'actuation_jitter': 0.01, 'wheel_lag': 0.05,
@@ -71,6 +72,7 @@ def test_every_parameter_reaches_its_place():
     assert settings.command_delay == 0.06
     assert (plant.initial_pose, plant.odom_rate) == ((0.0, 10.0, 1.0), 20.0)
     assert (plant.cmd_vel_timeout, plant.actuation_delay) == (0.0, 0.03)
+    assert (plant.odom_jitter, plant.actuation_period) == (0.04, 0.02)
     assert (plant.actuation_jitter, plant.wheel_lag, plant.seed) == (0.01, 0.05, 7)
     assert (plant.wheel_slip, plant.wheel_slip_stddev) == ((0.1, 0.2), 0.3)
     errors = ((1.0, 2.0, 3.0), (4.0, 5.0, 6.0), 0.5, ((1.0, 2.0), (3.5, 4.0)))
@@ -194,6 +196,26 @@ def test_in_lockstep_no_window_lasts_until_the_guidance_stops_by_its_clock():
         'noise.dropout_windows: found a window of 0.4 s, wanted at most odom_timeout -'
         ' control_period = 0.3 s, for lockstep'
     )
+
+
+@pytest.mark.parametrize(
+    ('rate', 'jitter', 'works'),
+    [(50.0, 0.0, True), (5.0, 0.0, True), (30.0, 0.03, True), (30.0, 0.0, True), (10.0, 0.0, True),
+     (10.0, 0.01, False), (7.0, 0.0, False)],
+)  # fmt: skip
+def test_in_lockstep_odometry_comes_within_half_a_control_period(rate, jitter, works):
+    values = {'odom_rate': rate, 'odom_jitter': jitter}
+    check_pace(TABLE.resolve(values))
+    if works:
+        check_pace(TABLE.resolve({**values, 'lockstep': True}))
+    else:
+        [line] = refusal(check_pace, {**values, 'lockstep': True})
+        assert line.startswith(f'control_period, odom_rate: found 0.2 s and {rate} Hz, wanted ')
+
+
+def test_odometry_is_not_late_by_more_than_its_period():
+    [line] = refusal(check_pace, {'odom_rate': 25.0, 'odom_jitter': 0.05})
+    assert line == 'odom_jitter: found 0.05 s, wanted less than the odometry period of 0.04 s'
 
 
 def test_other_robots_are_named_by_namespaces():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -62,18 +63,47 @@ def cloud(points=POINTS, kinds='fff', *, big=False, pad=0, height=1, tail=0, **c
 @pytest.mark.parametrize('height', [1, 2, 3])
 def test_points_of_any_layout(kinds, pad, tail, big, height):
     sight = sight_of(cloud(kinds=kinds, pad=pad, tail=tail, big=big, height=height), SENSOR)
-    assert sight.ends.tolist() == SEEN
-    assert sight.hits.all()
+    assert sight.ends[sight.hits].tolist() == SEEN
+    assert sight.hits.tolist() == [True] * 2 + [False] * 3
     assert not sight.is_sweep
     assert sight.stamp == 2_000_000_007
-    assert sight.stamps.tolist() == [2_000_000_007] * 2
+    assert sight.stamps.tolist() == [2_000_000_007] * 5
 
 
-def test_a_cloud_in_which_nothing_counts():
-    for points in ([], [(1.0, 0.0, 3.0)]):
-        sight = sight_of(cloud(points), SENSOR)
-        assert sight.ends.shape == (0, 2)
-        assert sight.stamp == 2_000_000_007
+@pytest.mark.parametrize('heights', [(-0.25, 0.25), (-0.25, -0.125), (0.125, 0.25), (0.0, 0.25)])
+@pytest.mark.parametrize(
+    'point', [(4.0, 0.0, -0.5), (2.0, 1.0, 0.5), (16.0, 12.0, -0.5), (8.0, -6.0, 0.0),
+              (8.0, 6.0, 0.25), (3.0, 0.0, -0.125), (1.0, 0.0, 0.0), (0.0, 0.0, -0.5)]
+)  # fmt: skip
+def test_a_beam_counts_where_it_is_at_heights_that_count_and_in_reach(point, heights):
+    sight = sight_of(cloud([point]), replace(SENSOR, heights=heights))
+    x, y, z = point
+    is_met = heights[0] <= z <= heights[1] and math.hypot(x, y) <= 5.0
+    along = np.linspace(0.0, 1.0, 100_001)
+    counts = (along * z >= heights[0]) & (along * z <= heights[1])
+    counts &= along * math.hypot(x, y) <= 5.0
+    if counts.sum() <= 1 and not is_met:
+        assert len(sight.ends) == 0
+        return
+    first, last = along[counts][[0, -1]]
+    assert sight.hits.tolist() == [is_met]
+    assert np.allclose(sight.begins, [[first * x, first * y]], atol=1e-3)
+    assert np.allclose(sight.ends, [[last * x, last * y]], atol=1e-3)
+
+
+def test_of_beams_that_end_side_by_side_one_frees_the_cells():
+    floor = [(2.0, 0.0 + 0.001 * k, -1.0) for k in range(10)]
+    wall = [(1.0, 0.0 + 0.001 * k, 0.5) for k in range(10)]
+    assert sight_of(cloud([*floor, *wall]), SENSOR).hits.tolist() == [True] * 10 + [False]
+
+
+@pytest.mark.parametrize('height', [1, 2])
+def test_where_no_point_is_nothing_is_known(height):
+    points = [(math.nan, math.nan, math.nan), (math.inf, 0.0, 0.0), (2.0, 0.0, 0.0)] * 2
+    sight = sight_of(cloud(points, height=height), SENSOR)
+    assert sight.ends.tolist() == [[2.0, 0.0]] * 2
+    assert sight.hits.all()
+    assert sight_of(cloud([]), SENSOR).ends.shape == (0, 2)
 
 
 @pytest.mark.parametrize(

@@ -51,3 +51,9 @@ def test_old_poses_are_forgotten_but_for_the_last_one_before_the_span():
 def test_a_pose_that_is_not_newer_is_left_out():
     known = history((100, 1, 0, 0), (100, 2, 0, 0), (50, 3, 0, 0))
     assert known.at(np.array([100]))[0, 0] == 1.0
+
+
+@pytest.mark.parametrize('count', [1, 2, 5])
+def test_no_instants_have_no_poses(count):
+    known = history(*((100 * k, k, 0, 0) for k in range(count)))
+    assert known.at(np.array([], dtype=np.int64)).shape == (0, 3)

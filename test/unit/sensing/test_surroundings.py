@@ -18,7 +18,7 @@ def seen(sensor, milliseconds, *ends):
     ends = np.array(ends, dtype=float)
     stamps = np.full(len(ends), milliseconds * MS)
     hits = np.ones(len(ends), dtype=bool)
-    return Sight(sensor, milliseconds * MS, stamps, ends, hits, is_sweep=True)
+    return Sight(sensor, milliseconds * MS, stamps, np.zeros_like(ends), ends, hits, is_sweep=True)
 
 
 def surroundings():

@@ -30,6 +30,7 @@ disturbed = st.builds(
     cmd_vel_timeout=st.sampled_from([0.0, 0.05, 0.5]),
     actuation_delay=st.sampled_from([0.0, 0.06]),
     actuation_jitter=st.sampled_from([0.0, 0.3]),
+    actuation_period=st.sampled_from([0.0, 0.033]),
     wheel_lag=st.sampled_from([0.0, 1e-4, 0.05, 0.4]),
     wheel_slip=st.sampled_from([(0.0, 0.0), (0.1, 0.03)]),
     wheel_slip_stddev=st.sampled_from([0.0, 0.2]),
@@ -92,7 +93,8 @@ def test_no_command_overtakes_another_whatever_the_jitter(settings, commands):
 @unhurried
 @given(disturbed, command_lists)
 def test_a_delay_shifts_the_path_in_time_and_changes_nothing_else(settings, commands):
-    settings = replace(settings, actuation_jitter=0.0, actuation_delay=0.0)
+    undelayed = {'actuation_jitter': 0.0, 'actuation_delay': 0.0, 'actuation_period': 0.0}
+    settings = replace(settings, **undelayed)
     delayed = replace(settings, actuation_delay=0.25)
     _, now = drive(settings, commands)
     _, later = drive(delayed, commands, end=3 * SECOND + 250 * MS)
@@ -154,6 +156,22 @@ def test_the_delay_varies_between_its_bounds():
         delays.append(change.stamp_ns - k * 100 * MS)
     assert 50 * MS <= min(delays) < 51 * MS
     assert 69 * MS < max(delays) <= 70 * MS
+
+
+def test_a_controller_with_a_period_takes_commands_at_its_next_instant():
+    given = PlantSettings(LIMITED, cmd_vel_timeout=0.0, actuation_delay=0.05, actuation_period=0.03)
+    plant = Plant(given, 7)
+    plant.command(7 + 5 * MS, 0.1, 0.0)
+    plant.command(7 + 9 * MS, 0.2, 0.0)
+    plant.command(7 + 10 * MS, 0.3, 0.0)
+    plant.command(7 + 11 * MS, 0.4, 0.0)
+    changes = [(each.stamp_ns - 7, each.twist[0]) for each in plant.advance(SECOND)]
+    wanted = [(60 * MS, 0.1), (60 * MS, 0.2), (60 * MS, 0.3), (90 * MS, 0.4)]
+    assert changes == [(stamp, pytest.approx(speed)) for stamp, speed in wanted]
+    # Its instants count from the last reset.
+    plant.reset()
+    plant.command(SECOND, 0.1, 0.0)
+    assert plant.advance(2 * SECOND)[0].stamp_ns == SECOND + 60 * MS
 
 
 def integrated(twist_of, end, slices=40_000):

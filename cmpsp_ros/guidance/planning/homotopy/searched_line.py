@@ -50,7 +50,9 @@ def searched_line(space: FreeSpace, start: Array, goal: Array) -> Array:
     points = np.stack(np.meshgrid(across, up, indexing='ij'), axis=-1)
     poses = np.column_stack([points.reshape(-1, 2), np.full(points[..., 0].size, math.nan)])
     clearance = space.at(poses).min(axis=1).reshape(points.shape[:2])
-    first, last = (np.round((each - low) / cell).astype(np.int64) for each in (start, goal))
+    # Where half a cell is longer than `_AROUND`, an end may round to beyond the last node.
+    ends = (np.round((each - low) / cell).astype(np.int64) for each in (start, goal))
+    first, last = (np.minimum(each, np.array(clearance.shape) - 1) for each in ends)
     costs = costs_of(clearance)
     # Where the robot stands, and where it is to stand, is not for the search to judge.
     for place in (first, last):

@@ -32,12 +32,9 @@ if TYPE_CHECKING:
 
 NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
 
-_CODES = {
-    NAVIGATE: {'unknown': 9000, 'transform': 9002, 'refused': 9000, 'missed': 9003},
-    FOLLOW: {'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105},
-}
-"""Error codes of Nav2 in Jazzy: UNKNOWN, TF_ERROR, INVALID_PATH, TIMEOUT and, of a path,
-FAILED_TO_MAKE_PROGRESS."""
+_CODES = {'': 0, 'unknown': 100, 'transform': 102, 'refused': 103, 'missed': 105}
+"""Error codes of FollowPath in Jazzy: NONE, UNKNOWN, TF_ERROR, INVALID_PATH and
+FAILED_TO_MAKE_PROGRESS. NavigateToPose has none of its own there: Nav2 hands on those of a path."""
 
 
 class _Running(NamedTuple):
@@ -152,13 +149,13 @@ class GoalActions:
             self._node.get_logger().warning(f'{name} is aborted: {error}')
             cause = 'transform' if isinstance(error.__cause__, TransformError) else 'refused'
             handle.abort()
-            return _result(kind, _CODES[name][cause], str(error))
+            return _result(kind, cause, str(error))
         self.abort('Another goal came.')
         begun = self._node.get_clock().now().nanoseconds
         running = self._running = _Running(name, handle, goal, begun, Future())
         end, cause, reason = await running.ended
         end()
-        return _result(kind, _CODES[name][cause] if cause else 0, reason)
+        return _result(kind, cause, reason)
 
     def _end(self, end: Callable[[], None], cause: str, reason: str) -> None:
         running, self._running = self._running, None
@@ -191,9 +188,10 @@ def _duration(seconds: float) -> Duration:
     return Duration(sec=sec, nanosec=nanosec)
 
 
-def _result(kind: Any, code: int, reason: str) -> Any:
-    result = kind.Result(error_code=code)
-    # Jazzy had no text at first.
-    if hasattr(result, 'error_msg'):
-        result.error_msg = reason
+def _result(kind: Any, cause: str, reason: str) -> Any:
+    result = kind.Result()
+    # Which fields there are depends on the version of Nav2; Jazzy had no text at first.
+    for field, value in (('error_code', _CODES[cause]), ('error_msg', reason)):
+        if hasattr(result, field):
+            setattr(result, field, value)
     return result

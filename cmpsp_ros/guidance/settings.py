@@ -47,12 +47,15 @@ class Safety:
         between_samples: Whether the path between two control steps must be clear as well.
         stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
         stop_within_sight: Whether the robot can stop before what no sensor has seen yet.
+        max_odom_jump: Jump of odometry beyond what the wheels allow that is tolerated; 0 for any
+            [m].
     """
 
     margin: float = 0.0
     between_samples: bool = True
     stopping_time: float = 0.5
     stop_within_sight: bool = True
+    max_odom_jump: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ def test_a_run_with_every_fault_is_identical(faulty):
     assert [each.revision for each in decisions][-1] == 3
     outcome = identical(bag)
     assert outcome.decisions == outcome.commands == len(decisions)
-    assert outcome.stops == sum(each.halted for each in decisions) == 4
+    assert outcome.stops == sum(each.halted for each in decisions) == 6
     assert outcome.plans == sum(each.plan is not None for each in decisions) > 20
     assert outcome.skipped == 0
 

@@ -59,10 +59,11 @@ class OdometryGate:
         """Why the robot must stand still, in sentences; empty where it may go on."""
         if not self.fault or self._consistent_since is None:
             return self.fault
-        return (
+        waits = (
             f'Recovering: odometry must be consistent for {settings.control_period} s'
-            f' (control_period) before the robot goes on. {self.fault}'
+            ' (control_period) before the robot goes on.'
         )
+        return f'{waits} {self.fault}'
 
     def take(self, stamp: int, pose: Array, now: int, settings: GuidanceSettings) -> Arrival:
         """Take odometry, unless it is older than the newest.

@@ -99,7 +99,7 @@ class Decision(NamedTuple):
         braking: Whether it brakes along the audited path, for odometry was good a moment ago.
         late: How long it took, if it came too late to be sent; else 0 [s].
         pose: What it decided on (x, y, heading), where a transform led to the frame of the course
-            [m, m, rad].
+            or several nodes publish odometry [m, m, rad].
         skipped: Whether odometry that came before was passed over, for it had grown old.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.

@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.messages.odometry import OdometryError, stamp_of
 from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
@@ -213,7 +213,8 @@ class GuidanceLoop:
         self._pose = pose.tolist()
         if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
             self._begin_again(stamp, (before - stamp) / NANOSECONDS)
-        if self.gate.fault:
+        is_braking = self.decision is not None and self.decision.braking
+        if self.gate.fault or (is_braking and 0.0 <= self._held < 1.0):
             self._sensors.note(stamp, pose)
             self._halt_for_odometry()
             return
@@ -235,9 +236,8 @@ class GuidanceLoop:
         if decision is None:
             return
         sent = self._now()
-        decision = decision._replace(skipped=newest is not data)
-        if is_transformed or self._odometry.publishers > 1:
-            decision = decision._replace(pose=tuple(self._pose))
+        heard = tuple(self._pose) if is_transformed or self._odometry.publishers > 1 else None
+        decision = decision._replace(skipped=newest is not data, pose=heard)
         took = (sent - now) / NANOSECONDS
         if took > period and decision.plan is not None:
             decision = self._law.withdraw(decision, took)
@@ -274,15 +274,11 @@ class GuidanceLoop:
         # Odometry of that instant comes first where it is there; in lockstep it always is.
         self._odometry.drain()
         now, end = self._now(), self._law.ends_at
-        is_over = self._is_finished or self._goals.cancelled
+        is_over = self._goals.cancelled or (self.decision is not None and self.decision.finished)
         if self.active and end is not None and now > end and not is_over:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
             self._command(decision)
             self._note(decision)
-
-    @property
-    def _is_finished(self) -> bool:
-        return self.decision is not None and self.decision.finished
 
     def _use_slack(self, slack: float = math.inf) -> None:
         """Do what can wait until the command is out, and the next is not yet due."""
@@ -316,19 +312,23 @@ class GuidanceLoop:
     def _halt_for_odometry(self) -> None:
         """Stop for a fault of odometry.
 
-        With a limit of acceleration the last command is held to the end of its period: from there
-        the braking path is known to be clear, unless the fault comes later still.
+        With a limit of acceleration the braking path that was audited with the last command is
+        driven, unless that command has been held for too long.
         """
-        since, period = self._now() - self._commanded_at, self._settings.control_period
-        ramps = math.isfinite(self._settings.robot.max_wheel_acceleration)
-        if not (ramps and 0 <= since < to_nanoseconds(period)):
-            braking = ramps and since <= to_nanoseconds(_LATEST_RAMP * period)
-            self._halt_for(self.gate.reason(self._settings), braking=braking)
+        held = self._held
+        if not 0.0 <= held < 1.0:
+            self._halt_for(self.gate.reason(self._settings), braking=held <= _LATEST_RAMP)
+
+    @property
+    def _held(self) -> float:
+        """Control periods since the last command; infinite without a limit of acceleration."""
+        if math.isinf(self._settings.robot.max_wheel_acceleration):
+            return math.inf
+        return (self._now() - self._commanded_at) / NANOSECONDS / self._settings.control_period
 
     def _halt_for(self, reason: str, *, braking: bool = False) -> None:
         """Stop now, and again every control period while the reason lasts."""
-        now = self._now()
-        period = self._settings.control_period * 1e9
+        now, period = self._now(), self._settings.control_period * 1e9
         if self._halted_at is None or not 0 <= now - self._halted_at < period:
             self._halt(reason, braking=braking)
             self._halted_at = now

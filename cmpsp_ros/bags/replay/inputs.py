@@ -175,7 +175,8 @@ class Inputs:
         """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
-            if received_all:
+            # What is newer than what was decided on the node heard after it: another source.
+            if received_all and each.stamp < wanted.stamp:
                 yield from self._received(each, None)
 
     def _received(

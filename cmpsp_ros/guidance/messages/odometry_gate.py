@@ -29,8 +29,8 @@ class Arrival(Enum):
 class OdometryGate:
     """Compares each odometry message with the one before.
 
-    After a fault the robot may go on once all odometry of a control period was consistent. That of
-    two sources in turn never is.
+    After a fault the robot may go on once it was stopped and all odometry of a control period was
+    consistent. That of two sources in turn never is.
 
     Attributes:
         fault: The last fault, in a sentence; empty once the robot may go on.
@@ -45,10 +45,16 @@ class OdometryGate:
         self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
         self._pose: tuple[float, float, float] | None = None
         self._consistent_since: int | None = None
+        self._is_stopped = False
 
     def fail(self, reason: str) -> None:
         """Note a fault, in a sentence."""
+        self._is_stopped = self._is_stopped and bool(self.fault)
         self.fault, self._consistent_since = reason, None
+
+    def note_stop(self) -> None:
+        """Note that the robot has been told to stop."""
+        self._is_stopped = True
 
     def refuse(self, reason: str) -> None:
         """Count a message that cannot be used, for a reason in a sentence: a fault."""
@@ -97,7 +103,7 @@ class OdometryGate:
         if self.fault:
             since = stamp if self._consistent_since is None else self._consistent_since
             self._consistent_since = since
-            if stamp - since >= to_nanoseconds(settings.control_period):
+            if self._is_stopped and stamp - since >= to_nanoseconds(settings.control_period):
                 self.fault = ''
         return arrival
 

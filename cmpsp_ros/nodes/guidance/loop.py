@@ -148,8 +148,9 @@ class GuidanceLoop:
         self.active = False
 
     def _halt(self, reason: str, *, braking: bool = False) -> None:
-        flags = {'cancelled': reason == self._goals.cancelled, 'braking': braking}
-        decision = self._law.halt(self._now(), reason, **flags)
+        cancelled = reason == self._goals.cancelled
+        decision = self._law.halt(self._now(), reason, cancelled=cancelled, braking=braking)
+        self.gate.note_stop()
         if self.decision is not None and self.decision.plan is not None:
             # It has driven on since odometry was heard of last.
             self._pose = self.decision.plan.pose_at(self.decision.stamp, decision.stamp)
@@ -301,8 +302,7 @@ class GuidanceLoop:
             return
         if self._garbage.overdue:
             self._use_slack()
-        timeout = self._settings.odom_timeout
-        if self.watchdog.is_longer_than(timeout, self._now()):
+        if self.watchdog.is_longer_than(timeout := self._settings.odom_timeout, self._now()):
             self._odometry.drain()
         if self.watchdog.goes_on(timeout, self._now()):
             self.gate.fail(f'No usable odometry for more than {timeout} s (odom_timeout).')

@@ -125,13 +125,13 @@ class Client:
         assert condition(self.decisions[-1]), self.decisions[-1]
         return self.decisions[-1], self.commands[-1]
 
-    def recover(self, stamp, pose=START):
+    def recover(self, stamp, pose=START, frame_id='odom'):
         """Publish odometry of a whole control period after a fault; what is decided in the end."""
         for each in (stamp, stamp + PERIOD_NS):
-            self.send(each, pose)
+            self.send(each, pose, frame_id)
         self.until(lambda: self.decisions[-1]['stamp'] == str(stamp + PERIOD_NS))
-        self.until(lambda: self.commands[-1][0] > 0.5)
-        return self.decisions[-1]
+        self.until(lambda: self.commands[-1] != (0.0, 0.0))
+        return self.decisions[-1], self.commands[-1]
 
     def drive(self):
         """Be a robot in real time from now on: obey the commands, publish odometry at 50 Hz."""

@@ -156,6 +156,7 @@ class Drive:
             self.note(decision, pose)
 
     def halt(self):
+        self.gate.note_stop()
         self.note(self.law.halt(self.now, self.gate.reason(self.given), braking=True), None)
 
     def note(self, decision, pose):

@@ -125,7 +125,7 @@ class Drive:
         self.say(odometry(stamp, pose))
         pose = self.measured(pose)
         try:
-            arrival = self.gate.take(stamp, pose, stamp, self.settings)
+            arrival = self.gate.take(stamp, pose, self.now - self.behind, self.settings)
         except OdometryError as error:
             self.gate.refuse(str(error))
         else:
@@ -136,6 +136,7 @@ class Drive:
         if self.gate.fault:
             if stamp - self.halted_at >= self.settings.control_period * SECOND:
                 self.halted_at = stamp
+                self.gate.note_stop()
                 self.publish(self.law.halt(self.now, self.gate.reason(self.settings), braking=True))
             return
         decision = self.law.update(stamp, pose)

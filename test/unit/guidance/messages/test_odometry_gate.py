@@ -43,6 +43,7 @@ class Stream:
             arrival = self.gate.take(self.now - age, np.array(pose), self.now, self.settings)
         except OdometryError as error:
             self.gate.refuse(str(error))
+            self.gate.note_stop()
             return str(error)
         if arrival is Arrival.TAKEN:
             return 'stand' if self.gate.fault else 'go on'
@@ -107,8 +108,20 @@ def test_any_fault_takes_a_control_period_without_another(stream):
     stream.hear()
     stream.gate.refuse('Odometry has a pose that is not finite.')
     assert [stream.hear() for _ in range(10)] == ['stand'] * 10
+    stream.gate.note_stop()
     stream.gate.refuse('Odometry cannot be read.')
     assert [stream.hear() for _ in range(11)] == ['stand'] * 10 + ['go on']
+
+
+def test_it_does_not_go_on_before_it_was_stopped(stream):
+    """The command of a braking robot is held to the end of its period: so long nothing is sent."""
+    stream.hear()
+    stream.gate.refuse('Odometry cannot be read.')
+    assert [stream.hear() for _ in range(30)] == ['stand'] * 30
+    stream.gate.note_stop()
+    assert stream.hear() == 'go on'
+    stream.gate.refuse('Odometry cannot be read.')
+    assert [stream.hear() for _ in range(30)] == ['stand'] * 30
 
 
 def test_the_reason_names_the_fault_and_then_that_it_recovers(stream):

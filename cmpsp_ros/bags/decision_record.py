@@ -168,6 +168,7 @@ class DecisionRecord:
     missed = Entry(truth, default=False)
     _halted = Entry(truth, key='halted', default=None)
     cancelled = Entry(truth, default=False)
+    braking = Entry(truth, default=False)
     late = Entry(float, 's', default=0.0)
     skipped = Entry(truth, default=False)
     pose = Entry[tuple[float, float, float] | None](triple, default=None)
@@ -267,6 +268,6 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 
 _CHECKED: Final = (
     *('step', 'run', 'revision', 'level', 'finished', 'halted'),
-    *('cancelled', 'late', 'skipped', 'pose'),
+    *('cancelled', 'braking', 'late', 'skipped', 'pose'),
     *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
 )

@@ -100,9 +100,10 @@ class Decision(NamedTuple):
         missed: Whether it has passed with the robot farther from the goal than its tolerance.
         halted: Whether it answers no odometry but a call of `GuidanceLaw.halt`.
         cancelled: Whether it stops since the goal was cancelled, or none has come yet.
+        braking: Whether it brakes along the audited path, for odometry was good a moment ago.
         late: How long it took, if it came too late to be sent; else 0 [s].
         pose: What it decided on (x, y, heading), where a transform led to the frame of the course
-            [m, m, rad].
+            or several nodes publish odometry [m, m, rad].
         skipped: Whether odometry that came before was passed over, for it had grown old.
         run: How often the law had been reset before it.
         revision: How often the law had been given new settings before it.
@@ -140,6 +141,7 @@ class Decision(NamedTuple):
     missed: bool = False
     halted: bool = False
     cancelled: bool = False
+    braking: bool = False
     late: float = 0.0
     pose: tuple[float, ...] | None = None
     skipped: bool = False

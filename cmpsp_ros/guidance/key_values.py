@@ -67,6 +67,7 @@ def decision_to_key_values(decision: Decision) -> dict[str, str]:
         'missed': decision.missed,
         'halted': decision.halted,
         **({'cancelled': True} if decision.cancelled else {}),
+        **({'braking': True} if decision.braking else {}),
         **({'late': decision.late} if decision.late > 0.0 else {}),
         **({'skipped': True} if decision.skipped else {}),
         **({'pose': ' '.join(map(repr, decision.pose))} if decision.pose else {}),

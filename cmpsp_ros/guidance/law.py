@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,9 +228,7 @@ class GuidanceLaw:
         road, progress = self._settings.road, self._state.progress
         return abs(arc_length_to(road, np.array(pose), goal.position, goal.heading, progress))
 
-    def halt(
-        self, stamp: int, reason: str, *, finished: bool = False, cancelled: bool = False
-    ) -> Decision:
+    def halt(self, stamp: int, reason: str, **flags: Any) -> Decision:
         """Stop for a reason that odometry does not show.
 
         The plan is dropped, and the next newer odometry is decided on at once.
@@ -237,15 +236,13 @@ class GuidanceLaw:
         Args:
             stamp: Present time [ns].
             reason: Why, in a sentence.
-            finished: Whether it is the final time, which the next odometry is to judge.
-            cancelled: Whether it is that the goal was cancelled, or none has come yet.
+            flags: Of `Decision`: `finished`, which the next odometry is to judge, `cancelled`, or
+                `braking`. With one of them it brakes along the audited path.
         """
         state, nowhere = self._state, np.full(3, math.nan)
         self._drop_plan()
-        state.interrupt(is_lost=not finished and not cancelled)
-        decision = self._decisions.stop(
-            state, stamp, nowhere, reason, finished=finished, cancelled=cancelled, halted=True
-        )
+        state.interrupt(is_lost=not any(flags.values()))
+        decision = self._decisions.stop(state, stamp, nowhere, reason, halted=True, **flags)
         return state.sent(decision)
 
     def withdraw(self, decision: Decision, took: float) -> Decision:

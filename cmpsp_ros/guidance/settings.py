@@ -48,6 +48,8 @@ class Safety:
         stopping_time: How much longer than its model the robot takes to come to rest, at most [s].
         max_prediction_error: Largest error of predicted odometry with which the robot drives [m].
         stop_within_sight: Whether the robot can stop before what no sensor has seen yet.
+        max_odom_jump: Jump of odometry beyond what the wheels allow that is tolerated; 0 for any
+            [m].
     """
 
     margin: float = 0.0
@@ -55,6 +57,7 @@ class Safety:
     stopping_time: float = 0.5
     max_prediction_error: float = 0.3
     stop_within_sight: bool = True
+    max_odom_jump: float = 0.1
 
 
 @dataclass(frozen=True)

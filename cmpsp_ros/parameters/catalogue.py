@@ -298,6 +298,12 @@ def _parameters() -> Iterator[Parameter]:
     yield safety('safety.stop_within_sight', _BOOL, True, '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
         'not seen.')
+    yield safety('safety.max_odom_jump', _DOUBLE, 0.1, 'm',
+        'Distance by which the position may differ between two odometry messages, beyond the '
+        'distance that the wheels allow, with a quarter more than their limit; and twice as many '
+        'radians for the heading. After a larger jump the robot stops until odometry was '
+        'consistent for a control period. 0, or without a limit of the wheels: not checked.',
+        range=_NOT_NEGATIVE)
     yield safety('odom_timeout', _DOUBLE, 0.5, 's',
         'Age at which odometry counts as lost and the robot is stopped.', range=_POSITIVE)
     yield safety('failure_tolerance', _INTEGER, 3, '',

@@ -19,6 +19,7 @@ from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.messages.odometry_gate import motion_limits
 from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
 from cmpsp_ros.world.roads.arc_length import project_on_path
@@ -31,12 +32,6 @@ _ROUNDING = 1e-6
 
 _SAMPLE_TOLERANCE = 1e-3
 """What a linearised constraint may be short of at a sample [m]; see `guidance.audit`."""
-
-_JUMP = (0.01, 0.05)
-"""Way and turn beyond what can be driven that odometry may show between two samples [m, rad]."""
-
-_SIGMAS = 3.0 * math.sqrt(2.0)
-"""Standard deviations by which the difference of two measurements may be off."""
 
 
 def road(record: AuditRecord) -> Verdict:
@@ -159,10 +154,12 @@ def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -
 
 def jumps(record: AuditRecord) -> Verdict:
     """Whether the motion in the odometry is feasible for the robot."""
-    robot = record.history.epochs[0].settings.robot
+    settings = record.history.epochs[0].settings
+    robot, max_jump = settings.robot, settings.safety.max_odom_jump
     if not math.isfinite(robot.max_wheel_speed):
         return skipped('The wheels have no limit (robot.max_wheel_speed is 0).')
-    fastest = np.array([robot.max_speed, robot.max_speed / robot.half_track])
+    if not max_jump:
+        return skipped('Any jump is allowed (safety.max_odom_jump is 0).')
     worst: tuple[float, float, float, str, int] = (-math.inf, 0.0, 0.0, '', record.start)
     for leg in record.legs:
         odometry = leg.odometry
@@ -174,9 +171,8 @@ def jumps(record: AuditRecord) -> Verdict:
             ]
         )
         # Of two at one instant the later counts, as when the robot is put somewhere else.
-        slack = np.array(_JUMP) + _SIGMAS * odometry.spreads[1:]
-        allowed = durations[:, None] * fastest + slack
-        excess = np.where(durations[:, None] > 0.0, (moved - allowed) / slack, -np.inf)
+        allowed = np.column_stack(motion_limits(robot, durations, max_jump))
+        excess = np.where(durations[:, None] > 0.0, moved / allowed - 1.0, -np.inf)
         row, column = np.unravel_index(int(excess.argmax()), excess.shape)
         found = float(moved[row, column]), float(allowed[row, column])
         stamp = int(odometry.stamps[row])

@@ -52,7 +52,8 @@ class Follower:
                 with suppress(GoalError):
                     self.law.tell(stamp, goal)
             case Halted(decision):
-                flags = {'finished': decision.finished, 'cancelled': decision.cancelled}
+                names = 'finished', 'cancelled', 'braking'
+                flags = {name: getattr(decision, name) for name in names}
                 return self.law.halt(decision.stamp, decision.reason, **flags)
             case OdometryReceived(odometry, recorded, tracks=tracks, sighting=sighting):
                 decided = self.law.update(odometry.stamp, odometry.pose, tracks, sighting)

@@ -8,10 +8,12 @@ goals, obstacles and plans had arrived by then (`halted`, `late`, `skipped`, `ru
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
@@ -20,10 +22,11 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
 from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing.surroundings import Sighting
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -107,7 +110,7 @@ class Inputs:
         self.skipped = 0
         values = self.values
         self._recording = Recording(bag, names, values['frame_id'], values['others.namespaces'])
-        self._time = TimeJump()
+        self._pose: Array | None = None
 
     @property
     def values(self) -> Values:
@@ -157,16 +160,23 @@ class Inputs:
             )
 
     def _find(self, decision: DecisionRecord) -> OdometrySample | None:
-        waiting, stamp = self._recording.odometry, decision.stamp
+        waiting, stamp, before = self._recording.odometry, decision.stamp, self._pose
         if decision.pose is not None:
-            return OdometrySample(decision.received, stamp, np.array(decision.pose))
-        return next((each for each in waiting if each.stamp == stamp), None)
+            found = [OdometrySample(decision.received, stamp, np.array(decision.pose))]
+        else:
+            found = [each for each in waiting if each.stamp == stamp]
+        if before is not None and len(found) > 1:
+            # Of two sources the node follows the one that does not jump.
+            found.sort(key=lambda each: math.dist(each.pose[:2], before[:2]))
+        self._pose = found[0].pose if found else before
+        return found[0] if found else None
 
     def _between(self, wanted: OdometrySample, *, received_all: bool) -> Iterator[Input]:
         """Odometry before the one wanted, on which no decision was made."""
         waiting = self._recording.odometry
         while (each := waiting.popleft()) is not wanted:
-            if received_all:
+            # What is newer than what was decided on the node heard after it: another source.
+            if received_all and each.stamp < wanted.stamp:
                 yield from self._received(each, None)
 
     def _received(
@@ -175,8 +185,6 @@ class Inputs:
         decision: DecisionRecord | None,
         goals: Iterable[GoalReceived] = (),
     ) -> Iterator[Input]:
-        if self._time.back(odometry.stamp) > self.values['odom_timeout']:
-            yield RunReset()
         yield from goals
         if decision is None:
             yield OdometryReceived(odometry, None)

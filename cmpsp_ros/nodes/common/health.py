@@ -93,13 +93,18 @@ def status_message(
 
 
 class StepTimes:
-    """Computing times of the latest control steps, and times from odometry to its command."""
+    """Computing times of the latest control steps, ages of odometry, and times to its command."""
 
     def __init__(self) -> None:
         """Begin without any step."""
         self._times: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
         self._answers: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
+        self._ages: deque[float] = deque(maxlen=_REMEMBERED_STEPS)
         self._misses = 0
+
+    def hear(self, age_ms: float) -> None:
+        """Note the age of odometry when it came [ms]; negative where it is ahead of the clock."""
+        self._ages.append(age_ms)
 
     def add(self, step_ms: float, answer_ms: float, period: float, delay: float) -> None:
         """Count a step.
@@ -127,15 +132,26 @@ class StepTimes:
             )
         if len(self._answers) >= _ENOUGH_STEPS:
             usual = float(np.median(self._answers))
-            if usual - self._delay_ms > _UNKNOWN_DELAY * self._period_ms:
+            unknown, least_age = _UNKNOWN_DELAY * self._period_ms, min(self._ages, default=0.0)
+            if usual - self._delay_ms > unknown:
                 said.append(
                     f'Commands leave {usual:.0f} ms after their odometry:'
                     f' command_delay should be {usual / 1e3:.3f} s or more.'
                 )
+            if least_age - self._delay_ms > unknown:
+                said.append(
+                    f'Odometry is {least_age:.0f} ms old or more when it comes: the clock of the'
+                    ' robot is behind, or the transport is slow.'
+                )
+            elif least_age < -unknown:
+                said.append(
+                    f'Odometry comes up to {-least_age:.0f} ms before its time: the clock of the'
+                    ' robot is ahead.'
+                )
         return said
 
     def values(self) -> dict[str, object]:
-        """Median, 95th percentile and maximum of both [ms], and the missed deadlines."""
+        """Percentiles of each [ms], the delay to be set as `command_delay` [s], and misses."""
         if not self._times:
             return {}
         values: dict[str, object] = {}
@@ -143,4 +159,9 @@ class StepTimes:
             p50, p95 = np.percentile(times, [50, 95]).tolist()
             values[f'{name}_ms_p50'], values[f'{name}_ms_p95'] = p50, p95
             values[f'{name}_ms_max'] = max(times)
-        return {**values, 'deadline_misses': self._misses}
+        if self._ages:
+            least, p50, p99 = np.percentile(self._ages, [0, 50, 99]).tolist()
+            latency = 'odometry_latency_ms'
+            values |= {f'{latency}_min': least, f'{latency}_p50': p50, f'{latency}_p99': p99}
+        delay = max(0.0, float(np.median(self._answers)) / 1e3)
+        return {**values, 'command_delay_measured': delay, 'deadline_misses': self._misses}

@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
 
+def publisher_names(node: Node, topic: str) -> list[str]:
+    """Full names of the nodes that publish on a topic, once for each publisher, in order."""
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)
+
+
 @dataclass(frozen=True)
 class Topic:
     """One topic or service of a node.

@@ -171,8 +171,9 @@ HEALTH = Topic(
     'out',
     '/diagnostics',
     DiagnosticArray,
-    'once a second and on every change: state, subscribers, fallback level, step times, missed'
-    ' deadlines, odometry age',
+    'once a second and on every change: state, publishers of odometry and subscribers, fallback'
+    ' level, step times, missed deadlines, age of odometry and how late it comes (min, p50, p99),'
+    ' its messages refused, out of order and repeated, and `command_delay` as measured',
 )
 OWN_ODOM = Topic(
     'guidance',

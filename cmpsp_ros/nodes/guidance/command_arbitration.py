@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from diagnostic_msgs.msg import KeyValue
 from rclpy.clock import Clock, ClockType
 
+from cmpsp_ros.nodes.common.topic import publisher_names
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDED_BY
 
 if TYPE_CHECKING:
@@ -92,14 +93,11 @@ class CommandArbiter:
         if self._since is not None:
             self._publisher.publish(KeyValue(key=self._name, value=str(self._since)))
         own = self._node.get_fully_qualified_name()
-        names = [
-            f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-            for each in self._node.get_publishers_info_by_topic(self._commands)
-        ]
+        names = publisher_names(self._node, self._commands)
         # Another process may have a node of the same name.
         if own in names:
             names.remove(own)
-        self._others = tuple(sorted(names))
+        self._others = tuple(names)
 
     def _on_claim(self, claim: KeyValue) -> None:
         if claim.key == self._name:

@@ -7,24 +7,22 @@ import time
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.clock_reset import TimeJump
-from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, stamp_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, stamp_of
+from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
 from cmpsp_ros.guidance.mission.start import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
-from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
 from cmpsp_ros.nodes.guidance.inputs.map_input import MapInput
 from cmpsp_ros.nodes.guidance.inputs.obstacle_input import ObstacleInput
-from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import Odometry, read_odometry
+from cmpsp_ros.nodes.guidance.inputs.odometry_input import OdometryInput
 from cmpsp_ros.nodes.guidance.inputs.odometry_watchdog import OdometryWatchdog
 from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
 from cmpsp_ros.nodes.guidance.inputs.sensor_input import SensorInput
 from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
-from cmpsp_ros.nodes.timing.drain_queue import drain_queue, take_newest
 
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
@@ -36,6 +34,9 @@ if TYPE_CHECKING:
 
 _WATCH_PERIOD = 0.025
 
+_LATEST_RAMP = 1.5
+"""Control periods after a command until which the braking path that was audited with it holds."""
+
 _LATEST_ODOMETRY = 5_000_000
 """How long after the final time its odometry may come before the clock stops the robot [ns]."""
 
@@ -43,11 +44,12 @@ _LATEST_ODOMETRY = 5_000_000
 class GuidanceLoop:
     """Feeds odometry to the guidance law and publishes what it decides, while it is active.
 
-    Odometry that is lost or cannot be used, and any exception, is answered with a zero twist.
+    Odometry that is lost or cannot be used, and any exception, is answered with a stop.
 
     Attributes:
         active: Whether odometry is decided on.
         decision: The latest decision; None before the first.
+        gate: Judges odometry.
         road: Where the road comes from.
         map: Where the map comes from.
         silence: How long ago odometry was heard of.
@@ -78,7 +80,7 @@ class GuidanceLoop:
         self._sensors = SensorInput(node, settings)
         self.road = RoadInput(node, values, self._transforms)
         self.map = MapInput(node, values, self._transforms)
-        self._odometry = GUIDANCE_ODOM.listen_on(node, self._on_odometry, raw=True)
+        self._odometry = OdometryInput(node, self._on_odometry)
         self._goals = GoalInput(
             node,
             self._law,
@@ -94,7 +96,7 @@ class GuidanceLoop:
 
     def close(self) -> None:
         """Close the topics."""
-        self._node.destroy_subscription(self._odometry)
+        self._odometry.close()
         self._goals.close()
         self._node.destroy_timer(self._timer)
         self._node.destroy_timer(self._end_timer)
@@ -115,9 +117,10 @@ class GuidanceLoop:
         self.decision: Decision | None = None
         self.times = StepTimes()
         self.watchdog = OdometryWatchdog()
+        self.gate = OdometryGate()
         self._clock_watch = ClockWatch()
-        self._time_jump = TimeJump()
         self._halted_at: int | None = None
+        self._commanded_at, self._over_at = -NEVER, NEVER
         self._pose: list[float] = []
         self._begun = False
         self._outputs.listeners.begin()
@@ -144,19 +147,24 @@ class GuidanceLoop:
         self._goals.end(reason)
         self.active = False
 
-    def _halt(self, reason: str) -> None:
+    def _halt(self, reason: str, *, braking: bool = False) -> None:
         cancelled = reason == self._goals.cancelled
-        decision = self._law.halt(self._now(), reason, cancelled=cancelled)
+        decision = self._law.halt(self._now(), reason, cancelled=cancelled, braking=braking)
+        self.gate.note_stop()
         if self.decision is not None and self.decision.plan is not None:
             # It has driven on since odometry was heard of last.
             self._pose = self.decision.plan.pose_at(self.decision.stamp, decision.stamp)
-        self._outputs.command(decision)
+        self._command(decision)
         self._note(decision)
 
+    def _command(self, decision: Decision) -> None:
+        self._outputs.command(decision)
+        self._commanded_at = self._now()
+
     @property
-    def subscribers(self) -> dict[str, int]:
-        """How many listen to what every decision is told by, for diagnostics."""
-        return self._outputs.subscribers
+    def connections(self) -> dict[str, int]:
+        """Number of publishers of odometry, and of subscribers by topic, for diagnostics."""
+        return {'odometry_publishers': self._odometry.publishers, **self._outputs.subscribers}
 
     @property
     def odometry_age(self) -> float | None:
@@ -172,6 +180,7 @@ class GuidanceLoop:
             *self._clock_watch.warnings(now),
             *(self._outputs.listeners.warnings() if self._begun else ()),
             *self.times.warnings(),
+            *filter(None, [self._odometry.warning()]),
             *self._law.warnings,
         ]
 
@@ -188,17 +197,28 @@ class GuidanceLoop:
             return
         began, now = time.perf_counter_ns(), self._now()
         try:
-            message, newest = self._newest(data, now)
+            period = self._settings.control_period
+            message, newest = self._odometry.newest(data, now, period, self._law.is_due)
             pose, is_transformed = self._transforms.pose_of(message, newest)
-            stamp = stamp_of(message)
-            check_age(stamp, now, self._settings.odom_timeout)
+            stamp, before = stamp_of(message), self.gate.newest
+            arrival = self.gate.take(stamp, pose, now, self._settings)
         except OdometryError as error:
-            self._halt_for(str(error))
+            self.gate.refuse(f'{error} {self._odometry.warning()}'.strip())
+            self._halt_for_odometry()
             return
+        if arrival is Arrival.IGNORED:
+            return
+        self.times.hear((now - stamp) / 1e6)
         self._outputs.name_robot(self._transforms.robot_frame(message.child_frame_id))
         self.watchdog.end(now)
         self._pose = pose.tolist()
-        self._notice_time(stamp)
+        if arrival is Arrival.TIME_JUMPED_BACK and before is not None:
+            self._begin_again(stamp, (before - stamp) / NANOSECONDS)
+        is_braking = self.decision is not None and self.decision.braking
+        if self.gate.fault or (is_braking and 0.0 <= self._held < 1.0):
+            self._sensors.note(stamp, pose)
+            self._halt_for_odometry()
+            return
         if not self._begun and (why := reason_not_to_begin(self._settings, pose)):
             self._halt_for(why)
             return
@@ -217,15 +237,14 @@ class GuidanceLoop:
         if decision is None:
             return
         sent = self._now()
-        decision = decision._replace(skipped=newest is not data)
-        if is_transformed:
-            decision = decision._replace(pose=tuple(self._pose))
-        period, took = self._settings.control_period, (sent - now) / NANOSECONDS
+        heard = tuple(self._pose) if is_transformed or self._odometry.publishers > 1 else None
+        decision = decision._replace(skipped=newest is not data, pose=heard)
+        took = (sent - now) / NANOSECONDS
         if took > period and decision.plan is not None:
             decision = self._law.withdraw(decision, took)
             self._node.get_logger().warning(decision.reason)
         else:
-            self._outputs.command(decision)
+            self._command(decision)
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
         self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
@@ -243,41 +262,29 @@ class GuidanceLoop:
             self._halt_for(f'The search of the grid failed: {type(error).__name__}: {error}')
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
-    def _newest(self, data: bytes, now: int) -> tuple[Odometry, bytes]:
-        """Odometry, and its bytes: of newer odometry that waits, where this has grown old."""
-        message = read_odometry(data)
-        stamp = stamp_of(message)
-        age = (now - stamp) / NANOSECONDS
-        if age <= self._settings.control_period or not self._law.is_due(stamp):
-            return message, data
-        newest = take_newest(self._odometry) or data
-        return read_odometry(newest), newest
-
     def _expect_end(self, decision: Decision, now: int) -> None:
         """See to it that the robot stops in time where odometry does not come just then.
 
-        In lockstep it always comes; whether clock or odometry came first would be chance.
+        Counted from this odometry, whose clock need not be that of this computer. In lockstep it
+        always comes; whether clock or odometry came first would be chance.
         """
         end = self._law.ends_at
         if decision.finished or end is None or self._in_lockstep:
             return
-        self._end_timer.timer_period_ns = max(1, end - now) + _LATEST_ODOMETRY
+        self._over_at = now + end - decision.stamp
+        self._end_timer.timer_period_ns = max(1, self._over_at - self._now()) + _LATEST_ODOMETRY
         self._end_timer.reset()
 
     def _on_end(self) -> None:
         self._end_timer.cancel()
         # Odometry of that instant comes first where it is there.
-        drain_queue(self._odometry)
-        now, end = self._now(), self._law.ends_at
-        is_over = self._is_finished or self._goals.cancelled
-        if self.active and end is not None and now > end and not is_over:
+        self._odometry.drain()
+        now = self._now()
+        is_over = self._goals.cancelled or (self.decision is not None and self.decision.finished)
+        if self.active and now > self._over_at and not is_over:
             decision = self._law.halt(now, 'The final time has passed.', finished=True)
-            self._outputs.command(decision)
+            self._command(decision)
             self._note(decision)
-
-    @property
-    def _is_finished(self) -> bool:
-        return self.decision is not None and self.decision.finished
 
     def _use_slack(self, slack: float = math.inf) -> None:
         """Do what can wait until the command is out, and the next is not yet due."""
@@ -285,35 +292,50 @@ class GuidanceLoop:
             self.show()
         self._garbage.collect(slack)
 
-    def _notice_time(self, stamp: int) -> None:
-        """Begin the run again when time has: odometry fits the clock, but not what came before."""
-        back = self._time_jump.back(stamp)
-        if back > self._settings.odom_timeout:
-            said = f'time has jumped back by {back:.3f} s: the run begins again'
-            self._node.get_logger().warning(said)
-            self._law.reset()
-            self._goals.end(said)
-            self._begun = False
-            self._obstacles.forget_after(stamp)
-            self._sensors.forget()
+    def _begin_again(self, stamp: int, back: float) -> None:
+        """Begin the run again, since time has: it has jumped back by so much [s]."""
+        said = f'time has jumped back by {back:.3f} s: the run begins again'
+        self._node.get_logger().warning(said)
+        self._law.reset()
+        self._goals.end(said)
+        self._begun = False
+        self._obstacles.forget_after(stamp)
+        self._sensors.forget()
 
     def _watch(self) -> None:
         if not self.active:
             return
         if self._garbage.overdue:
             self._use_slack()
-        timeout = self._settings.odom_timeout
-        if self.watchdog.is_longer_than(timeout, self._now()):
-            drain_queue(self._odometry)
+        if self.watchdog.is_longer_than(timeout := self._settings.odom_timeout, self._now()):
+            self._odometry.drain()
         if self.watchdog.goes_on(timeout, self._now()):
-            self._halt_for(f'No usable odometry for more than {timeout} s (odom_timeout).')
+            self.gate.fail(f'No usable odometry for more than {timeout} s (odom_timeout).')
+        if self.gate.fault:
+            self._halt_for_odometry()
 
-    def _halt_for(self, reason: str) -> None:
+    def _halt_for_odometry(self) -> None:
+        """Stop for a fault of odometry.
+
+        With a limit of acceleration the braking path that was audited with the last command is
+        driven, unless that command has been held for too long.
+        """
+        held = self._held
+        if not 0.0 <= held < 1.0:
+            self._halt_for(self.gate.reason(self._settings), braking=held <= _LATEST_RAMP)
+
+    @property
+    def _held(self) -> float:
+        """Control periods since the last command; infinite without a limit of acceleration."""
+        if math.isinf(self._settings.robot.max_wheel_acceleration):
+            return math.inf
+        return (self._now() - self._commanded_at) / NANOSECONDS / self._settings.control_period
+
+    def _halt_for(self, reason: str, *, braking: bool = False) -> None:
         """Stop now, and again every control period while the reason lasts."""
-        now = self._now()
-        period = self._settings.control_period * 1e9
+        now, period = self._now(), self._settings.control_period * 1e9
         if self._halted_at is None or not 0 <= now - self._halted_at < period:
-            self._halt(reason)
+            self._halt(reason, braking=braking)
             self._halted_at = now
 
     def _note(self, decision: Decision) -> None:

@@ -27,6 +27,7 @@ from cmpsp_ros.robots.arcs import arc_ends
 CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
 LIMIT = 30.0
 START = (0.0, -9.25, 0.0)
+PERIOD_NS = 200_000_000
 
 
 def odometry(stamp, pose, frame_id='odom'):
@@ -122,6 +123,14 @@ class Client:
         self.odometry.publish(message)
         self.until(lambda: len(self.decisions) > before and len(self.commands) > commands)
         assert condition(self.decisions[-1]), self.decisions[-1]
+        return self.decisions[-1], self.commands[-1]
+
+    def recover(self, stamp, pose=START, frame_id='odom'):
+        """Publish odometry of a whole control period after a fault; what is decided in the end."""
+        for each in (stamp, stamp + PERIOD_NS):
+            self.send(each, pose, frame_id)
+        self.until(lambda: self.decisions[-1]['stamp'] == str(stamp + PERIOD_NS))
+        self.until(lambda: self.commands[-1] != (0.0, 0.0))
         return self.decisions[-1], self.commands[-1]
 
     def drive(self):

@@ -49,7 +49,7 @@ def test_a_clock_that_stops_alone_stops_the_robot(fault, tick, client, make_odom
     assert_is(fault, decision)
     # The clock is back.
     tick(begin + 4 * PERIOD)
-    client.until(lambda: _drives(client, make_odometry(begin + 4 * PERIOD, POSE)))
+    client.recover(begin + 4 * PERIOD)
 
 
 def _drives(client, message):

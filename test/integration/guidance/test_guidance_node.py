@@ -151,12 +151,15 @@ def test_one_command_at_each_control_instant_as_the_law_says(
 
         # Between two control instants nothing is decided: the next answer is to the next one.
         following = stamps[step + 1] if step + 1 < len(stamps) else stamp + PERIOD_NS
-        duration = np.array([(following - stamp) / 1e9])
+
+        def on_the_way(seconds, pose=pose, wheels=wanted.wheel_speeds):
+            return robot.roll_out(np.array(pose), wheels[None], np.array([seconds]))[1].tolist()
+
         next_due = begun + (1 + (stamp - begun) // PERIOD_NS) * PERIOD_NS
         for between in (stamp, stamp + 20 * MS, next_due - 1):
-            client.send(between, pose)
+            client.send(between, on_the_way((between - stamp) / 1e9))
             assert law.update(between, np.array(pose)) is None
-        pose = robot.roll_out(np.array(pose), wanted.wheel_speeds[None], duration)[1].tolist()
+        pose = on_the_way((following - stamp) / 1e9)
 
     late = []
     client.node.create_subscription(MarkerArray, '/guidance/markers', late.append, LATCHED)

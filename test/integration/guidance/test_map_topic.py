@@ -212,7 +212,7 @@ def test_a_map_in_another_frame_is_placed_by_transforms(
         return decisions
 
     client.until(drives)
-    decision, command = client.decide(make_odometry(stamp + PERIOD_NS, START, 'map'))
+    decision, command = client.recover(stamp + PERIOD_NS, START, 'map')
     assert decision['fallback_level'] == 'nominal', decision['reason']
     assert abs(command[1]) > 0.1, 'it turns to one side of the box'
 

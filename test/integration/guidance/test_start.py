@@ -7,7 +7,7 @@ import pytest
 pytestmark = pytest.mark.integration
 
 MS = 1_000_000
-PATIENT = {'odom_timeout': 60.0}
+PATIENT = {'odom_timeout': 60.0, 'safety.max_odom_jump': 0.0}
 
 
 @pytest.mark.smoke

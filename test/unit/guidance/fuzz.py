@@ -23,13 +23,12 @@ from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
 
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.clock_reset import TimeJump
-from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
 from cmpsp_ros.guidance.settings import Safety
 from cmpsp_ros.guidance.solver_settings import Weights
 
 SECOND_NS = 1_000_000_000
-TIMEOUT = 0.5
 PIECES = 50
 
 SETTINGS = (
@@ -114,7 +113,7 @@ class Drive:
 
     def __init__(self, number):
         self.given = SETTINGS[number]
-        self.law, self.jump = GuidanceLaw(self.given), TimeJump()
+        self.law, self.gate = GuidanceLaw(self.given), OdometryGate()
         self.pose, self.held = np.array(START), np.zeros(2)
         self.now, self.outcomes = 100 * SECOND_NS, Counter()
 
@@ -123,10 +122,11 @@ class Drive:
         self.pose = self.given.robot.roll_out(self.pose, self.held[None], duration)[-1]
         self.now = max(0, self.now + event.after)
         if event.what == 'silence':
-            self.note(self.law.halt(self.now, 'No usable odometry.'), None)
+            self.gate.fail('No usable odometry.')
+            self.halt()
         elif event.what == 'reset':
             self.law.reset()
-            self.jump = TimeJump()
+            self.gate = OdometryGate()
         elif event.what == 'reconfigure':
             self.given = replace(self.given, obstacles=self.given.obstacles[:1])
             self.law.reconfigure(self.given)
@@ -136,18 +136,28 @@ class Drive:
     def hear(self, message):
         try:
             pose, stamp = pose_of(message, 'odom'), stamp_of(message)
-            check_age(stamp, self.now, TIMEOUT)
+            arrival = self.gate.take(stamp, pose, self.now, self.given)
         except OdometryError as error:
             self.outcomes['refused'] += 1
-            self.note(self.law.halt(self.now, str(error)), None)
+            self.gate.refuse(str(error))
+        else:
+            if arrival is Arrival.IGNORED:
+                self.outcomes['ignored'] += 1
+                return
+            if arrival is Arrival.TIME_JUMPED_BACK:
+                self.law.reset()
+        if self.gate.fault:
+            self.halt()
             return
-        if self.jump.back(stamp) > TIMEOUT:
-            self.law.reset()
         decision = self.law.update(stamp, pose)
         if decision is None:
             self.outcomes['not due'] += 1
         else:
             self.note(decision, pose)
+
+    def halt(self):
+        self.gate.note_stop()
+        self.note(self.law.halt(self.now, self.gate.reason(self.given), braking=True), None)
 
     def note(self, decision, pose):
         """No command is beyond the limits, not finite, or leads anywhere it must not."""

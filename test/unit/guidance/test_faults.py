@@ -293,10 +293,10 @@ def test_odometry_repeated_and_out_of_order(fault):
     np.testing.assert_array_equal(decision.wheel_speeds, wanted.wheel_speeds)
 
 
-def test_odometry_that_jumps_to_another_place(fault):
+def test_odometry_that_jumps_to_another_place():
     law, _, _ = under_way(COURSE)
     decision = law.update(ON_TIME[21], np.array([-4.0, -9.5, 0.0]))
-    assert_is(fault, decision)
+    assert decision.level is FallbackLevel.ELASTIC
     np.testing.assert_allclose(decision.plan.poses[0], [-4.0, -9.5, 0.0])
     assert np.abs(decision.wheel_speeds).max() <= 51.0
     assert decision.clearance >= 0.0

@@ -33,7 +33,7 @@ def report_on(
         errors: The same, where it must not be.
     """
     decision = None if loop is None else loop.decision
-    listeners = {} if loop is None else loop.subscribers
+    connections = {} if loop is None else loop.connections
     level, message = _state(state, refusal, loop)
     if loop is not None:
         said = [*warnings, *(loop.warnings() if state == ACTIVE else [])]
@@ -45,7 +45,7 @@ def report_on(
             level, message = DiagnosticStatus.ERROR, ' '.join([message, *said])
 
     def figures() -> dict[str, object]:
-        values: dict[str, object] = {'state': state, **listeners}
+        values: dict[str, object] = {'state': state, **connections}
         if decision is not None:
             level_name = decision.level.name.lower()
             values |= {'fallback_level': level_name, 'time_left': decision.time_left}
@@ -53,10 +53,11 @@ def report_on(
             return values
         if (age := loop.odometry_age) is not None:
             values['odometry_age'] = age
-        return values | loop.times.values()
+        counts = {f'odometry_{name}': count for name, count in loop.gate.counts.items()}
+        return values | counts | loop.times.values()
 
     fallback = None if decision is None else decision.level
-    return Report(level, message, (level, state, fallback, *listeners.values()), figures)
+    return Report(level, message, (level, state, fallback, *connections.values()), figures)
 
 
 def _state(state: str, refusal: str, loop: GuidanceLoop | None) -> tuple[bytes, str]:

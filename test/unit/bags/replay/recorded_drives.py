@@ -25,8 +25,9 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.guidance.goals import GoalError
 from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.clock_reset import TimeJump
 from cmpsp_ros.guidance.messages.goal_pose import goal_of
+from cmpsp_ros.guidance.messages.odometry import OdometryError
+from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -46,8 +47,8 @@ class Drive:
         self.values = TABLE.resolve({**load_parameter_file(preset), **parameters})
         self.settings = guidance_settings(self.values)
         self.law, self.held, self.decisions = GuidanceLaw(self.settings), np.zeros(2), []
-        # By how much odometry is behind the recorder's clock, and what the node knows of its time.
-        self.behind, self.time, self.are_told = 0, TimeJump(), False
+        # By how much odometry is behind the recorder's clock.
+        self.behind, self.are_told = 0, False
         self.activate()
         self.bag = BagWriter(folder)
         for name, kind in (
@@ -70,6 +71,7 @@ class Drive:
 
     def activate(self):
         self.law.reset()
+        self.gate, self.halted_at = OdometryGate(), 0
 
     def publish(self, decision, late=2_000_000):
         """What a node publishes on a decision, a little after its odometry."""
@@ -117,17 +119,33 @@ class Drive:
         self.publish(decision._replace(skipped=True))
         self.tick()
 
-    def hear(self, stamp):
-        self.say(odometry(stamp, self.pose))
-        if self.time.back(stamp) > self.settings.odom_timeout:
-            self.law.reset()
-        decision = self.law.update(stamp, self.measured())
+    def hear(self, stamp, pose=None):
+        """Hear odometry, of the robot or of another source; a fault stops it as in the node."""
+        pose = self.pose if pose is None else pose
+        self.say(odometry(stamp, pose))
+        pose = self.measured(pose)
+        try:
+            arrival = self.gate.take(stamp, pose, self.now - self.behind, self.settings)
+        except OdometryError as error:
+            self.gate.refuse(str(error))
+        else:
+            if arrival is Arrival.IGNORED:
+                return
+            if arrival is Arrival.TIME_JUMPED_BACK:
+                self.law.reset()
+        if self.gate.fault:
+            if stamp - self.halted_at >= self.settings.control_period * SECOND:
+                self.halted_at = stamp
+                self.gate.note_stop()
+                self.publish(self.law.halt(self.now, self.gate.reason(self.settings), braking=True))
+            return
+        decision = self.law.update(stamp, pose)
         if decision is not None:
-            self.publish(self.law.foretell(decision, self.measured()))
+            self.publish(self.law.foretell(decision, pose))
 
-    def measured(self):
+    def measured(self, pose=None):
         """The pose as it reads back from a message."""
-        x, y, heading = self.pose
+        x, y, heading = self.pose if pose is None else pose
         z, w = math.sin(heading / 2.0), math.cos(heading / 2.0)
         # As it is read, to the last bit: a power need not be rounded as a product is.
         return np.array([x, y, math.atan2(2.0 * (w * z), w * w - z * z)])

@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 import pytest
-from recorded_drives import DECISIONS, dropping, editing, moving, said, setting, without
+from bag_messages import SECOND, odometry
+from recorded_drives import DECISIONS, TICK, dropping, editing, moving, said, setting, without
 
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.errors import BagError
@@ -42,9 +43,55 @@ def test_a_run_with_every_fault_is_identical(faulty):
     assert [each.revision for each in decisions][-1] == 3
     outcome = identical(bag)
     assert outcome.decisions == outcome.commands == len(decisions)
-    assert outcome.stops == sum(each.halted for each in decisions) == 4
+    assert outcome.stops == sum(each.halted for each in decisions) == 6
     assert outcome.plans == sum(each.plan is not None for each in decisions) > 20
     assert outcome.skipped == 0
+
+
+def aside(pose, by):
+    return np.add(pose, [0.0, by, 0.0])
+
+
+def test_a_ghost_of_the_robot_is_replayed_as_it_was(drive, bag):
+    with drive(**{'robot.max_wheel_acceleration': 100.0}) as run:
+        run.go(2.0)
+        for _ in range(30):
+            run.hear(run.now)
+            run.hear(run.now + TICK // 2, aside(run.pose, 10.0))
+            run.tick()
+        run.go(1.0)
+    stops = [each for each in run.decisions if each.halted]
+    assert any('jumps by 10 m' in each.reason for each in stops)
+    # It brakes to rest, and no wheel changes by more than the limit in a control period.
+    assert stops[0].wheel_speeds.any()
+    assert not stops[-1].wheel_speeds.any()
+    wheels = np.array([each.wheel_speeds for each in run.decisions])
+    assert np.abs(np.diff(wheels, axis=0)).max() <= 100.0 * 0.2 + 1e-6
+    assert run.decisions[-1].twist[0] > 0.5
+    assert identical(bag).stops == len(stops)
+
+
+def test_of_two_messages_of_one_instant_the_one_that_was_followed_is_found(drive, bag):
+    with drive() as run:
+        run.go(1.0)
+        for _ in range(20):
+            # The recorder heard another source before the node did.
+            for late in (0, TICK // 2):
+                run.say(odometry(run.now + late, aside(run.pose, 10.0)))
+            run.hear(run.now)
+            run.tick()
+        run.go(0.5)
+    assert not any(each.halted for each in run.decisions)
+    identical(bag)
+
+
+def test_old_odometry_that_was_ignored_begins_no_run(drive, bag):
+    with drive() as run:
+        run.go(0.5)
+        run.hear(run.now - 100 * SECOND, aside(run.pose, 10.0))
+        run.go(0.5)
+    assert {each.run for each in run.decisions} == {run.decisions[0].run}
+    identical(bag)
 
 
 def test_what_no_plan_can_do_is_foretold_again(drive, bag):

@@ -141,3 +141,34 @@ def test_a_delay_that_nobody_knows_of_is_told_with_its_value(delay, said):
     times.add(5.0, 50.0, 0.2, delay)
     sentence = 'Commands leave 50 ms after their odometry: command_delay should be 0.050 s or more.'
     assert times.warnings() == [sentence] * said
+
+
+def with_ages(ages, delay=0.0):
+    times = StepTimes()
+    for age in ages:
+        times.hear(age)
+    for _ in range(10):
+        times.add(5.0, float(ages[-1]) + 5.0, 0.2, delay)
+    return times
+
+
+def test_how_late_odometry_comes_is_told_with_the_delay_to_set():
+    values = with_ages([*range(1, 100), 200.0]).values()
+    assert values['odometry_latency_ms_min'] == 1.0
+    assert values['odometry_latency_ms_p50'] == 50.5
+    assert values['odometry_latency_ms_p99'] == pytest.approx(100.01)
+    assert values['command_delay_measured'] == pytest.approx(0.205)
+
+
+def test_a_clock_that_is_behind_is_told_apart_from_a_delay_that_varies():
+    said = 'Odometry is 150 ms old or more when it comes: the clock of the robot is behind, or the'
+    assert any(each.startswith(said) for each in with_ages([150.0, 160.0]).warnings())
+    assert not any('clock' in each for each in with_ages([1.0, 150.0, 160.0]).warnings())
+    assert with_ages([150.0, 160.0], delay=0.15).warnings() == []
+
+
+def test_a_clock_that_is_ahead_is_told_and_a_tick_of_a_simulation_is_not():
+    said = ['Odometry comes up to 50 ms before its time: the clock of the robot is ahead.']
+    assert with_ages([-50.0, -40.0]).warnings() == said
+    assert with_ages([-20.0, 0.0]).warnings() == []
+    assert with_ages([-50.0]).values()['command_delay_measured'] == 0.0

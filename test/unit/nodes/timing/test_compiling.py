@@ -26,12 +26,13 @@ def kernel():
 def report(late):
     loop = SimpleNamespace(
         decision=None,
-        subscribers={},
+        connections={},
         warnings=list,
         waiting='',
         road=SimpleNamespace(waits=False, refusal=''),
         map=SimpleNamespace(refusal=''),
         odometry_age=None,
+        gate=SimpleNamespace(counts={}),
         times=SimpleNamespace(values=dict),
     )
     found = report_on(ACTIVE, '', loop, (), late.errors())

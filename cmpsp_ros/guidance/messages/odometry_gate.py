@@ -1,0 +1,140 @@
+"""Which odometry is used: in order of time, and only where wheels can have brought the robot."""
+
+from __future__ import annotations
+
+import math
+from enum import Enum, auto
+from typing import Any, Final
+
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
+from cmpsp_ros.guidance.messages.odometry import Array, OdometryError, check_age
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.robot import Robot
+
+_OVERSPEED: Final = 1.25
+"""Ratio of the speed that odometry may show to the limit of the wheels."""
+
+_TURN_PER_METER: Final = 2.0
+"""Tolerated jump of the heading per tolerated jump of the position [rad/m]."""
+
+
+class Arrival(Enum):
+    """Outcome of a message that is no fault."""
+
+    TAKEN = auto()
+    IGNORED = auto()
+    TIME_JUMPED_BACK = auto()
+
+
+class OdometryGate:
+    """Compares each odometry message with the one before.
+
+    After a fault the robot may go on once it was stopped and all odometry of a control period was
+    consistent. That of two sources in turn never is.
+
+    Attributes:
+        fault: The last fault, in a sentence; empty once the robot may go on.
+        newest: Stamp of the newest odometry taken [ns]; None before the first.
+        counts: Messages that were refused, that came out of order, and that were repeated.
+    """
+
+    def __init__(self) -> None:
+        """Begin without odometry and without a fault."""
+        self.fault = ''
+        self.newest: int | None = None
+        self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
+        self._pose: tuple[float, float, float] | None = None
+        self._consistent_since: int | None = None
+        self._is_stopped = False
+
+    def fail(self, reason: str) -> None:
+        """Note a fault, in a sentence."""
+        self._is_stopped = self._is_stopped and bool(self.fault)
+        self.fault, self._consistent_since = reason, None
+
+    def note_stop(self) -> None:
+        """Note that the robot has been told to stop."""
+        self._is_stopped = True
+
+    def refuse(self, reason: str) -> None:
+        """Count a message that cannot be used, for a reason in a sentence: a fault."""
+        self.counts['refused'] += 1
+        self.fail(reason)
+
+    def reason(self, settings: GuidanceSettings) -> str:
+        """Why the robot must stand still, in sentences; empty where it may go on."""
+        if not self.fault or self._consistent_since is None:
+            return self.fault
+        waits = (
+            f'Recovering: odometry must be consistent for {settings.control_period} s'
+            ' (control_period) before the robot goes on.'
+        )
+        return f'{waits} {self.fault}'
+
+    def take(self, stamp: int, pose: Array, now: int, settings: GuidanceSettings) -> Arrival:
+        """Take odometry, unless it is older than the newest.
+
+        Time has jumped back where the newest does not fit the clock any more.
+
+        Args:
+            stamp: Its time stamp [ns].
+            pose: Its pose, shape ``(3,)`` [m, m, rad].
+            now: Present time [ns].
+            settings: With robot and time-out.
+
+        Raises:
+            OdometryError: It does not fit the clock, or the wheels cannot have moved the robot to
+                its pose; the next is compared with this pose.
+        """
+        before, arrival = self.newest, Arrival.TAKEN
+        if before is not None and stamp < before:
+            if before - max(stamp, now) <= to_nanoseconds(settings.odom_timeout):
+                self.counts['out_of_order'] += 1
+                return Arrival.IGNORED
+            arrival = Arrival.TIME_JUMPED_BACK
+        check_age(stamp, now, settings.odom_timeout)
+        pose_before, self._pose = self._pose, (float(pose[0]), float(pose[1]), float(pose[2]))
+        self.newest = stamp
+        if arrival is Arrival.TIME_JUMPED_BACK:
+            self.fault = ''
+        elif before is not None and pose_before is not None:
+            self.counts['repeated'] += stamp == before
+            _check_motion(pose_before, self._pose, (stamp - before) / NANOSECONDS, settings)
+        if self.fault:
+            since = stamp if self._consistent_since is None else self._consistent_since
+            self._consistent_since = since
+            if self._is_stopped and stamp - since >= to_nanoseconds(settings.control_period):
+                self.fault = ''
+        return arrival
+
+
+def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, Any]:
+    """Distance and turn that odometry may show between two messages [m, rad].
+
+    Args:
+        robot: With a limit of its wheel speeds.
+        duration: Time between the messages, a number or of any shape [s].
+        max_jump: Tolerated jump, `safety.max_odom_jump` [m].
+    """
+    distance = _OVERSPEED * robot.max_speed * duration
+    return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
+
+
+def _check_motion(
+    before: tuple[float, float, float],
+    after: tuple[float, float, float],
+    duration: float,
+    settings: GuidanceSettings,
+) -> None:
+    max_jump, robot = settings.safety.max_odom_jump, settings.robot
+    if not max_jump or not math.isfinite(robot.max_speed):
+        return
+    moved = math.dist(before[:2], after[:2])
+    turned = abs(math.remainder(after[2] - before[2], math.tau))
+    limits = motion_limits(robot, duration, max_jump)
+    for found, limit, unit in zip((moved, turned), limits, ('m', 'rad'), strict=True):
+        if found > limit:
+            raise OdometryError(
+                f'Odometry jumps by {found:.3g} {unit} within {duration:.3f} s: the wheels allow'
+                f' {limit:.3g} {unit} (safety.max_odom_jump).'
+            )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -9,11 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.view.palette import EDGE, OBSTACLE, ROAD
+from cmpsp_ros.view.scene import LOOKS, Part
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
 
@@ -22,11 +23,12 @@ Array = NDArray[np.float64]
 PER_ARC = 8
 """Points drawn on each arc."""
 
-_WHOLE_MAP = 20.0
-"""Side up to which a map is shown as a whole [m]."""
+_ENDS = 'start and end'
+_DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
+"""Matplotlib's names for plotly's."""
 
 
-def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> None:
+def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:
     """Draw a road, its edges and its centre line below everything else, in two colours."""
     axes.fill(*road.area().T, color=face, lw=0.0, zorder=0)
     for line in road.edges():
@@ -35,45 +37,58 @@ def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> Non
 
 
 def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
-    """Draw obstacles, below paths."""
+    """Draw obstacles in a look of one's own, below paths."""
     for each in obstacles:
-        edge = _path(each, each.radius)
-        axes.add_patch(PathPatch(edge, **{'fc': OBSTACLE, 'lw': 0.0, 'zorder': 2, **look}))
+        lines = (Path(line, closed=True) for line in outlines(each, each.radius))
+        edge = Path.make_compound_path(*lines)
+        axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 
 
-def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTACLE) -> None:
-    """Draw the closest that the robot's centre may come to an obstacle, dashed."""
-    around = _path(obstacle, distance)
-    axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
+def draw(axes: Axes, parts: Iterable[Part], color: str = '', alpha: float = 1.0) -> None:
+    """Draw parts of a scene; each kind is named once for a legend.
+
+    Args:
+        axes: Where to.
+        parts: What to draw.
+        color: Of kinds that have the colour of their run.
+        alpha: Opacity.
+    """
+    kinds = list(LOOKS)
+    for part in parts:
+        look = part.look
+        if not part.lines:
+            continue
+        known = axes.get_legend_handles_labels()[1]
+        shape = Path.make_compound_path(*map(Path, part.lines))
+        axes.add_patch(
+            PathPatch(
+                shape, fc=look.fill or 'none', ec=look.color or color, lw=look.width, alpha=alpha,
+                ls=_DASHES[look.dash], zorder=1.0 + kinds.index(part.kind) / len(kinds),
+                label=None if look.label in known else look.label,
+            )
+        )  # fmt: skip
+        inside, around = look.of_names
+        for name, place in part.names:
+            axes.annotate(
+                plain_text(name), place, color=inside, ha='center', va='center', zorder=6,
+                size='small', path_effects=[withStroke(linewidth=2.0, foreground=around)],
+            )  # fmt: skip
 
 
-def draw_footprints(axes: Axes, settings: GuidanceSettings, poses: Array, color: str) -> None:
-    """Draw the outlines of `footprints`."""
-    for outline in footprints(settings, poses):
-        axes.fill(*outline.T, fill=False, ec=color, lw=0.6, alpha=0.6, zorder=5)
+def draw_ends(axes: Axes, poses: Array, color: Any) -> None:
+    """Draw a triangle that points ahead at the first and the last of poses ``(N, 3)``."""
+    known = axes.get_legend_handles_labels()[1]
+    look = {'color': color, 'ms': 9, 'mec': 'white', 'ls': ''}
+    # A start is above another robot's end.
+    for index, order, label in ((-1, 7, None), (0, 8, None if _ENDS in known else _ENDS)):
+        x, y, heading = poses[index].tolist()
+        marker = (3, 0, math.degrees(heading) - 90.0)
+        axes.plot(x, y, marker=marker, zorder=order, label=label, **look)
 
 
-def footprints(settings: GuidanceSettings, poses: Array) -> list[Array]:
-    """Outlines of a robot that has corners, a length apart along a path ``(N, 3)``."""
-    if not settings.footprint.corners:
-        return []
-    apart = float(np.ptp(settings.footprint.corners, axis=0).max())
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
-    _, chosen = np.unique(np.cumsum(steps) // apart, return_index=True)
-    return [settings.footprint.at(pose) for pose in poses[[*chosen.tolist(), -1]]]
-
-
-def map_corners(settings: GuidanceSettings) -> Array:
-    """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
-    known = settings.grid(MAP)
-    if known is None or max(known.grid.size) > _WHOLE_MAP:
-        return np.empty((0, 2))
-    return known.grid.ends
-
-
-def _path(obstacle: Shape, distance: float) -> Path:
-    lines = [Path(line, closed=True) for line in outlines(obstacle, distance)]
-    return Path.make_compound_path(*lines)
+def plain_text(text: str) -> str:
+    """Text with dollar signs escaped: they would begin a formula."""
+    return text.replace('$', r'\$')
 
 
 def along(poses: Array, twists: Array, durations: Array) -> Array:

@@ -21,6 +21,9 @@ _BINS = 40
 _DIGITS = 6
 """Digits after the point: a micrometre, a microsecond."""
 
+_GAP = 0.12
+"""Part of a panel's height that is left free below it."""
+
 
 def levels(views: Sequence[View]) -> Figure:
     """Bands of the fallback levels over time, one row a bag."""
@@ -57,48 +60,58 @@ def levels(views: Sequence[View]) -> Figure:
 _DASHES = 'solid', 'dash', 'dashdot', 'dot'
 
 
-def wheel_speeds(views: Sequence[View]) -> Figure:
-    """Commanded wheel speeds with their limits; driven ones can be switched on."""
+def controls(views: Sequence[View]) -> Figure:
+    """Commanded wheel speeds or other controls with their limits; driven ones can be switched on.
+
+    Each quantity has a panel.
+    """
+    titles = quantities(views)
     traces = []
     for number, view in enumerate(views):
-        for (times, speeds), kind, shown in (
+        for (times, signals), kind, shown in (
             (view.commands, 'commanded', True),
             (view.driven, 'driven', 'legendonly'),
         ):
-            for side, (of, dash) in enumerate(zip(view.settings.robot.wheel_names, cycle(_DASHES))):
-                name = f'{of} wheel, {kind}'
+            for each, dash in zip(signals, cycle(_DASHES)):
                 line = {
                     'color': bag_color(number),
                     'dash': dash if kind == 'commanded' else 'dot',
                     'shape': 'hv',
                     'width': 1.6 if kind == 'commanded' else 1.0,
                 }
-                trace = _line(_named(views, view, name), times, speeds[:, side], line)
-                traces.append(trace | {'visible': shown})
-    figure = _over_time(views, traces, {'title': {'text': 'wheel speed [rad/s]'}})
-    slowest = min(
-        (float(np.nanmin(v.commands[1], initial=0.0)) for v in views if len(v.commands[1])),
-        default=0.0,
-    )
-    for limit in sorted({view.settings.robot.max_wheel_speed for view in views}):
-        if math.isfinite(limit):
-            _mark(figure, limit, f'limit {limit:g} rad/s')
-            if slowest < 0.0:
-                _mark(figure, -limit, f'limit {-limit:g} rad/s')
+                name = _named(views, view, f'{escaped(each.name)}, {kind}')
+                trace = _line(name, times, each.values, line) | {'visible': shown}
+                traces.append(trace | {'yaxis': f'y{suffix(titles.index(each.axis))}'})
+    figure = _stacked(views, traces, titles)
+    for title in titles:
+        for limit, text in limits(views, title).items():
+            _mark(figure, limit, text, axis=f'y{suffix(titles.index(title))}')
     return figure
 
 
+def quantities(views: Sequence[View]) -> list[str]:
+    """Each quantity that a robot is controlled by, with its unit, in order."""
+    return list(dict.fromkeys(each.axis for view in views for each in view.commands[1]))
+
+
+def limits(views: Sequence[View], quantity: str) -> dict[float, str]:
+    """Limits of a quantity with their names; negative ones only where it became negative."""
+    found = [each for view in views for each in view.commands[1] if each.axis == quantity]
+    unit = quantity.partition(' [')[2].rstrip(']')
+    most = {each.limit for each in found if math.isfinite(each.limit)}
+    if any((each.values < 0.0).any() for each in found):
+        most |= {-each for each in most}
+    return {each: f'limit {each:.4g} {unit}'.rstrip() for each in sorted(most)}
+
+
 def clearance(views: Sequence[View]) -> Figure:
-    """Clearance of the path driven from road edges and from obstacles."""
+    """Clearance of the path driven from road edges, obstacles and other robots."""
     traces = []
     for number, view in enumerate(views):
-        times, *values = view.clearance
-        for what, dash, value in zip(
-            ('road edges', 'obstacles'), ('solid', 'dash'), values, strict=True
-        ):
-            if np.isfinite(value).any():
-                line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
-                traces.append(_line(_named(views, view, what), times, value, line))
+        times, values = view.clearance
+        for (what, value), dash in zip(values.items(), cycle(_DASHES)):
+            line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+            traces.append(_line(_named(views, view, what), times, value, line))
     figure = _over_time(views, traces, {'title': {'text': 'clearance [m]'}, 'rangemode': 'tozero'})
     _mark(figure, 0.0, 'contact')
     for margin in sorted({view.settings.safety.margin for view in views} - {0.0}):
@@ -115,11 +128,7 @@ def position(views: Sequence[View]) -> Figure:
             line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
             trace = _line(_named(views, view, name), view.times, view.poses[:, column], line)
             traces.append(trace | ({'yaxis': 'y2'} if name == 'heading' else {}))
-    figure = _over_time(views, traces, {'title': {'text': 'position [m]'}, 'domain': [0.46, 1.0]})
-    figure['layout']['yaxis2'] = axis({'title': {'text': 'heading [rad]'}, 'domain': [0.0, 0.38]})
-    figure['layout']['xaxis']['anchor'] = 'y2'
-    figure['layout']['height'] = 430
-    return figure
+    return _stacked(views, traces, ['position [m]', 'heading [rad]'])
 
 
 def step_times(views: Sequence[View]) -> Figure:
@@ -229,6 +238,23 @@ def _over_time(
     return figure
 
 
+def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str]) -> Figure:
+    """A chart over time of several quantities, one above the other."""
+    figure, count = _over_time(views, traces, {}), len(titles)
+    for number, title in enumerate(titles):
+        domain = [1.0 - (number + 1 - _GAP * (number < count - 1)) / count, 1.0 - number / count]
+        own = axis({'title': {'text': title}, 'domain': domain})
+        figure['layout'][f'yaxis{suffix(titles.index(title))}'] = own
+    figure['layout']['xaxis']['anchor'] = f'y{suffix(count - 1)}'
+    figure['layout']['height'] = 140 + 160 * count
+    return figure
+
+
+def suffix(number: int) -> str:
+    """How plotly counts axes: none, 2, 3."""
+    return str(number + 1) if number else ''
+
+
 def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
     return {
         'type': 'scatter',
@@ -241,16 +267,18 @@ def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
     }
 
 
-def _mark(figure: Figure, value: float, text: str, *, log: bool = False) -> None:
+def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool = False) -> None:
     """A horizontal line at a limit, with its name."""
     line = {'color': LIMIT, 'width': 1.4, 'dash': 'dash'}
     shape = {'type': 'line', 'xref': 'paper', 'x0': 0, 'x1': 1, 'y0': value, 'y1': value}
+    shape['yref'] = axis
     figure['layout']['shapes'].append(shape | {'line': line})
     figure['layout']['annotations'].append(
         {
             'xref': 'paper',
             'x': 1.0,
             'xanchor': 'right',
+            'yref': axis,
             'y': math.log10(value) if log else value,
             'yanchor': 'bottom',
             'text': text,

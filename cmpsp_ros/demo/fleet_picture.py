@@ -17,8 +17,9 @@ from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.view.drawing import along, draw, draw_ends
+from cmpsp_ros.view.drawing import along, draw
 from cmpsp_ros.view.scene import bodies, body, course
+from cmpsp_ros.view.traces import ends, traces
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     settings = fleet[0].settings
-    draw(axes, course([settings.road], settings.obstacles, fleet[0].hidden))
+    draw(axes, traces(course([settings.road], settings.obstacles, fleet[0].hidden), ''))
     windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
     paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
     colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
@@ -39,8 +40,8 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
     for each, driven, color in zip(fleet, paths, colors, strict=True):
         points = along(driven.poses, driven.twists[:-1], driven.durations)
         axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
-        draw(axes, [bodies(body(each.settings), driven.poses[[0, -1]])], color)
-        draw_ends(axes, driven.poses, color)
+        stood = bodies(body(each.settings), driven.poses[[0, -1]])
+        draw(axes, [*traces([stood], color), ends(driven.poses, color)])
         # Hollow: one robot's goal is another one's start.
         axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
         if nearest is not None:

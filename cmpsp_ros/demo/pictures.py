@@ -21,9 +21,10 @@ from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.arcs import REFERENCE_POINT
-from cmpsp_ros.view.drawing import along, draw, draw_ends
-from cmpsp_ros.view.palette import BAGS, GOAL, LIMIT, MOVING
+from cmpsp_ros.view.drawing import along, draw
+from cmpsp_ros.view.palette import BAGS, LIMIT, MOVING
 from cmpsp_ros.view.scene import bodies, body, course, frame, kept_clear, map_corners, trail
+from cmpsp_ros.view.traces import ends, goals_trace, traces
 from cmpsp_ros.world.obstacles.shapes import Shape
 
 Array = NDArray[np.float64]
@@ -61,7 +62,8 @@ def trajectory(run: Run, settings: GuidanceSettings, hidden: Sequence[Shape] = (
     driven = along(part.poses, part.twists[:-1], part.durations)
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
-    draw(axes, [*course([settings.road], settings.obstacles, hidden), kept_clear(settings)])
+    there = course([settings.road], settings.obstacles, hidden)
+    draw(axes, traces([*there, kept_clear(settings)], ''))
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
     for number, color in enumerate(colors) if plans else ():
@@ -70,16 +72,12 @@ def trajectory(run: Run, settings: GuidanceSettings, hidden: Sequence[Shape] = (
         axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
-    ends = bodies(body(settings), part.poses[[0, -1]])
-    draw(axes, [trail(settings, part.poses), ends], _DRIVEN)
-    draw_ends(axes, part.poses, _DRIVEN)
+    stood = bodies(body(settings), part.poses[[0, -1]])
+    robot = traces([trail(settings, part.poses), stood], _DRIVEN)
+    draw(axes, [*robot, ends(part.poses, _DRIVEN), goals_trace(settings.goals)])
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
-    if len(goals):
-        name = 'goal' if len(goals) == 1 else 'goals'
-        axes.plot(*goals.T, '*', color=GOAL, ms=15, ls='', zorder=6, label=name)
-    for goal in settings.goals:
-        axes.annotate(goal.name, goal.position, (7, 7), textcoords='offset points', zorder=6)
-    points = [driven, goals, *(plan.points for plan in plans), map_corners(settings), *ends.lines]
+    points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
+    points += stood.lines
     low, high = frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')

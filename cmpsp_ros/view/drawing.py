@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
+from html import unescape
 from typing import Any
 
 import numpy as np
@@ -14,16 +14,21 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.view.scene import LOOKS, Part
+from cmpsp_ros.view.palette import TEXT
+from cmpsp_ros.view.traces import Trace
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
+Look = dict[str, Any]
 
 PER_ARC = 8
 """Points drawn on each arc."""
 
-_ENDS = 'start and end'
+_POINT = 0.75
+"""Points in a pixel of plotly."""
+
+_SYMBOLS = {'circle': 'o', 'star': '*', 'square': 's'}
 _DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
 """Matplotlib's names for plotly's."""
 
@@ -44,46 +49,64 @@ def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
         axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 
 
-def draw(axes: Axes, parts: Iterable[Part], color: str = '', alpha: float = 1.0) -> None:
-    """Draw parts of a scene; each kind is named once for a legend.
-
-    Args:
-        axes: Where to.
-        parts: What to draw.
-        color: Of kinds that have the colour of their run.
-        alpha: Opacity.
-    """
-    kinds = list(LOOKS)
-    for part in parts:
-        look = part.look
-        if not part.lines:
+def draw(axes: Axes, traces: Iterable[Trace]) -> None:
+    """Draw traces in plotly's terms, one above the other; each name is once in a legend."""
+    for order, trace in enumerate(traces):
+        if trace.get('visible') == 'legendonly' or set(trace['y']) <= {None}:
             continue
         known = axes.get_legend_handles_labels()[1]
-        shape = Path.make_compound_path(*map(Path, part.lines))
-        axes.add_patch(
-            PathPatch(
-                shape, fc=look.fill or 'none', ec=look.color or color, lw=look.width, alpha=alpha,
-                ls=_DASHES[look.dash], zorder=1.0 + kinds.index(part.kind) / len(kinds),
-                label=None if look.label in known else look.label,
-            )
+        name = unescape(trace['name'])
+        is_new = trace.get('showlegend', True) and name not in known
+        kept: Look = {'label': plain_text(name) if is_new else None, 'zorder': 2.0 + order / 1000.0}
+        if trace['type'] == 'bar':
+            rows = [plain_text(unescape(each)) for each in trace['y']]
+            bars = {'left': trace['base'], 'color': trace['marker']['color']}
+            axes.barh(rows, trace['x'], trace['width'], **bars, **kept)
+            continue
+        points = np.array([trace['x'], trace['y']], dtype=float).T
+        if 'lines' in trace['mode']:
+            _draw_line(axes, trace, points, kept)
+            kept['label'] = None
+        if 'markers' in trace['mode']:
+            color = trace.get('line', {}).get('color')
+            _draw_markers(axes, {'color': color, **trace['marker']}, points, kept)
+        if 'text' in trace['mode']:
+            _draw_texts(axes, trace, points)
+
+
+def _draw_line(axes: Axes, trace: Trace, points: Array, kept: Look) -> None:
+    line = {'width': 0.0, 'color': 'none', 'dash': 'solid', 'shape': 'linear', **trace['line']}
+    look = {'lw': _POINT * line['width'], 'ls': _DASHES[line['dash']], **kept}
+    if 'fill' in trace:
+        parts = np.split(points, np.flatnonzero(np.isnan(points[:, 0])))
+        shape = Path.make_compound_path(*(Path(each[~np.isnan(each[:, 0])]) for each in parts))
+        axes.add_patch(PathPatch(shape, fc=trace['fillcolor'], ec=line['color'], **look))
+        return
+    style = 'steps-post' if line['shape'] == 'hv' else 'default'
+    axes.plot(*points.T, color=line['color'], drawstyle=style, **look)
+
+
+def _draw_markers(axes: Axes, marker: Look, points: Array, kept: Look) -> None:
+    symbol, color = marker.get('symbol', 'circle'), marker['color']
+    edge = {'mfc': 'none' if symbol.endswith('open') else color, 'ms': _POINT * marker['size']}
+    edge['mec'] = 'white' if symbol == 'triangle-up' else color
+    angles = marker.get('angle', [0.0] * len(points))
+    for point, angle in zip(points, angles, strict=True):
+        shape = (3, 0, -angle) if symbol == 'triangle-up' else _SYMBOLS[symbol.split('-')[0]]
+        axes.plot(*point, marker=shape, ls='', **edge, **kept)
+        kept = {**kept, 'label': None}
+
+
+def _draw_texts(axes: Axes, trace: Trace, points: Array) -> None:
+    font = trace.get('textfont', {'color': TEXT, 'shadow': '#ffffff'})
+    around = withStroke(linewidth=2.0, foreground=font['shadow'].split()[-1])
+    beside = (6, 6) if trace.get('textposition') else (0, 0)
+    center: Look = {} if trace.get('textposition') else {'ha': 'center', 'va': 'center'}
+    for point, text in zip(points.tolist(), trace['text'], strict=True):
+        axes.annotate(
+            plain_text(unescape(text)), point, beside, textcoords='offset points', size='small',
+            color=font['color'], zorder=6, path_effects=[around], **center,
         )  # fmt: skip
-        inside, around = look.of_names
-        for name, place in part.names:
-            axes.annotate(
-                plain_text(name), place, color=inside, ha='center', va='center', zorder=6,
-                size='small', path_effects=[withStroke(linewidth=2.0, foreground=around)],
-            )  # fmt: skip
-
-
-def draw_ends(axes: Axes, poses: Array, color: Any) -> None:
-    """Draw a triangle that points ahead at the first and the last of poses ``(N, 3)``."""
-    known = axes.get_legend_handles_labels()[1]
-    look = {'color': color, 'ms': 9, 'mec': 'white', 'ls': ''}
-    # A start is above another robot's end.
-    for index, order, label in ((-1, 7, None), (0, 8, None if _ENDS in known else _ENDS)):
-        x, y, heading = poses[index].tolist()
-        marker = (3, 0, math.degrees(heading) - 90.0)
-        axes.plot(x, y, marker=marker, zorder=order, label=label, **look)
 
 
 def plain_text(text: str) -> str:

@@ -121,6 +121,8 @@ def kept_clear(settings: GuidanceSettings) -> Part:
 def seen(grids: Sequence[OccupancyGrid]) -> Part:
     """All cells that were occupied in any of some grids on one lattice, once each."""
     cells = set[tuple[int, int]]()
+    if not grids:
+        return Part('seen', ())
     for each in grids:
         rows, columns = grids[0].indices(each.centers(*np.nonzero(each.cells == Cell.OCCUPIED)))
         cells.update(zip(rows.tolist(), columns.tolist(), strict=True))

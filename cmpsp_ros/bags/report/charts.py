@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.view.palette import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color
+from cmpsp_ros.view.traces import number, numbers
 
 Array = NDArray[np.float64]
 Figure = dict[str, Any]
 
 _BINS = 40
-_DIGITS = 6
-"""Digits after the point: a micrometre, a microsecond."""
-
 _GAP = 0.12
 """Part of a panel's height that is left free below it."""
 
@@ -38,8 +36,8 @@ def levels(views: Sequence[View]) -> Figure:
                 'orientation': 'h',
                 'name': level,
                 'y': [escaped(view.label) for view, _ in bands],
-                'base': [_number(each.begin) for _, each in bands],
-                'x': [_number(each.end - each.begin) for _, each in bands],
+                'base': [number(each.begin) for _, each in bands],
+                'x': [number(each.end - each.begin) for _, each in bands],
                 'text': [
                     f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
                     f'<br>{escaped(_wrapped(each.reason))}'
@@ -67,14 +65,14 @@ def controls(views: Sequence[View]) -> Figure:
     """
     titles = quantities(views)
     traces = []
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         for (times, signals), kind, shown in (
             (view.commands, 'commanded', True),
             (view.driven, 'driven', 'legendonly'),
         ):
             for each, dash in zip(signals, cycle(_DASHES)):
                 line = {
-                    'color': bag_color(number),
+                    'color': bag_color(index),
                     'dash': dash if kind == 'commanded' else 'dot',
                     'shape': 'hv',
                     'width': 1.6 if kind == 'commanded' else 1.0,
@@ -107,10 +105,10 @@ def limits(views: Sequence[View], quantity: str) -> dict[float, str]:
 def clearance(views: Sequence[View]) -> Figure:
     """Clearance of the path driven from road edges, obstacles and other robots."""
     traces = []
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         times, values = view.clearance
         for (what, value), dash in zip(values.items(), cycle(_DASHES)):
-            line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+            line = {'color': bag_color(index), 'dash': dash, 'width': 1.6}
             traces.append(_line(_named(views, view, what), times, value, line))
     figure = _over_time(views, traces, {'title': {'text': 'clearance [m]'}, 'rangemode': 'tozero'})
     _mark(figure, 0.0, 'contact')
@@ -123,9 +121,9 @@ def position(views: Sequence[View]) -> Figure:
     """Position and heading, in two panels."""
     traces = []
     columns = (('x', 'solid'), ('y', 'dash'), ('heading', 'solid'))
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         for column, (name, dash) in enumerate(columns):
-            line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+            line = {'color': bag_color(index), 'dash': dash, 'width': 1.6}
             trace = _line(_named(views, view, name), view.times, view.poses[:, column], line)
             traces.append(trace | ({'yaxis': 'y2'} if name == 'heading' else {}))
     return _stacked(views, traces, ['position [m]', 'heading [rad]'])
@@ -134,10 +132,10 @@ def position(views: Sequence[View]) -> Figure:
 def step_times(views: Sequence[View]) -> Figure:
     """Time from odometry to command, against the deadline."""
     traces = []
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         times, taken = view.steps
         if len(times):
-            line = {'color': bag_color(number), 'width': 1.0}
+            line = {'color': bag_color(index), 'width': 1.0}
             trace = _line(_named(views, view, 'step time'), times, taken, line)
             traces.append(trace | {'mode': 'lines+markers', 'marker': {'size': 4}})
     axis = {'title': {'text': 'step time [ms]'}, 'type': 'log', 'dtick': 1}
@@ -154,7 +152,7 @@ def step_histogram(views: Sequence[View]) -> Figure:
     traces: list[Figure] = []
     ends = (float(positive.min()), float(positive.max())) if len(positive) else (1.0, 10.0)
     edges = np.geomspace(ends[0] * 0.95, ends[1] * 1.05, _BINS + 1)
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         taken = view.steps[1]
         counts = np.histogram(taken[taken > 0.0], edges)[0]
         traces.append(
@@ -164,7 +162,7 @@ def step_histogram(views: Sequence[View]) -> Figure:
                 'x': numbers(np.sqrt(edges[:-1] * edges[1:])),
                 'width': numbers(np.diff(edges)),
                 'y': counts.tolist(),
-                'marker': {'color': bag_color(number)},
+                'marker': {'color': bag_color(index)},
                 'opacity': 0.85 if len(views) == 1 else 0.55,
                 'hovertemplate': '%{x:.3g} ms: %{y} steps<extra></extra>',
             }
@@ -219,7 +217,7 @@ def _over_time(
     figure: Figure = {'data': traces, 'layout': layout()}
     end = max(view.end for view in views)
     figure['layout'] |= {
-        'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, _number(end)]}),
+        'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, number(end)]}),
         'yaxis': axis(y),
         'showlegend': True,
         'meta': {'kind': kind},
@@ -241,8 +239,8 @@ def _over_time(
 def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str]) -> Figure:
     """A chart over time of several quantities, one above the other."""
     figure, count = _over_time(views, traces, {}), len(titles)
-    for number, title in enumerate(titles):
-        domain = [1.0 - (number + 1 - _GAP * (number < count - 1)) / count, 1.0 - number / count]
+    for index, title in enumerate(titles):
+        domain = [1.0 - (index + 1 - _GAP * (index < count - 1)) / count, 1.0 - index / count]
         own = axis({'title': {'text': title}, 'domain': domain})
         figure['layout'][f'yaxis{suffix(titles.index(title))}'] = own
     figure['layout']['xaxis']['anchor'] = f'y{suffix(count - 1)}'
@@ -250,9 +248,9 @@ def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str])
     return figure
 
 
-def suffix(number: int) -> str:
+def suffix(index: int) -> str:
     """How plotly counts axes: none, 2, 3."""
-    return str(number + 1) if number else ''
+    return str(index + 1) if index else ''
 
 
 def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
@@ -294,12 +292,3 @@ def _named(views: Sequence[View], view: View, name: str) -> str:
 
 def _wrapped(text: str, width: int = 90) -> str:
     return text if len(text) <= width else f'{text[: width - 1]}…'
-
-
-def _number(value: float) -> float | None:
-    return round(float(value), _DIGITS) if math.isfinite(value) else None
-
-
-def numbers(values: Array) -> list[float | None]:
-    """Numbers for JSON, which knows no NaN."""
-    return [_number(each) for each in values.tolist()]

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.view.grid_picture import grid_picture
-from cmpsp_ros.view.scene import Lines, body, disc
+from cmpsp_ros.view.scene import body, disc
+from cmpsp_ros.view.traces import coordinates, numbers
 
 Array = NDArray[np.float64]
 
@@ -60,13 +60,6 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
         }
         for view in views
     ]
-
-
-def coordinates(lines: Lines) -> tuple[list[float | None], list[float | None]]:
-    """X and y of lines, with a gap between each two of them."""
-    gap = np.full((1, 2), np.nan)
-    every = np.vstack([point for line in lines for point in (line, gap)] or [gap])[:-1]
-    return numbers(every[:, 0]), numbers(every[:, 1])
 
 
 def goals_over_time(view: View) -> list[tuple[float, Goal]]:

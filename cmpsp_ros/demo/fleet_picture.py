@@ -27,7 +27,7 @@ _GRID = 20_000_000
 _SMALLEST = 0.06
 
 
-def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> None:
+def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Figure:
     """Road and obstacles of the first robot, all paths, and all robots at the nearest instant."""
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
@@ -41,7 +41,8 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
         points = along(driven.poses, driven.twists[:-1], driven.durations)
         axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
         stood = bodies(body(each.settings), driven.poses[[0, -1]])
-        draw(axes, [*traces([stood], color), ends(driven.poses, color)])
+        start = ends(driven.poses[:1], color) | {'name': 'start'}
+        draw(axes, [*traces([stood], color), start], above=6.0)
         # Hollow: one robot's goal is another one's start.
         axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
         if nearest is not None:
@@ -54,6 +55,7 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
     axes.autoscale_view()
     axes.legend(loc='best')
     figure.savefig(path, dpi=120)
+    return figure
 
 
 def _draw_robot(axes: Axes, settings: GuidanceSettings, pose: Array, color: Array) -> None:

@@ -41,7 +41,7 @@ _DRIVEN = 'black'
 
 def draw_trajectory(
     run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = ()
-) -> None:
+) -> Figure:
     """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
 
     Moving obstacles are drawn at the robot's closest approach.
@@ -52,11 +52,6 @@ def draw_trajectory(
         path: New picture.
         hidden: Obstacles that only the simulator knows.
     """
-    trajectory(run, settings, hidden).savefig(path, dpi=120)
-
-
-def trajectory(run: Run, settings: GuidanceSettings, hidden: Sequence[Shape] = ()) -> Figure:
-    """Figure of `draw_trajectory`."""
     first, last = window(run, settings)
     part = run.driven.between(first, last)
     driven = along(part.poses, part.twists[:-1], part.durations)
@@ -74,7 +69,7 @@ def trajectory(run: Run, settings: GuidanceSettings, hidden: Sequence[Shape] = (
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
     stood = bodies(body(settings), part.poses[[0, -1]])
     robot = traces([trail(settings, part.poses), stood], _DRIVEN)
-    draw(axes, [*robot, ends(part.poses, _DRIVEN), goals_trace(settings.goals)])
+    draw(axes, [*robot, goals_trace(settings.goals), ends(part.poses, _DRIVEN)], above=6.0)
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
     points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
     points += stood.lines
@@ -86,6 +81,7 @@ def trajectory(run: Run, settings: GuidanceSettings, hidden: Sequence[Shape] = (
     width, height = high - low
     figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
     figure.legend(handles, labels, loc='outside lower center', ncols=_COLUMNS)
+    figure.savefig(path, dpi=120)
     return figure
 
 
@@ -111,13 +107,8 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
         axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
 
 
-def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> None:
+def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:
     """Draw wheel speeds, or other controls of the robot, with their limits."""
-    controls(run, settings).savefig(path, dpi=120)
-
-
-def controls(run: Run, settings: GuidanceSettings) -> Figure:
-    """Figure of `draw_controls`, with axes for each quantity."""
     first, last = window(run, settings)
     robot, stamps, twists = settings.robot, run.driven.stamps, run.driven.twists
     if robot.steering_limits is None:
@@ -145,4 +136,5 @@ def controls(run: Run, settings: GuidanceSettings) -> Figure:
         axes.grid(alpha=0.3)
         axes.legend()
     rows[-1].set_xlabel('time [s]')
+    figure.savefig(path, dpi=120)
     return figure

@@ -49,15 +49,21 @@ def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
         axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 
 
-def draw(axes: Axes, traces: Iterable[Trace]) -> None:
-    """Draw traces in plotly's terms, one above the other; each name is once in a legend."""
+def draw(axes: Axes, traces: Iterable[Trace], above: float = 2.0) -> None:
+    """Draw traces in plotly's terms, one above the other from a z-order on.
+
+    Each name is once in a legend.
+    """
     for order, trace in enumerate(traces):
         if trace.get('visible') == 'legendonly' or set(trace['y']) <= {None}:
             continue
         known = axes.get_legend_handles_labels()[1]
         name = unescape(trace['name'])
         is_new = trace.get('showlegend', True) and name not in known
-        kept: Look = {'label': plain_text(name) if is_new else None, 'zorder': 2.0 + order / 1000.0}
+        kept: Look = {
+            'label': plain_text(name) if is_new else None,
+            'zorder': above + order / 1000.0,
+        }
         if trace['type'] == 'bar':
             rows = [plain_text(unescape(each)) for each in trace['y']]
             bars = {'left': trace['base'], 'color': trace['marker']['color']}

@@ -20,8 +20,11 @@ from cmpsp_ros.view.scene import seen
 from cmpsp_ros.view.traces import traces
 
 
-def draw_report(views: Sequence[View], output: Path) -> None:
+def draw_report(views: Sequence[View], output: Path) -> Figure:
     """Draw paths, fallback levels, controls, clearance and step times.
+
+    Returns:
+        The figure that was written.
 
     Raises:
         BagError: The picture cannot be written.
@@ -55,6 +58,7 @@ def draw_report(views: Sequence[View], output: Path) -> None:
         figure.savefig(output, dpi=110)
     except OSError as error:
         raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
+    return figure
 
 
 def _draw_path(axes: Axes, chart: Chart, on: str) -> None:
@@ -77,9 +81,9 @@ def _draw_chart(axes: Axes, chart: Chart, on: str) -> None:
             axes.axhline(shape['y0'], color=LIMIT, ls='--', lw=1.0)
     axes.grid(color=GRID)
     axes.set_axisbelow(True)
-    names = axes.get_legend_handles_labels()[1]
+    above: dict[str, Any] = {'fontsize': 'small'}
     if style.get('autorange') == 'reversed':
         axes.invert_yaxis()
-        axes.legend(ncols=max(len(names), 1), loc='lower left', bbox_to_anchor=(0.0, 1.0))
-    elif names:
-        axes.legend(fontsize='small')
+        above = {'ncols': len(chart['data']), 'loc': 'lower left', 'bbox_to_anchor': (0.0, 1.0)}
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(**above)

@@ -51,14 +51,14 @@ def traces(parts: Iterable[Part], color: str) -> list[Trace]:
 def ends(poses: Array, color: str) -> Trace:
     """The first and the last of poses ``(N, 3)`` as triangles that point ahead."""
     chosen = poses[[-1, 0]]
-    return trace('start and end', 'markers', *chosen[:, :2].T) | arrow(chosen[:, 2], color, 15)
+    return trace('start and end', 'markers', *chosen[:, :2].T) | arrow(chosen[:, 2], color, 12)
 
 
 def goals_trace(goals: Sequence[Goal]) -> Trace:
     """Goals as stars with their names."""
     shown = trace('goal' if len(goals) == 1 else 'goals', 'markers+text')
     x, y = np.array([goal.position for goal in goals]).reshape(-1, 2).T
-    marker = {'symbol': 'star', 'size': 15, 'color': GOAL}
+    marker = {'symbol': 'star', 'size': 22, 'color': GOAL}
     shown |= {'x': numbers(x), 'y': numbers(y), 'marker': marker, 'showlegend': bool(goals)}
     shown |= hover([escape(goal.name) for goal in goals])
     shown['hovertemplate'] = f'goal {shown["hovertemplate"]}'

@@ -97,7 +97,7 @@ def _run(number: int, view: View) -> Iterator[Figure]:
     yield from traces(view.run, color)
     grey = {'color': TEXT, 'width': 1.4}
     moving = {'fill': 'toself', 'fillcolor': MOVING, 'line': {'width': 0}}
-    ring = {'symbol': 'circle-open', 'size': 26, 'line': {'width': 2}, 'color': color}
+    ring = {'symbol': 'circle-open', 'size': 30, 'line': {'width': 2}, 'color': color}
     hidden = {'showlegend': False}
     for name, mode, look in (
         ('moving', 'lines', {**moving, **hidden, 'opacity': 0.85}),
@@ -111,8 +111,8 @@ def _run(number: int, view: View) -> Iterator[Figure]:
         ('robot', 'markers', {**arrow(view.poses[:1, 2], color, 17), **hidden}),
     ):  # fmt: skip
         yield trace(name, mode) | look | {'meta': {'bag': number, 'part': name}}
-    yield ends(view.poses, color)
     yield goals_trace(goals_of(view))
+    yield ends(view.poses, color)
 
 
 def _driven(view: View, color: str) -> Figure:

@@ -22,6 +22,10 @@ SHOWN = (
     'guidance/markers',
     'guidance/plan_markers',
     'guidance/predicted_path',
+    'guidance/sighting',
+    'guidance/footprint',
+    'map',
+    'scan',
 )
 """Topics of the layout for RViz, which has no namespace."""
 

@@ -71,9 +71,11 @@ def pose_stamped(stamp, place, frame_id='odom'):
     return make(POSE, header(stamp, frame_id), pose(*place))
 
 
-def twist(speed, turn_rate):
+def twist(speed, *rest):
+    """Of (speed, turn rate), or of (forward, to the left, turn rate)."""
+    left, turn_rate = (0.0, *rest)[-2:]
     vector = jazzy().types['geometry_msgs/msg/Vector3']
-    return make(TWIST, vector(float(speed), 0.0, 0.0), vector(0.0, 0.0, float(turn_rate)))
+    return make(TWIST, vector(float(speed), float(left), 0.0), vector(0.0, 0.0, float(turn_rate)))
 
 
 def odometry(stamp, place, motion=(0.0, 0.0), frame_id='odom', spread=0.0):

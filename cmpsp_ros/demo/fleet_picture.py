@@ -17,7 +17,9 @@ from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.view.drawing import along, draw_obstacles, draw_road
+from cmpsp_ros.view.drawing import along, draw
+from cmpsp_ros.view.scene import bodies, body, course
+from cmpsp_ros.view.traces import ends, traces
 
 Array = NDArray[np.float64]
 
@@ -25,13 +27,12 @@ _GRID = 20_000_000
 _SMALLEST = 0.06
 
 
-def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> None:
+def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Figure:
     """Road and obstacles of the first robot, all paths, and all robots at the nearest instant."""
     figure = Figure(figsize=(8.0, 8.0), layout='constrained')
     axes = figure.add_subplot()
     settings = fleet[0].settings
-    draw_road(axes, settings.road)
-    draw_obstacles(axes, settings.obstacles)
+    draw(axes, traces(course([settings.road], settings.obstacles, fleet[0].hidden), ''))
     windows = [window(run, each.settings) for each, run in zip(fleet, runs, strict=True)]
     paths = [run.driven.between(*when) for run, when in zip(runs, windows, strict=True)]
     colors = mpl.colormaps['turbo'](np.linspace(0.05, 0.95, len(fleet)))
@@ -39,8 +40,11 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
     for each, driven, color in zip(fleet, paths, colors, strict=True):
         points = along(driven.poses, driven.twists[:-1], driven.durations)
         axes.plot(*points.T, color=color, lw=1.8, zorder=4, label=each.namespace)
-        axes.plot(*driven.poses[0, :2], 'o', color=color, ms=6, zorder=5)
-        axes.plot(*each.settings.goal, '*', color=color, ms=14, zorder=5)
+        stood = bodies(body(each.settings), driven.poses[[0, -1]])
+        start = ends(driven.poses[:1], color) | {'name': 'start'}
+        draw(axes, [*traces([stood], color), start], above=6.0)
+        # Hollow: one robot's goal is another one's start.
+        axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
         if nearest is not None:
             _draw_robot(axes, each.settings, driven.at(nearest), color)
     axes.set(xlabel='x [m]', ylabel='y [m]')
@@ -51,6 +55,7 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> No
     axes.autoscale_view()
     axes.legend(loc='best')
     figure.savefig(path, dpi=120)
+    return figure
 
 
 def _draw_robot(axes: Axes, settings: GuidanceSettings, pose: Array, color: Array) -> None:

@@ -1,36 +1,31 @@
-"""Pictures of a run: the path on its road, and the wheel speeds over time."""
+"""Pictures of a run: the path on its course, and the controls over time."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch
-from matplotlib.patheffects import withStroke
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.runs.encounters import encounters
 from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.arcs import REFERENCE_POINT
-from cmpsp_ros.view.drawing import (
-    along,
-    draw_around,
-    draw_footprints,
-    draw_obstacles,
-    draw_road,
-    map_corners,
-    show,
-)
-from cmpsp_ros.view.palette import BAGS, GOAL, LIMIT, MARGIN, MOVING, OBSTACLE, ROAD
+from cmpsp_ros.view.drawing import along, draw
+from cmpsp_ros.view.palette import BAGS, LIMIT, MOVING
+from cmpsp_ros.view.scene import bodies, body, course, frame, kept_clear, map_corners, trail
+from cmpsp_ros.view.traces import ends, goals_trace, traces
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 Array = NDArray[np.float64]
 
@@ -38,33 +33,32 @@ _PLANS = 4
 
 _ROOM = 0.8
 
-# Width of the picture, and what is below the road [in].
-_WIDTH, _BELOW = 8.0, 1.2
+# Width of the picture, and what is below the course: the axis, and rows of the legend [in].
+_WIDTH, _BELOW, _ROW, _COLUMNS = 8.0, 0.7, 0.25, 3
 
 _DRIVEN = 'black'
 
 
-def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
-    """Road, obstacles with the margin kept, the driven path and the plan at a few instants.
+def draw_trajectory(
+    run: Run, settings: GuidanceSettings, path: Path, hidden: Sequence[Shape] = ()
+) -> Figure:
+    """Draw road, obstacles with the margin kept, the driven path and the plan at a few instants.
 
     Moving obstacles are drawn at the robot's closest approach.
+
+    Args:
+        run: The run.
+        settings: What guidance was told of.
+        path: New picture.
+        hidden: Obstacles that only the simulator knows.
     """
     first, last = window(run, settings)
     part = run.driven.between(first, last)
     driven = along(part.poses, part.twists[:-1], part.durations)
     figure = Figure(layout='constrained')
     axes = figure.add_subplot()
-    draw_road(axes, settings.road)
-    draw_obstacles(axes, settings.obstacles)
-    kept = sample_space(settings)
-    for obstacle, center, radius in zip(settings.obstacles, kept.centers, kept.radii, strict=True):
-        draw_around(axes, obstacle, radius, MARGIN)
-        if not obstacle.corners:
-            continue
-        axes.annotate(
-            obstacle.name, center, color='white', ha='center', va='center', zorder=6,
-            path_effects=[withStroke(linewidth=3.0, foreground=OBSTACLE)],
-        )  # fmt: skip
+    there = course([settings.road], settings.obstacles, hidden)
+    draw(axes, traces([*there, kept_clear(settings)], ''))
     plans = [plan for plan in run.plans if first <= plan.stamp < last]
     colors = mpl.colormaps['viridis'](np.linspace(0.15, 0.85, _PLANS))
     for number, color in enumerate(colors) if plans else ():
@@ -73,20 +67,22 @@ def draw_trajectory(run: Run, settings: GuidanceSettings, path: Path) -> None:
         axes.plot(*plan.points.T, '.-', ms=3, lw=0.8, color=color, zorder=4, label=name)
     _draw_moving(axes, run, settings, first, last)
     axes.plot(*driven.T, color=_DRIVEN, lw=2.0, zorder=5, label='driven')
-    draw_footprints(axes, settings, part.poses, _DRIVEN)
-    axes.plot(*driven[0], 'o', color=_DRIVEN, ms=7, zorder=6, label='start')
+    stood = bodies(body(settings), part.poses[[0, -1]])
+    robot = traces([trail(settings, part.poses), stood], _DRIVEN)
+    draw(axes, [*robot, goals_trace(settings.goals), ends(part.poses, _DRIVEN)], above=6.0)
     goals = np.array([goal.position for goal in settings.goals]).reshape(-1, 2)
-    if len(goals):
-        name = 'goal' if len(goals) == 1 else 'goals'
-        axes.plot(*goals.T, '*', color=GOAL, ms=15, ls='', zorder=6, label=name)
-    for goal in settings.goals:
-        axes.annotate(goal.name, goal.position, (7, 7), textcoords='offset points', zorder=6)
     points = [driven, goals, *(plan.points for plan in plans), map_corners(settings)]
-    width, height = show(axes, points, _ROOM * settings.road.width)
-    figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW)
-    handles = [*axes.get_legend_handles_labels()[0], *_keys(settings)]
-    figure.legend(handles=handles, loc='outside lower center', ncols=4)
+    points += stood.lines
+    low, high = frame(points, (*settings.obstacles, *hidden), _ROOM * settings.road.width)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel='x [m]', ylabel='y [m]')
+    axes.set_aspect('equal')
+    handles, labels = axes.get_legend_handles_labels()
+    rows = math.ceil(len(labels) / _COLUMNS)
+    width, height = high - low
+    figure.set_size_inches(_WIDTH, _WIDTH * height / width + _BELOW + _ROW * rows)
+    figure.legend(handles, labels, loc='outside lower center', ncols=_COLUMNS)
     figure.savefig(path, dpi=120)
+    return figure
 
 
 def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, last: int) -> None:
@@ -111,33 +107,34 @@ def _draw_moving(axes: Axes, run: Run, settings: GuidanceSettings, first: int, l
         axes.annotate(when, center, (9, -14), textcoords='offset points', zorder=6)
 
 
-def draw_wheel_speeds(run: Run, settings: GuidanceSettings, path: Path) -> None:
-    """Speeds of all wheels, with their limits."""
+def draw_controls(run: Run, settings: GuidanceSettings, path: Path) -> Figure:
+    """Draw wheel speeds, or other controls of the robot, with their limits."""
     first, last = window(run, settings)
-    # Of two speeds at one instant the second is the one that a command has set.
-    latest = np.append(np.diff(run.wheel_stamps) > 0, True)
-    inside = latest & (run.wheel_stamps >= first) & (run.wheel_stamps < last)
-    seconds = np.append((run.wheel_stamps[inside] - first) / 1e9, settings.final_time)
-    wheel_speeds = np.vstack([run.wheel_speeds[inside], run.wheel_speeds[inside][-1:]])
-    figure = Figure(figsize=(9.0, 4.5), layout='constrained')
-    axes = figure.add_subplot()
-    names = settings.robot.wheel_names
-    for speeds, side, color in zip(wheel_speeds.T, names, BAGS, strict=False):
-        axes.step(seconds, speeds, where='post', color=color, label=f'{side} wheel')
-    limit = settings.robot.max_wheel_speed
-    if math.isfinite(limit):
-        axes.axhline(limit, color=LIMIT, ls='--', lw=1.0, label=f'limit {limit:g} rad/s')
-        if wheel_speeds.min() < 0.0:
-            axes.axhline(-limit, color=LIMIT, ls='--', lw=1.0)
-    axes.set(xlabel='time [s]', ylabel='wheel speed [rad/s]', xlim=(0.0, settings.final_time))
-    axes.grid(alpha=0.3)
-    axes.legend()
+    robot, stamps, twists = settings.robot, run.driven.stamps, run.driven.twists
+    if robot.steering_limits is None:
+        # Wheels that slip turn faster than the robot moves.
+        stamps, twists = run.wheel_stamps, robot.twist_of_wheels(run.wheel_speeds)
+    # Of two twists at one instant the second is the one that a command has set.
+    latest = np.append(np.diff(stamps) > 0, True)
+    inside = np.flatnonzero(latest & (stamps >= first) & (stamps < last))
+    seconds = np.append((stamps[inside] - first) / NANOSECONDS, settings.final_time)
+    signals = robot.signals(twists[[*inside, inside[-1]]])
+    figure = Figure(layout='constrained')
+    quantities = list(dict.fromkeys(each.axis for each in signals))
+    figure.set_size_inches(9.0, 2.0 + 2.5 * len(quantities))
+    rows = figure.subplots(len(quantities), sharex=True, squeeze=False)[:, 0]
+    for axes, quantity in zip(rows, quantities, strict=True):
+        chosen = [each for each in signals if each.axis == quantity]
+        for each, color in zip(chosen, cycle(BAGS)):
+            axes.step(seconds, each.values, where='post', color=color, label=each.name)
+        limit = chosen[0].limit
+        if math.isfinite(limit):
+            axes.axhline(limit, color=LIMIT, ls='--', lw=1.0, label=f'limit {limit:.4g}')
+            if min(each.values.min() for each in chosen) < 0.0:
+                axes.axhline(-limit, color=LIMIT, ls='--', lw=1.0)
+        axes.set(ylabel=quantity, xlim=(0.0, settings.final_time))
+        axes.grid(alpha=0.3)
+        axes.legend()
+    rows[-1].set_xlabel('time [s]')
     figure.savefig(path, dpi=120)
-
-
-def _keys(settings: GuidanceSettings) -> list[Patch]:
-    keys = [Patch(color=ROAD, label='road')]
-    if settings.obstacles:
-        keys.append(Patch(color=OBSTACLE, label='obstacle'))
-        keys.append(Patch(fill=False, edgecolor=MARGIN, ls='--', label='kept clear at samples'))
-    return keys
+    return figure

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
+from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise
 
@@ -25,6 +25,6 @@ def sum_up(scenario: Scenario, folder: Path) -> Summary:
     scenario = replace(scenario, settings=settings)
     summary = summarise(recorded, scenario.truth, scenario.name)
     summary.write(folder / 'summary.json')
-    draw_trajectory(recorded, scenario.truth, folder / 'trajectory.png')
-    draw_wheel_speeds(recorded, scenario.settings, folder / 'wheel_speeds.png')
+    draw_trajectory(recorded, scenario.settings, folder / 'trajectory.png', scenario.hidden)
+    draw_controls(recorded, scenario.settings, folder / 'wheel_speeds.png')
     return summary

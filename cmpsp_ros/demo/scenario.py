@@ -19,6 +19,7 @@ from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_
 from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 _PACE: Final = 0.8
 """Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3."""
@@ -48,10 +49,14 @@ class Scenario:
         return bool(self.values['lockstep'])
 
     @property
+    def hidden(self) -> tuple[Shape, ...]:
+        """Obstacles that only the simulator knows."""
+        return shapes_of(self.values, OWN_OBSTACLES)
+
+    @property
     def truth(self) -> GuidanceSettings:
         """The settings with all that stands on the course, what guidance is not told of too."""
-        hidden = shapes_of(self.values, OWN_OBSTACLES)
-        return replace(self.settings, obstacles=self.settings.obstacles + hidden)
+        return replace(self.settings, obstacles=self.settings.obstacles + self.hidden)
 
     @property
     def duration(self) -> float:

@@ -140,7 +140,7 @@ def _guidance() -> Rights:
 
 def _simulator() -> Rights:
     found = _of_table('sim')
-    found.publish.add('/tf')
+    found.publish |= {'/tf', '/tf_static'}
     return found
 
 
@@ -150,7 +150,7 @@ def _recorder() -> Rights:
     absolute = {each.name for each in TOPICS if each.name.startswith('/')}
     found.subscribe |= {each if each in absolute else each[1:] for each in own_topics('/')}
     found.subscribe.add(_name(OTHER_PLANS))
-    found.subscribe |= {*ALWAYS, '/tf'}
+    found.subscribe |= {*ALWAYS, '/tf', '/tf_static'}
     found.request |= {'/*/list_parameters', '/*/get_parameters'}
     return found
 

@@ -48,7 +48,14 @@ _TRAIL_STEP = 0.01
 """Way after which a point is added to the path driven [m]."""
 
 _ASK_PERIOD = 0.5
-_ASKED = ('robot.radius', 'robot.footprint', 'robot.max_wheel_speed', 'final_time')
+_ASKED = (
+    'robot.radius',
+    'robot.footprint',
+    'robot.wheel_radius',
+    'robot.max_wheel_speed',
+    'robot.max_steering_angle',
+    'final_time',
+)
 
 
 class Viewer(Node):

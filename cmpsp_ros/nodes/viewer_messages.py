@@ -68,8 +68,10 @@ def _value(entry: Entry[Any], text: str | None) -> Any:
 
 
 def step_of(decision: dict[str, Any]) -> list[Any]:
-    """Time left, speeds of the wheels, clearance and level of a decision."""
-    return [decision['time_left'], *decision['wheels'], decision['clearance'], decision['level']]
+    """Time left, wheel speeds and the steering angle of a car, clearance and level."""
+    angle = decision['steering_angle']
+    controls = [*decision['wheels'], *(() if angle is None else (angle,))]
+    return [decision['time_left'], *controls, decision['clearance'], decision['level']]
 
 
 def plan_of(message: Path) -> list[list[float]]:

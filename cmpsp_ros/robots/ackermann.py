@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.kinematics import ACKERMANN, Kinematics
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots.robot import Robot, Signal
 from cmpsp_ros.robots.twist_limits import TwistLimits
 
 Array = NDArray[np.float64]
@@ -40,11 +40,6 @@ class Ackermann(Robot):
     wheel_base: float
     max_steering_angle: float
     max_steering_rate: float = math.inf
-
-    @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """What pictures call the wheels."""
-        return ('rear',)
 
     @property
     def half_track(self) -> float:
@@ -119,6 +114,15 @@ class Ackermann(Robot):
         """Speed of the rear wheels, ``(..., 1)`` [rad/s]."""
         speeds: Array = twist[..., :1] / self.wheel_radius
         return speeds
+
+    def signals(self, twists: Array) -> list[Signal]:
+        """Speed and steering angle; a twist at rest leaves the steering as it was."""
+        moving = np.where(twists[:, 0] != 0.0, np.arange(len(twists)), 0)
+        angles = self.controls(twists)[np.maximum.accumulate(moving), 1]
+        return [
+            Signal('speed', 'speed [m/s]', twists[:, 0], self.max_speed),
+            Signal('steering angle', 'steering angle [rad]', angles, self.max_steering_angle),
+        ]
 
     def twist_of_wheels(self, wheel_speeds: Array) -> Array:
         """Twists of speeds of the rear wheels with steering angles behind them."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,22 @@ from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.twist_limits import TwistLimits
 
 Array = NDArray[np.float64]
+
+
+class Signal(NamedTuple):
+    """A wheel speed or another control over time, as pictures show it.
+
+    Attributes:
+        name: Its name, as in `right wheel`.
+        axis: Quantity with its unit, as in `wheel speed [rad/s]`.
+        values: Shape ``(N,)``.
+        limit: Limit of its magnitude; infinite for none.
+    """
+
+    name: str
+    axis: str
+    values: Array
+    limit: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +160,14 @@ class Robot(ABC):
     @abstractmethod
     def wheel_speeds(self, twist: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of twists, of either form."""
+
+    def signals(self, twists: Array) -> list[Signal]:
+        """The speed of each wheel under twists ``(N, 2)`` or ``(N, 3)``."""
+        speeds = zip(self.wheel_names, self.wheel_speeds(twists).T, strict=True)
+        return [
+            Signal(f'{name} wheel', 'wheel speed [rad/s]', values, self.max_wheel_speed)
+            for name, values in speeds
+        ]
 
     @abstractmethod
     def twist_of_wheels(self, wheel_speeds: Array) -> Array:

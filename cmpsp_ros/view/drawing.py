@@ -3,30 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from html import unescape
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.view.palette import EDGE, OBSTACLE, ROAD
+from cmpsp_ros.view.palette import TEXT
+from cmpsp_ros.view.traces import Trace
 from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 from cmpsp_ros.world.roads.road import Road
 
 Array = NDArray[np.float64]
+Look = dict[str, Any]
 
 PER_ARC = 8
 """Points drawn on each arc."""
 
-_WHOLE_MAP = 20.0
-"""Side up to which a map is shown as a whole [m]."""
+_POINT = 0.75
+"""Points in a pixel of plotly."""
+
+_SYMBOLS = {'circle': 'o', 'star': '*', 'square': 's'}
+_DASHES = {'solid': '-', 'dash': '--', 'dot': ':', 'dashdot': '-.'}
+"""Matplotlib's names for plotly's."""
 
 
-def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> None:
+def draw_road(axes: Axes, road: Road, face: str, edge: str) -> None:
     """Draw a road, its edges and its centre line below everything else, in two colours."""
     axes.fill(*road.area().T, color=face, lw=0.0, zorder=0)
     for line in road.edges():
@@ -35,45 +42,82 @@ def draw_road(axes: Axes, road: Road, face: str = ROAD, edge: str = EDGE) -> Non
 
 
 def draw_obstacles(axes: Axes, obstacles: Iterable[Shape], **look: Any) -> None:
-    """Draw obstacles, below paths."""
+    """Draw obstacles in a look of one's own, below paths."""
     for each in obstacles:
-        edge = _path(each, each.radius)
-        axes.add_patch(PathPatch(edge, **{'fc': OBSTACLE, 'lw': 0.0, 'zorder': 2, **look}))
+        lines = (Path(line, closed=True) for line in outlines(each, each.radius))
+        edge = Path.make_compound_path(*lines)
+        axes.add_patch(PathPatch(edge, **{'zorder': 2, **look}))
 
 
-def draw_around(axes: Axes, obstacle: Shape, distance: float, color: str = OBSTACLE) -> None:
-    """Draw the closest that the robot's centre may come to an obstacle, dashed."""
-    around = _path(obstacle, distance)
-    axes.add_patch(PathPatch(around, fill=False, ec=color, ls='--', zorder=2))
+def draw(axes: Axes, traces: Iterable[Trace], above: float = 2.0) -> None:
+    """Draw traces in plotly's terms, one above the other from a z-order on.
+
+    Each name is once in a legend.
+    """
+    for order, trace in enumerate(traces):
+        if trace.get('visible') == 'legendonly' or set(trace['y']) <= {None}:
+            continue
+        known = axes.get_legend_handles_labels()[1]
+        name = unescape(trace['name'])
+        is_new = trace.get('showlegend', True) and name not in known
+        kept: Look = {
+            'label': plain_text(name) if is_new else None,
+            'zorder': above + order / 1000.0,
+        }
+        if trace['type'] == 'bar':
+            rows = [plain_text(unescape(each)) for each in trace['y']]
+            bars = {'left': trace['base'], 'color': trace['marker']['color']}
+            axes.barh(rows, trace['x'], trace['width'], **bars, **kept)
+            continue
+        points = np.array([trace['x'], trace['y']], dtype=float).T
+        if 'lines' in trace['mode']:
+            _draw_line(axes, trace, points, kept)
+            kept['label'] = None
+        if 'markers' in trace['mode']:
+            color = trace.get('line', {}).get('color')
+            _draw_markers(axes, {'color': color, **trace['marker']}, points, kept)
+        if 'text' in trace['mode']:
+            _draw_texts(axes, trace, points)
 
 
-def draw_footprints(axes: Axes, settings: GuidanceSettings, poses: Array, color: str) -> None:
-    """Draw the outlines of `footprints`."""
-    for outline in footprints(settings, poses):
-        axes.fill(*outline.T, fill=False, ec=color, lw=0.6, alpha=0.6, zorder=5)
+def _draw_line(axes: Axes, trace: Trace, points: Array, kept: Look) -> None:
+    line = {'width': 0.0, 'color': 'none', 'dash': 'solid', 'shape': 'linear', **trace['line']}
+    look = {'lw': _POINT * line['width'], 'ls': _DASHES[line['dash']], **kept}
+    if 'fill' in trace:
+        parts = np.split(points, np.flatnonzero(np.isnan(points[:, 0])))
+        shape = Path.make_compound_path(*(Path(each[~np.isnan(each[:, 0])]) for each in parts))
+        axes.add_patch(PathPatch(shape, fc=trace['fillcolor'], ec=line['color'], **look))
+        return
+    style = 'steps-post' if line['shape'] == 'hv' else 'default'
+    axes.plot(*points.T, color=line['color'], drawstyle=style, **look)
 
 
-def footprints(settings: GuidanceSettings, poses: Array) -> list[Array]:
-    """Outlines of a robot that has corners, a length apart along a path ``(N, 3)``."""
-    if not settings.footprint.corners:
-        return []
-    apart = float(np.ptp(settings.footprint.corners, axis=0).max())
-    steps = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
-    _, chosen = np.unique(np.cumsum(steps) // apart, return_index=True)
-    return [settings.footprint.at(pose) for pose in poses[[*chosen.tolist(), -1]]]
+def _draw_markers(axes: Axes, marker: Look, points: Array, kept: Look) -> None:
+    symbol, color = marker.get('symbol', 'circle'), marker['color']
+    edge = {'mfc': 'none' if symbol.endswith('open') else color, 'ms': _POINT * marker['size']}
+    edge['mec'] = 'white' if symbol == 'triangle-up' else color
+    angles = marker.get('angle', [0.0] * len(points))
+    for point, angle in zip(points, angles, strict=True):
+        shape = (3, 0, -angle) if symbol == 'triangle-up' else _SYMBOLS[symbol.split('-')[0]]
+        axes.plot(*point, marker=shape, ls='', **edge, **kept)
+        kept = {**kept, 'label': None}
 
 
-def map_corners(settings: GuidanceSettings) -> Array:
-    """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
-    known = settings.grid(MAP)
-    if known is None or max(known.grid.size) > _WHOLE_MAP:
-        return np.empty((0, 2))
-    return known.grid.ends
+def _draw_texts(axes: Axes, trace: Trace, points: Array) -> None:
+    font = trace.get('textfont', {'color': TEXT, 'shadow': '#ffffff'})
+    around = withStroke(linewidth=2.0, foreground=font['shadow'].split()[-1])
+    beside = (6, 6) if trace.get('textposition') else (0, 0)
+    center: Look = {} if trace.get('textposition') else {'ha': 'center', 'va': 'center'}
+    for point, text in zip(points.tolist(), trace['text'], strict=True):
+        axes.annotate(
+            plain_text(unescape(text)), point, beside, textcoords='offset points', size='small',
+            color=font['color'], zorder=6, path_effects=[around], **center,
+        )  # fmt: skip
 
 
-def _path(obstacle: Shape, distance: float) -> Path:
-    lines = [Path(line, closed=True) for line in outlines(obstacle, distance)]
-    return Path.make_compound_path(*lines)
+def plain_text(text: str) -> str:
+    """Text with dollar signs escaped: they would begin a formula."""
+    return text.replace('$', r'\$')
 
 
 def along(poses: Array, twists: Array, durations: Array) -> Array:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image
 
-from cmpsp_ros.view.palette import OBSTACLE, UNSEEN
+from cmpsp_ros.view.palette import SEEN, UNSEEN
 from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
 
 _MOST: Final = 256
@@ -18,7 +18,7 @@ _MOST: Final = 256
 
 # Of free, unknown and occupied cells, from the least to what hides the others.
 _RANKS: Final = np.array([0, 2, 1], dtype=np.uint8)
-_COLORS: Final = bytes.fromhex(''.join(each[1:] for each in ('#ffffff', UNSEEN, OBSTACLE)))
+_COLORS: Final = bytes.fromhex(''.join(each[1:] for each in ('#ffffff', UNSEEN, SEEN)))
 _OPACITY: Final = bytes([0, 255, 255])
 
 

@@ -41,7 +41,8 @@ def granted():
 TRANSFORMS = {('guidance', 'subscribe', each) for each in ('/tf', '/tf_static')}
 OPTIONAL = (
     TRANSFORMS
-    | {('sim', 'publish', '/tf'), ('guidance', 'publish', '/bond')}
+    | {('sim', 'publish', each) for each in ('/tf', '/tf_static')}
+    | {('guidance', 'publish', '/bond')}
     | {each for each in granted() if '/_action/' in each[2]}
     | {
         (each.node, {'in': 'subscribe', 'out': 'publish', 'srv': 'reply'}[each.direction], name)

@@ -103,8 +103,8 @@ def test_it_shows_a_run_from_road_to_arrival(start_view, start_robot, wait_until
     updates = wait_until(under_way, LIMIT)
     assert updates['decision']['reason'].endswith('.')
     assert updates['robot'] == {
-        'robot.radius': 0.0, 'robot.footprint': '',
-        'robot.max_wheel_speed': 51.0, 'final_time': 10.0,
+        'robot.radius': 0.0, 'robot.footprint': '', 'robot.wheel_radius': 0.035,
+        'robot.max_wheel_speed': 51.0, 'robot.max_steering_angle': 0.0, 'final_time': 10.0,
     }  # fmt: skip
     drawn = {(each['kind'], each['of']) for each in updates['course']}
     assert {('line', 'road'), ('disc', 'obstacles'), ('disc', 'goal')} <= drawn
@@ -281,7 +281,7 @@ def test_a_browser_draws_it_without_complaint(start_view, start_robot, wait_unti
     assert int(shown['course']) == 10
     assert int(shown['steps']) > 10
     assert int(shown['path']) > 10
-    assert re.search(rf'id="level"[^>]*>{shown["fallback_level"]}<', dom)
+    assert re.search(rf'id="level"[^>]*>{shown["level"]}<', dom)
     assert re.search(r'id="commanded">-?\d', dom)
 
 

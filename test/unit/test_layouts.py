@@ -27,20 +27,28 @@ CONFIG = Path(__file__).parents[2] / 'config'
 # The types of topics that RViz' displays show (rviz_default_plugins/plugins_description.xml).
 DISPLAYS = {
     'rviz_default_plugins/Grid': None,
+    'rviz_default_plugins/LaserScan': 'LaserScan',
+    'rviz_default_plugins/Map': 'OccupancyGrid',
     'rviz_default_plugins/MarkerArray': 'MarkerArray',
     'rviz_default_plugins/Odometry': 'Odometry',
     'rviz_default_plugins/Path': 'Path',
+    'rviz_default_plugins/Polygon': 'PolygonStamped',
 }
+SHOWN = {
+    '/guidance/footprint', '/guidance/markers', '/guidance/plan_markers',
+    '/guidance/predicted_path', '/guidance/sighting', '/map', '/odom', '/scan',
+}  # fmt: skip
 PANELS = {'3D', 'Plot', 'StateTransitions', 'RawMessages', 'DiagnosticSummary', 'Publish'}
 
 
 @pytest.fixture(scope='module')
 def topics():
-    """All topics that are published, by name without a namespace."""
+    """All topics that are published or heard, by name without a namespace."""
     return {
         (name if name[0] == '/' else f'/{name}'): each
+        for direction in ('in', 'out')
         for each in reversed(TOPICS)
-        if each.direction == 'out' and (name := each.name.replace('~', f'/{each.node}'))
+        if each.direction == direction and (name := each.name.replace('~', f'/{each.node}'))
     }
 
 
@@ -64,9 +72,11 @@ def test_every_display_of_rviz_shows_a_topic_of_its_type(rviz, topics):
         topic = topics[display['Topic']['Value']]
         assert topic.type.__name__ == wanted
         shown.add(display['Topic']['Value'])
-    assert shown == {
-        '/guidance/markers', '/guidance/plan_markers', '/guidance/predicted_path', '/odom',
-    }  # fmt: skip
+    assert shown == SHOWN
+
+
+def test_foxglove_shows_the_same_on_its_course(foxglove):
+    assert set(foxglove['configById']['3D!course']['topics']) == SHOWN
 
 
 def test_rviz_asks_for_no_more_than_the_nodes_offer(rviz, topics):

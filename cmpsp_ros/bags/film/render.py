@@ -16,12 +16,15 @@ from PIL import Image
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, has_wheels, scene
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.bags.runs.tracks import seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.view.scene import bodies, body
 
 Array = NDArray[np.float64]
 
@@ -71,7 +74,11 @@ def film(bag: Path, output: Path, seconds: Sequence[float]) -> int:
     way = [driven.at(int(each))[:2] for each in np.linspace(first, last, corners)]
     led = goals_driven_to(record.decisions, settings)
     goals = list(dict.fromkeys(goal.position for goal in (*settings.goals, *(g for _, g in led))))
-    model = scene(settings, np.array(way), goals, sorted({each.id for each in record.tracks}))
+    moved = sorted({each.id for each in record.tracks})
+    ends = bodies(body(settings), [driven.at(first), driven.at(last)]).lines
+    with Bag(bag) as opened:
+        hidden = hidden_obstacles(opened, record.places.node)
+    model = scene(settings, np.array(way), goals, moved, ends, hidden)
     moments = [
         _Moment(
             driven.at(stamp),

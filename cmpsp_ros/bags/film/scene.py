@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Final
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.physics import Physics, mjcf
-from cmpsp_ros.world.obstacles.shapes import outlines
+from cmpsp_ros.view.scene import Lines
+from cmpsp_ros.world.obstacles.shapes import Shape, outlines
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,8 @@ HEIGHT: Final = 0.12
 
 _PURPLE: Final = '0.62 0.2 0.5 1'
 _GREEN: Final = '0.05 0.5 0.25 1'
+_RED: Final = '0.8 0.25 0.18 1'
+_PALE: Final = '0.92 0.62 0.58 1'
 _LINE = 0.012
 
 _LOOK = """
@@ -52,6 +55,8 @@ def scene(
     way: Array,
     goals: Sequence[Point] = (),
     moving: Sequence[int] = (),
+    ends: Lines = (),
+    hidden: Iterable[Shape] = (),
 ) -> str:
     """The scene in MuJoCo's own format, with the robot's free joint first.
 
@@ -60,9 +65,13 @@ def scene(
         way: Points of the driven path, shape ``(K, 2)`` [m].
         goals: Each with a ball `goal 0`, `goal 1`, ... on a post (x, y) [m].
         moving: Ids of the moving obstacles, each a body `moving 7` to be placed later.
+        ends: Lines on the floor where the robot starts and ends, each ``(K, 2)`` [m].
+        hidden: Obstacles that only the simulator knows.
     """
     posts = (each for index, place in enumerate(goals) for each in _goal(index, place))
-    decoration = '\n    '.join((*_edges(settings), *_obstacles(settings), *_way(way), *posts))
+    shapes = (*_obstacles(settings.obstacles, _RED), *_obstacles(hidden, _PALE))
+    drawn = (*_way(way), *(each for line in ends for each in _way(line)))
+    decoration = '\n    '.join((*_edges(settings), *shapes, *drawn, *posts))
     robot = mjcf(settings.robot, Physics(), 0.0) if has_wheels(settings) else _shaped(settings)
     head, rest = robot.split('<worldbody>', 1)
     body = rest.split('/>', 1)[1]  # its floor is a bare one
@@ -110,11 +119,11 @@ def _edges(settings: GuidanceSettings) -> Iterator[str]:
         yield from _line(edge, 2.0 * _LINE, '0.25 0.25 0.25 1')
 
 
-def _obstacles(settings: GuidanceSettings) -> Iterator[str]:
-    for each in settings.obstacles:
-        height, color = HEIGHT / 2.0, '0.8 0.25 0.18 1'
+def _obstacles(shapes: Iterable[Shape], color: str) -> Iterator[str]:
+    for each in shapes:
         if len(each.corners) == 1:
-            yield _geom('cylinder', f'{each.radius} {height}', (*each.center, height), color)
+            place = (*each.center, HEIGHT / 2.0)
+            yield _geom('cylinder', f'{each.radius} {HEIGHT / 2.0}', place, color)
         else:
             for line in outlines(each, each.radius):
                 yield from _line(line, _LINE, color)

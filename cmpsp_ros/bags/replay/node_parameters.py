@@ -9,8 +9,11 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.obstacles import shapes_of
 from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.table import Values, is_of_ros
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 EVENTS = '/parameter_events'
 """Topic of the changes."""
@@ -91,6 +94,19 @@ class NodeParameters:
                 f'{self._path}: parameters of {self._node}: {error.problems[0]}'
             ) from error
         self.given = frozenset(given)
+
+
+def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
+    """Obstacles that only the simulator beside a guidance node knew when it started.
+
+    Raises:
+        BagError: Its parameters cannot be used.
+        ParameterError: One of the obstacles cannot be made.
+    """
+    sim = f'{node.rpartition("/")[0]}/sim'
+    if sim not in bag.parameters:
+        return ()
+    return shapes_of(NodeParameters(bag, sim).values, OWN_OBSTACLES)
 
 
 def changes_in(event: Any, node: str) -> dict[str, Any] | None:

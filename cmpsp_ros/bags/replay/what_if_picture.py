@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.replay.what_if import WhatIf
 from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.view.drawing import draw_obstacles, draw_road, show
+from cmpsp_ros.view.drawing import draw, show
 from cmpsp_ros.view.palette import BAGS, GOAL
+from cmpsp_ros.view.scene import course
+from cmpsp_ros.view.traces import traces
 
 Array = NDArray[np.float64]
 
@@ -53,8 +55,7 @@ def _draw_commands(axes: Sequence[Axes], result: WhatIf) -> None:
 
 
 def _draw_plans(axes: Axes, result: WhatIf) -> None:
-    draw_road(axes, result.settings.road)
-    draw_obstacles(axes, result.settings.obstacles)
+    draw(axes, traces(course([result.settings.road], result.settings.obstacles), ''))
     driven = np.array([each.pose[:2] for each in result.odometry]).reshape(-1, 2)
     recorded = [np.array(each.path)[:, :2] for each in result.recorded if each.path]
     changed = [each.plan.poses[:, :2] for _, each in result.decisions if each.plan is not None]

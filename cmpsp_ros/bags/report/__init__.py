@@ -8,7 +8,7 @@ from pathlib import Path
 from cmpsp_ros.bags.audit import Sources, read_record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.page import page
-from cmpsp_ros.bags.report.picture import draw
+from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import View, labels, view
 
 __all__ = ['View', 'write_report']
@@ -45,5 +45,5 @@ def write_report(
         output.write_text(text, encoding='utf-8')
     except OSError as error:
         raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
-    draw(views, picture)
+    draw_report(views, picture)
     return output, picture

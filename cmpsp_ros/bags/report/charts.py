@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.view.palette import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color
+from cmpsp_ros.view.traces import number, numbers
 
 Array = NDArray[np.float64]
 Figure = dict[str, Any]
 
 _BINS = 40
-_DIGITS = 6
-"""Digits after the point: a micrometre, a microsecond."""
+_GAP = 0.12
+"""Part of a panel's height that is left free below it."""
 
 
 def levels(views: Sequence[View]) -> Figure:
@@ -35,8 +36,8 @@ def levels(views: Sequence[View]) -> Figure:
                 'orientation': 'h',
                 'name': level,
                 'y': [escaped(view.label) for view, _ in bands],
-                'base': [_number(each.begin) for _, each in bands],
-                'x': [_number(each.end - each.begin) for _, each in bands],
+                'base': [number(each.begin) for _, each in bands],
+                'x': [number(each.end - each.begin) for _, each in bands],
                 'text': [
                     f'{each.begin:.2f} to {each.end:.2f} s, {each.steps} steps'
                     f'<br>{escaped(_wrapped(each.reason))}'
@@ -57,48 +58,58 @@ def levels(views: Sequence[View]) -> Figure:
 _DASHES = 'solid', 'dash', 'dashdot', 'dot'
 
 
-def wheel_speeds(views: Sequence[View]) -> Figure:
-    """Commanded wheel speeds with their limits; driven ones can be switched on."""
+def controls(views: Sequence[View]) -> Figure:
+    """Commanded wheel speeds or other controls with their limits; driven ones can be switched on.
+
+    Each quantity has a panel.
+    """
+    titles = quantities(views)
     traces = []
-    for number, view in enumerate(views):
-        for (times, speeds), kind, shown in (
+    for index, view in enumerate(views):
+        for (times, signals), kind, shown in (
             (view.commands, 'commanded', True),
             (view.driven, 'driven', 'legendonly'),
         ):
-            for side, (of, dash) in enumerate(zip(view.settings.robot.wheel_names, cycle(_DASHES))):
-                name = f'{of} wheel, {kind}'
+            for each, dash in zip(signals, cycle(_DASHES)):
                 line = {
-                    'color': bag_color(number),
+                    'color': bag_color(index),
                     'dash': dash if kind == 'commanded' else 'dot',
                     'shape': 'hv',
                     'width': 1.6 if kind == 'commanded' else 1.0,
                 }
-                trace = _line(_named(views, view, name), times, speeds[:, side], line)
-                traces.append(trace | {'visible': shown})
-    figure = _over_time(views, traces, {'title': {'text': 'wheel speed [rad/s]'}})
-    slowest = min(
-        (float(np.nanmin(v.commands[1], initial=0.0)) for v in views if len(v.commands[1])),
-        default=0.0,
-    )
-    for limit in sorted({view.settings.robot.max_wheel_speed for view in views}):
-        if math.isfinite(limit):
-            _mark(figure, limit, f'limit {limit:g} rad/s')
-            if slowest < 0.0:
-                _mark(figure, -limit, f'limit {-limit:g} rad/s')
+                name = _named(views, view, f'{escaped(each.name)}, {kind}')
+                trace = _line(name, times, each.values, line) | {'visible': shown}
+                traces.append(trace | {'yaxis': f'y{suffix(titles.index(each.axis))}'})
+    figure = _stacked(views, traces, titles)
+    for title in titles:
+        for limit, text in limits(views, title).items():
+            _mark(figure, limit, text, axis=f'y{suffix(titles.index(title))}')
     return figure
 
 
+def quantities(views: Sequence[View]) -> list[str]:
+    """Each quantity that a robot is controlled by, with its unit, in order."""
+    return list(dict.fromkeys(each.axis for view in views for each in view.commands[1]))
+
+
+def limits(views: Sequence[View], quantity: str) -> dict[float, str]:
+    """Limits of a quantity with their names; negative ones only where it became negative."""
+    found = [each for view in views for each in view.commands[1] if each.axis == quantity]
+    unit = quantity.partition(' [')[2].rstrip(']')
+    most = {each.limit for each in found if math.isfinite(each.limit)}
+    if any((each.values < 0.0).any() for each in found):
+        most |= {-each for each in most}
+    return {each: f'limit {each:.4g} {unit}'.rstrip() for each in sorted(most)}
+
+
 def clearance(views: Sequence[View]) -> Figure:
-    """Clearance of the path driven from road edges and from obstacles."""
+    """Clearance of the path driven from road edges, obstacles and other robots."""
     traces = []
-    for number, view in enumerate(views):
-        times, *values = view.clearance
-        for what, dash, value in zip(
-            ('road edges', 'obstacles'), ('solid', 'dash'), values, strict=True
-        ):
-            if np.isfinite(value).any():
-                line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
-                traces.append(_line(_named(views, view, what), times, value, line))
+    for index, view in enumerate(views):
+        times, values = view.clearance
+        for (what, value), dash in zip(values.items(), cycle(_DASHES)):
+            line = {'color': bag_color(index), 'dash': dash, 'width': 1.6}
+            traces.append(_line(_named(views, view, what), times, value, line))
     figure = _over_time(views, traces, {'title': {'text': 'clearance [m]'}, 'rangemode': 'tozero'})
     _mark(figure, 0.0, 'contact')
     for margin in sorted({view.settings.safety.margin for view in views} - {0.0}):
@@ -110,25 +121,21 @@ def position(views: Sequence[View]) -> Figure:
     """Position and heading, in two panels."""
     traces = []
     columns = (('x', 'solid'), ('y', 'dash'), ('heading', 'solid'))
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         for column, (name, dash) in enumerate(columns):
-            line = {'color': bag_color(number), 'dash': dash, 'width': 1.6}
+            line = {'color': bag_color(index), 'dash': dash, 'width': 1.6}
             trace = _line(_named(views, view, name), view.times, view.poses[:, column], line)
             traces.append(trace | ({'yaxis': 'y2'} if name == 'heading' else {}))
-    figure = _over_time(views, traces, {'title': {'text': 'position [m]'}, 'domain': [0.46, 1.0]})
-    figure['layout']['yaxis2'] = axis({'title': {'text': 'heading [rad]'}, 'domain': [0.0, 0.38]})
-    figure['layout']['xaxis']['anchor'] = 'y2'
-    figure['layout']['height'] = 430
-    return figure
+    return _stacked(views, traces, ['position [m]', 'heading [rad]'])
 
 
 def step_times(views: Sequence[View]) -> Figure:
     """Time from odometry to command, against the deadline."""
     traces = []
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         times, taken = view.steps
         if len(times):
-            line = {'color': bag_color(number), 'width': 1.0}
+            line = {'color': bag_color(index), 'width': 1.0}
             trace = _line(_named(views, view, 'step time'), times, taken, line)
             traces.append(trace | {'mode': 'lines+markers', 'marker': {'size': 4}})
     axis = {'title': {'text': 'step time [ms]'}, 'type': 'log', 'dtick': 1}
@@ -145,7 +152,7 @@ def step_histogram(views: Sequence[View]) -> Figure:
     traces: list[Figure] = []
     ends = (float(positive.min()), float(positive.max())) if len(positive) else (1.0, 10.0)
     edges = np.geomspace(ends[0] * 0.95, ends[1] * 1.05, _BINS + 1)
-    for number, view in enumerate(views):
+    for index, view in enumerate(views):
         taken = view.steps[1]
         counts = np.histogram(taken[taken > 0.0], edges)[0]
         traces.append(
@@ -155,7 +162,7 @@ def step_histogram(views: Sequence[View]) -> Figure:
                 'x': numbers(np.sqrt(edges[:-1] * edges[1:])),
                 'width': numbers(np.diff(edges)),
                 'y': counts.tolist(),
-                'marker': {'color': bag_color(number)},
+                'marker': {'color': bag_color(index)},
                 'opacity': 0.85 if len(views) == 1 else 0.55,
                 'hovertemplate': '%{x:.3g} ms: %{y} steps<extra></extra>',
             }
@@ -210,7 +217,7 @@ def _over_time(
     figure: Figure = {'data': traces, 'layout': layout()}
     end = max(view.end for view in views)
     figure['layout'] |= {
-        'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, _number(end)]}),
+        'xaxis': axis({'title': {'text': 'time [s]'}, 'range': [0.0, number(end)]}),
         'yaxis': axis(y),
         'showlegend': True,
         'meta': {'kind': kind},
@@ -229,6 +236,23 @@ def _over_time(
     return figure
 
 
+def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str]) -> Figure:
+    """A chart over time of several quantities, one above the other."""
+    figure, count = _over_time(views, traces, {}), len(titles)
+    for index, title in enumerate(titles):
+        domain = [1.0 - (index + 1 - _GAP * (index < count - 1)) / count, 1.0 - index / count]
+        own = axis({'title': {'text': title}, 'domain': domain})
+        figure['layout'][f'yaxis{suffix(titles.index(title))}'] = own
+    figure['layout']['xaxis']['anchor'] = f'y{suffix(count - 1)}'
+    figure['layout']['height'] = 140 + 160 * count
+    return figure
+
+
+def suffix(index: int) -> str:
+    """How plotly counts axes: none, 2, 3."""
+    return str(index + 1) if index else ''
+
+
 def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
     return {
         'type': 'scatter',
@@ -241,16 +265,18 @@ def _line(name: str, times: Array, values: Array, line: Figure) -> Figure:
     }
 
 
-def _mark(figure: Figure, value: float, text: str, *, log: bool = False) -> None:
+def _mark(figure: Figure, value: float, text: str, *, axis: str = 'y', log: bool = False) -> None:
     """A horizontal line at a limit, with its name."""
     line = {'color': LIMIT, 'width': 1.4, 'dash': 'dash'}
     shape = {'type': 'line', 'xref': 'paper', 'x0': 0, 'x1': 1, 'y0': value, 'y1': value}
+    shape['yref'] = axis
     figure['layout']['shapes'].append(shape | {'line': line})
     figure['layout']['annotations'].append(
         {
             'xref': 'paper',
             'x': 1.0,
             'xanchor': 'right',
+            'yref': axis,
             'y': math.log10(value) if log else value,
             'yanchor': 'bottom',
             'text': text,
@@ -266,12 +292,3 @@ def _named(views: Sequence[View], view: View, name: str) -> str:
 
 def _wrapped(text: str, width: int = 90) -> str:
     return text if len(text) <= width else f'{text[: width - 1]}…'
-
-
-def _number(value: float) -> float | None:
-    return round(float(value), _DIGITS) if math.isfinite(value) else None
-
-
-def numbers(values: Array) -> list[float | None]:
-    """Numbers for JSON, which knows no NaN."""
-    return [_number(each) for each in values.tolist()]

@@ -18,7 +18,7 @@ from typing import Any
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import charts, tables
-from cmpsp_ros.bags.report.path_chart import path
+from cmpsp_ros.bags.report.path_chart import panels, path
 from cmpsp_ros.bags.report.slider import moving
 from cmpsp_ros.bags.report.view import View
 
@@ -50,16 +50,18 @@ def _data(views: Sequence[View]) -> dict[str, Any]:
     figures = {
         'path': path(views),
         'levels': charts.levels(views),
-        'wheels': charts.wheel_speeds(views),
+        'controls': charts.controls(views),
         'clearance': charts.clearance(views),
         'position': charts.position(views),
         'steps': charts.step_times(views),
         'histogram': charts.step_histogram(views),
     }
+    axes = {k: charts.suffix(panel) for panel, members in enumerate(panels(views)) for k in members}
     return {
         'figures': figures,
         'bags': [
-            {'label': view.label, **each} for view, each in zip(views, moving(views), strict=True)
+            {'label': view.label, 'axes': axes[number], **each}
+            for number, (view, each) in enumerate(zip(views, moving(views), strict=True))
         ],
     }
 

@@ -1,211 +1,130 @@
-"""The chart of the road with obstacles, driven paths, and the plan at the slider's time."""
+"""The chart of the courses with driven paths, and what the slider moves on them."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, numbers
-from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
+from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
+from cmpsp_ros.bags.report.slider import goals_of
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.view.drawing import footprints, map_corners
-from cmpsp_ros.view.palette import EDGE, GOAL, OBSTACLE, ROAD, bag_color
-from cmpsp_ros.world.obstacles.shapes import Shape, outlines
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.view.palette import MOVING, SEEN, TEXT, UNSEEN, bag_color
+from cmpsp_ros.view.scene import LOOKS, frame, map_corners
+from cmpsp_ros.view.traces import arrow, ends, goals_trace, hover, trace, traces
 
-Array = NDArray[np.float64]
-
-_NONE: Array = np.zeros(0)
+_PANEL, _GAP = 520, 0.13
+"""Height of a panel [pixels], and the part of it that is left free below it."""
 
 _ROOM = 0.6
 """Part of the road's width that is shown around everything that happened."""
 
 
 def path(views: Sequence[View]) -> Figure:
-    """Road, obstacles, goal, paths driven, plans and robots."""
-    figure: Figure = {'data': _traces(views), 'layout': layout()}
-    shapes, annotations = [], []
-    for road in dict.fromkeys(road for view in views for road in view.roads):
-        shapes += _road(road)
-    for obstacle, kept in obstacles(views).items():
-        shapes += _shapes(obstacle, kept)
-        if obstacle.corners:
-            annotations.append(_name(obstacle))
-    for number, view in enumerate(views):
-        line = {'color': bag_color(number), 'width': 0.8}
-        outlines_of = (f'{_line(each)} Z' for each in footprints(view.settings, view.poses))
-        shapes += [{'type': 'path', 'path': each, 'line': line} for each in outlines_of]
-    x, y = frame(views)
-    figure['layout'] |= {
-        'shapes': shapes,
-        'annotations': annotations,
-        'height': 640,
-        'hovermode': 'closest',
-        'xaxis': axis(
-            {'title': {'text': 'x [m]'}, 'range': x, 'showgrid': False, 'zeroline': False}
-        ),
-        'yaxis': axis(
+    """Courses, goals, paths driven, plans and robots; a panel for each course.
+
+    Traces that the script fills carry the number of their bag and their part in `meta`.
+    """
+    figure: Figure = {'data': [], 'layout': layout()}
+    places = panels(views)
+    height = _PANEL * len(places)
+    figure['layout'] |= {'height': height + 150, 'hovermode': 'closest', 'showlegend': True}
+    figure['layout']['legend'] = {'orientation': 'h', 'x': 0, 'y': -60 / height, 'yanchor': 'top'}
+    for number, members in enumerate(places):
+        on, count = suffix(number), len(places)
+        x, y = frame_of([views[k] for k in members])
+        low = 1.0 - (number + 1 - _GAP * (number < count - 1)) / count
+        own = {'showgrid': False, 'zeroline': False}
+        figure['layout'][f'xaxis{on}'] = axis(
+            {'title': {'text': 'x [m]'}, 'range': x, 'anchor': f'y{on}', **own}
+        )
+        figure['layout'][f'yaxis{on}'] = axis(
             {
                 'title': {'text': 'y [m]'},
                 'range': y,
-                'showgrid': False,
-                'zeroline': False,
-                'scaleanchor': 'x',
+                'domain': [low, 1.0 - number / count],
+                'scaleanchor': f'x{on}',
+                **own,
             }
-        ),
-        'showlegend': True,
-    }
+        )
+        for each in _panel(views, members):
+            figure['data'].append(each | {'xaxis': f'x{on}', 'yaxis': f'y{on}'})
+    _name_once(figure['data'])
     return figure
 
 
-def _traces(views: Sequence[View]) -> list[Figure]:
-    """Paths, plans, robots, moving obstacles and current goal, each for all bags; then the rest.
-
-    The script relies on this order, and fills the traces that are empty here.
-    """
-    several = len(views) > 1
-    named = [(f'{escaped(view.label)}: ' if several else '', view) for view in views]
-    colors = [bag_color(number) for number in range(len(views))]
-    obstacle = {'fill': 'toself', 'fillcolor': OBSTACLE, 'opacity': 0.85, 'line': {'width': 0}}
-    ring = {'symbol': 'circle-open', 'size': 26, 'line': {'width': 2}}
-    return [
-        *(
-            _trace(f'{prefix}driven', 'lines', view.poses[:, 0], view.poses[:, 1])
-            | _hover([f'{each:.2f} s' for each in view.times])
-            | {'line': {'color': color, 'width': 2.6}}
-            for (prefix, view), color in zip(named, colors, strict=True)
-        ),
-        *(
-            _trace(f'{prefix}plan', 'lines+markers')
-            | {'line': {'color': color, 'width': 1.2, 'dash': 'dot'}}
-            | {'marker': {'size': 5, 'symbol': 'circle-open'}}
-            for (prefix, _), color in zip(named, colors, strict=True)
-        ),
-        *(
-            _trace(f'{prefix}robot', 'markers', view.poses[:1, 0], view.poses[:1, 1])
-            | {'marker': _arrow(view.poses[0, 2], color), 'showlegend': False}
-            for (prefix, view), color in zip(named, colors, strict=True)
-        ),
-        *(
-            _trace(f'{prefix}moving obstacles', 'lines') | obstacle | {'showlegend': False}
-            for prefix, _ in named
-        ),
-        *(
-            _trace(f'{prefix}driven to', 'markers') | {'marker': {'color': color, **ring}}
-            for (prefix, _), color in zip(named, colors, strict=True)
-        ),
-        *_goals(views),
-        *(_way(view, tracks) for view in views for tracks in tracks_of_each(view)),
-    ]
+def panels(views: Sequence[View]) -> list[list[int]]:
+    """Numbers of the views that have the same course, in order."""
+    found: dict[object, list[int]] = {}
+    for number, view in enumerate(views):
+        found.setdefault(tuple(part.key for part in view.course), []).append(number)
+    return list(found.values())
 
 
-def _trace(name: str, mode: str, x: Array = _NONE, y: Array = _NONE) -> Figure:
-    return {'type': 'scatter', 'name': name, 'mode': mode, 'hoverinfo': 'skip'} | {
-        'x': numbers(x),
-        'y': numbers(y),
-    }
-
-
-def _hover(texts: list[str]) -> Figure:
-    """What is shown of a point, with a text for each."""
-    shown = {'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>', 'hoverinfo': 'all'}
-    return {'text': texts, **shown}
-
-
-def _arrow(heading: float, color: str) -> Figure:
-    white = {'color': '#ffffff', 'width': 1.5}
-    angle = 90.0 - math.degrees(heading)
-    return {'symbol': 'arrow-wide', 'size': 18, 'angle': angle, 'color': color, 'line': white}
-
-
-def _goals(views: Sequence[View]) -> list[Figure]:
-    goals = goals_of(views)
-    if not goals:
-        return []
-    name = 'goal' if len(goals) == 1 else 'goals'
-    trace = _trace(name, 'markers+text', *np.array([goal.position for goal in goals]).T)
-    trace |= _hover([escaped(goal.name) for goal in goals])
-    trace['hovertemplate'] = f'goal {trace["hovertemplate"]}'
-    marker = {'symbol': 'star', 'size': 15, 'color': GOAL}
-    return [trace | {'textposition': 'top right', 'cliponaxis': False, 'marker': marker}]
-
-
-def _way(view: View, tracks: Sequence[Track]) -> Figure:
-    """Where a moving obstacle was."""
-    x, y = np.array([(each.x, each.y) for each in tracks]).T
-    times = [(view.record.seconds(each.stamp), each.radius) for each in tracks]
-    trace = _trace(tracks[0].name, 'lines', x, y)
-    trace |= _hover([f'{seconds:.2f} s, radius {radius:.3g} m' for seconds, radius in times])
-    return trace | {'line': {'color': OBSTACLE, 'width': 1.6, 'dash': 'dashdot'}}
-
-
-def _road(road: Road) -> list[Figure]:
-    shapes: list[Figure] = []
-    if len(road.area()):
-        fill = {'fillcolor': ROAD, 'fillrule': 'nonzero', 'line': {'width': 0}}
-        shapes.append({'type': 'path', 'path': f'{_line(road.area())} Z', **fill})
-    solid = {'color': EDGE, 'width': 1.2}
-    dotted = {'color': EDGE, 'width': 1, 'dash': 'dot'}
-    for points, line in [*((edge, solid) for edge in road.edges()), (road.center_line(), dotted)]:
-        if len(points):
-            shapes.append({'type': 'path', 'path': _line(points), 'line': line})
-    return [shape | {'layer': 'below'} for shape in shapes]
-
-
-def _shapes(obstacle: Shape, kept: float) -> list[Figure]:
-    disc = _edge(obstacle, obstacle.radius)
-    disc |= {'fillcolor': OBSTACLE, 'opacity': 0.85, 'line': {'width': 0}, 'layer': 'below'}
-    if kept == obstacle.radius:
-        return [disc]
-    around = {'line': {'color': OBSTACLE, 'width': 1.2, 'dash': 'dash'}, 'layer': 'below'}
-    return [disc, _edge(obstacle, kept) | around]
-
-
-def _name(obstacle: Shape) -> Figure:
-    x, y = obstacle.center
-    font = {'color': '#ffffff', 'size': 13}
-    return {'x': x, 'y': y, 'text': escaped(obstacle.name), 'showarrow': False, 'font': font}
-
-
-def obstacles(views: Sequence[View]) -> dict[Shape, float]:
-    """All obstacles there ever were, and the radius that the robot's centre keeps out of."""
-    every = (epoch.settings for view in views for epoch in view.record.history.epochs)
-    return {
-        obstacle: obstacle.radius + settings.robot_radius + settings.safety.margin
-        for settings in every
-        for obstacle in settings.obstacles
-    }
-
-
-def frame(views: Sequence[View]) -> tuple[list[float], list[float]]:
-    """What happened, with room around it, in x and in y."""
-    points = [view.poses[:, :2] for view in views]
-    points += [np.array([goal.position]) for goal in goals_of(views)]
+def frame_of(views: Sequence[View]) -> list[tuple[float, float]]:
+    """What happened on a course, with room around it: ends in x and in y [m]."""
+    points = [np.array([goal.position for goal in goals_of(view)]) for view in views]
+    points = [view.poses[:, :2] for view in views] + [each for each in points if len(each)]
     points += [map_corners(view.settings) for view in views]
-    low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
-    road = views[0].settings.road
-    room = _ROOM * road.width
-    return [low[0] - room, high[0] + room], [low[1] - room, high[1] + room]
+    points += [other.poses[:, :2] for view in views for other in view.others.values()]
+    points += [line for view in views for each in view.run[-1:] for line in each.lines]
+    shapes = [shape for view in views for shape in (*view.shapes, *view.hidden)]
+    low, high = frame(points, shapes, _ROOM * views[0].settings.road.width)
+    return list(zip(low.tolist(), high.tolist(), strict=True))
 
 
-def _line(points: Array) -> str:
-    return f'M {" L ".join(f"{x:.4f},{y:.4f}" for x, y in points.tolist())}'
+def _panel(views: Sequence[View], members: Sequence[int]) -> Iterator[Figure]:
+    """The course of some views, and then the run of each."""
+    yield from traces(views[members[0]].course, '')
+    if any(views[k].grids for k in members):
+        for name, color in ((LOOKS['seen'].label, SEEN), ('not seen yet', UNSEEN)):
+            square = {'symbol': 'square', 'size': 12, 'color': color, 'opacity': 0.55}
+            yield trace(name, 'markers', *np.full((2, 1), np.nan)) | {'marker': square}
+    for number in members:
+        # With several bags the legend has one entry for each, which switches all of it.
+        named = {'legendgroup': f'bag {number}', 'showlegend': False} if len(views) > 1 else {}
+        for each in _run(number, views[number]):
+            yield each | named
+        driven = _driven(views[number], bag_color(number)) | named
+        if len(views) > 1:
+            driven |= {'showlegend': True, 'name': escaped(views[number].label)}
+        yield driven
 
 
-def _edge(obstacle: Shape, distance: float) -> Figure:
-    if len(obstacle.corners) == 1:
-        return _circle(obstacle.center, distance)
-    lines = [f'{_line(line)} Z' for line in outlines(obstacle, distance)]
-    return {'type': 'path', 'path': ' '.join(lines)}
+def _run(number: int, view: View) -> Iterator[Figure]:
+    """One run but for the path driven, with traces that are empty until the script fills them."""
+    color = bag_color(number)
+    yield from traces(view.run, color)
+    grey = {'color': TEXT, 'width': 1.4}
+    moving = {'fill': 'toself', 'fillcolor': MOVING, 'line': {'width': 0}}
+    ring = {'symbol': 'circle-open', 'size': 30, 'line': {'width': 2}, 'color': color}
+    hidden = {'showlegend': False}
+    for name, mode, look in (
+        ('moving', 'lines', {**moving, **hidden, 'opacity': 0.85}),
+        ('others', 'lines', {'fill': 'toself', 'fillcolor': '#d9dce2', 'line': grey, **hidden}),
+        ('plan', 'lines+markers', {
+            'line': {'color': color, 'width': 1.2, 'dash': 'dot'},
+            'marker': {'size': 5, 'symbol': 'circle-open'},
+        }),
+        ('driven to', 'markers', {'marker': ring}),
+        ('body', 'lines', {'line': {'color': color, 'width': 2.0}, **hidden}),
+        ('robot', 'markers', {**arrow(view.poses[:1, 2], color, 17), **hidden}),
+    ):  # fmt: skip
+        yield trace(name, mode) | look | {'meta': {'bag': number, 'part': name}}
+    yield goals_trace(goals_of(view))
+    yield ends(view.poses, color)
 
 
-def _circle(center: tuple[float, float], radius: float) -> Figure:
-    x, y = center
-    return {'type': 'circle', 'x0': x - radius, 'x1': x + radius} | {
-        'y0': y - radius,
-        'y1': y + radius,
-    }
+def _driven(view: View, color: str) -> Figure:
+    path_ = trace('driven', 'lines', *view.poses[:, :2].T)
+    path_ |= hover([f'{each:.2f} s' for each in view.times])
+    return path_ | {'line': {'color': color, 'width': 2.6}}
+
+
+def _name_once(shown: Sequence[Figure]) -> None:
+    """Keep one entry of each name in the legend; panels share it."""
+    known = set[str]()
+    for each in shown:
+        if each['name'] in known and 'legendgroup' not in each:
+            each['showlegend'] = False
+        known.add(each['name'])

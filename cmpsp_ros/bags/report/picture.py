@@ -2,40 +2,55 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from itertools import cycle
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.report.path_chart import frame, obstacles
-from cmpsp_ros.bags.report.slider import goals_of, tracks_of_each
+from cmpsp_ros.bags.report.charts import Figure as Chart
+from cmpsp_ros.bags.report.charts import clearance, controls, levels, quantities, step_times, suffix
+from cmpsp_ros.bags.report.path_chart import panels, path
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.drawing import draw_around, draw_footprints, draw_obstacles, draw_road
-from cmpsp_ros.view.palette import GOAL, GRID, LEVEL_COLORS, LIMIT, OBSTACLE, bag_color
+from cmpsp_ros.view.drawing import draw
+from cmpsp_ros.view.palette import GRID, LIMIT
+from cmpsp_ros.view.scene import seen
+from cmpsp_ros.view.traces import traces
 
 
-def draw(views: Sequence[View], output: Path) -> None:
-    """Draw path, fallback levels, wheel speeds, clearance and step times.
+def draw_report(views: Sequence[View], output: Path) -> Figure:
+    """Draw paths, fallback levels, controls, clearance and step times.
+
+    Returns:
+        The figure that was written.
 
     Raises:
         BagError: The picture cannot be written.
     """
-    figure = Figure(figsize=(14.0, 8.0), layout='constrained')
-    grid = figure.add_gridspec(4, 2, width_ratios=[5, 6], height_ratios=[1, 3, 3, 3])
-    _draw_path(figure.add_subplot(grid[:, 0]), views)
+    places, titles = panels(views), quantities(views)
+    charts_ = [(levels(views), 0), *((controls(views), row) for row in range(len(titles)))]
+    charts_ += [(clearance(views), 0), (step_times(views), 0)]
+    height = 5.5 + 1.5 * max(len(titles) + 1, len(places))
+    figure = Figure(figsize=(14.0, height), layout='constrained')
+    halves = figure.add_gridspec(1, 2, width_ratios=[5, 6])
+    grid = halves[0].subgridspec(len(places) + 1, 1, height_ratios=[6] * len(places) + [1])
+    handles: dict[str, Any] = {}
+    for number, members in enumerate(places):
+        axes = figure.add_subplot(grid[number])
+        _draw_path(axes, path(views), suffix(number))
+        draw(axes, traces([seen([grid for _, grid in views[k].grids]) for k in members], ''))
+        handles |= dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+    keys = figure.add_subplot(grid[-1])
+    keys.set_axis_off()
+    keys.legend(handles.values(), handles.keys(), loc='center', ncols=2, fontsize='small')
+    rows = halves[1].subgridspec(len(charts_), 1, height_ratios=[1] + [3] * (len(charts_) - 1))
     shown: Axes | None = None
-    for row, draw_one in enumerate((_draw_levels, _draw_wheels, _draw_clearance, _draw_steps)):
-        axes = figure.add_subplot(grid[row, 1], sharex=shown)
-        draw_one(axes, views)
-        axes.grid(color=GRID)
-        axes.set_axisbelow(True)
-        axes.tick_params(labelbottom=row == 3)
+    for row, (chart, number) in enumerate(charts_):
+        axes = figure.add_subplot(rows[row], sharex=shown)
+        _draw_chart(axes, chart, suffix(number))
+        axes.tick_params(labelbottom=row == len(charts_) - 1)
         shown = axes
     if shown is not None:
         shown.set(xlabel='time [s]', xlim=(0.0, max(view.end for view in views)))
@@ -43,90 +58,32 @@ def draw(views: Sequence[View], output: Path) -> None:
         figure.savefig(output, dpi=110)
     except OSError as error:
         raise BagError(f'{output}: cannot be written: {error.strerror or error}') from error
+    return figure
 
 
-def _draw_path(axes: Axes, views: Sequence[View]) -> None:
-    for road in dict.fromkeys(road for view in views for road in view.roads):
-        draw_road(axes, road)
-    for obstacle, kept in obstacles(views).items():
-        draw_obstacles(axes, [obstacle])
-        draw_around(axes, obstacle, kept)
-        if obstacle.corners:
-            name = _plain(obstacle.name)
-            axes.text(*obstacle.center, name, color='white', ha='center', va='center')
-    for tracks in (each for view in views for each in tracks_of_each(view)):
-        x, y = [each.x for each in tracks], [each.y for each in tracks]
-        axes.plot(x, y, color=OBSTACLE, ls='-.', lw=1.2, zorder=3)
-    for number, view in enumerate(views):
-        color = bag_color(number)
-        axes.plot(*view.poses[:, :2].T, color=color, lw=2.0, label=_plain(view.label), zorder=4)
-        axes.plot(*view.poses[0, :2], 'o', color=color, ms=7, zorder=5)
-        draw_footprints(axes, view.settings, view.poses, color)
-    for goal in goals_of(views):
-        axes.plot(*goal.position, '*', color=GOAL, ms=14, zorder=5)
-        axes.annotate(_plain(goal.name), goal.position, (6, 6), textcoords='offset points')
-    (left, right), (bottom, top) = frame(views)
-    axes.set(xlim=(left, right), ylim=(bottom, top), xlabel='x [m]', ylabel='y [m]')
+def _draw_path(axes: Axes, chart: Chart, on: str) -> None:
+    """Draw one panel of the path chart."""
+    draw(axes, (each for each in chart['data'] if each['xaxis'] == f'x{on}'))
+    x, y = (chart['layout'][f'{letter}axis{on}']['range'] for letter in 'xy')
+    axes.set(xlim=x, ylim=y, xlabel='x [m]', ylabel='y [m]')
     axes.set_aspect('equal')
-    axes.legend(loc='best')
 
 
-def _draw_levels(axes: Axes, views: Sequence[View]) -> None:
-    for number, view in enumerate(views):
-        for band in view.bands:
-            color = LEVEL_COLORS.get(band.level, 'white')
-            axes.barh(number, band.end - band.begin, 0.6, left=band.begin, color=color)
-    there = {band.level for view in views for band in view.bands}
-    keys = [
-        Patch(color=color, label=level) for level, color in LEVEL_COLORS.items() if level in there
-    ]
-    if keys:
-        axes.legend(handles=keys, ncols=len(keys), loc='lower left', bbox_to_anchor=(0.0, 1.0))
-    axes.set_yticks(range(len(views)), [_plain(view.label) for view in views])
-    axes.invert_yaxis()
-
-
-_STYLES = '-', '--', '-.', ':'
-
-
-def _draw_wheels(axes: Axes, views: Sequence[View]) -> None:
-    for number, view in enumerate(views):
-        times, speeds = view.commands
-        names = zip(view.settings.robot.wheel_names, cycle(_STYLES))
-        for column, (side, style) in enumerate(names):
-            name = f'{side} wheel' if not number else None
-            axes.step(
-                times, speeds[:, column], style, where='post', color=bag_color(number), label=name
-            )
-    for limit in {view.settings.robot.max_wheel_speed for view in views}:
-        if math.isfinite(limit):
-            axes.axhline(limit, color=LIMIT, ls='--', lw=1.0)
-    axes.set(ylabel='commanded [rad/s]')
-    axes.legend(loc='lower left')
-
-
-def _draw_clearance(axes: Axes, views: Sequence[View]) -> None:
-    for number, view in enumerate(views):
-        times, road, obstacle = view.clearance
-        color = bag_color(number)
-        names = ('road edges', 'obstacles') if not number else (None, None)
-        if np.isfinite(road).any():
-            axes.plot(times, road, color=color, label=names[0])
-        if np.isfinite(obstacle).any():
-            axes.plot(times, obstacle, '--', color=color, label=names[1])
-    axes.axhline(0.0, color=LIMIT, ls='--', lw=1.0)
-    axes.set(ylabel='clearance [m]')
-    if len(axes.lines) > 1:
-        axes.legend(loc='upper right')
-
-
-def _draw_steps(axes: Axes, views: Sequence[View]) -> None:
-    for number, view in enumerate(views):
-        axes.plot(*view.steps, '.-', lw=0.8, color=bag_color(number))
-        axes.axhline(1e3 * view.settings.control_period, color=LIMIT, ls='--', lw=1.0)
-    axes.set(ylabel='step time [ms]', yscale='log')
-
-
-def _plain(text: str) -> str:
-    """Text from a bag, with dollar signs escaped: they would begin a formula."""
-    return text.replace('$', r'\$')
+def _draw_chart(axes: Axes, chart: Chart, on: str) -> None:
+    """Draw one panel of a chart over time, with its limits."""
+    draw(axes, (each for each in chart['data'] if each.get('yaxis', 'y') == f'y{on}'))
+    style = chart['layout'][f'yaxis{on}']
+    axes.set_ylabel(style.get('title', {}).get('text', ''))
+    if style.get('type') == 'log':
+        axes.set_yscale('log')
+    for shape in chart['layout']['shapes']:
+        if shape.get('xref') == 'paper' and shape['yref'] == f'y{on}':
+            axes.axhline(shape['y0'], color=LIMIT, ls='--', lw=1.0)
+    axes.grid(color=GRID)
+    axes.set_axisbelow(True)
+    above: dict[str, Any] = {'fontsize': 'small'}
+    if style.get('autorange') == 'reversed':
+        axes.invert_yaxis()
+        above = {'ncols': len(chart['data']), 'loc': 'lower left', 'bbox_to_anchor': (0.0, 1.0)}
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(**above)

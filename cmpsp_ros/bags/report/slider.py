@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import groupby
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cmpsp_ros.bags.report.charts import numbers
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
+from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.view.grid_picture import grid_picture
+from cmpsp_ros.view.scene import body, disc
+from cmpsp_ros.view.traces import coordinates, numbers
+
+Array = NDArray[np.float64]
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:
@@ -36,9 +40,12 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
             'x': numbers(view.poses[:, 0]),
             'y': numbers(view.poses[:, 1]),
             'heading': numbers(view.poses[:, 2]),
+            'body': coordinates(body(view.settings)),
+            'others': [_of_robot(view, each) for each in view.others.values()],
+            'disc': coordinates(disc(view.settings.moving_obstacles.others_radius)),
             'clearance': {
                 't': numbers(view.clearance[0]),
-                'value': numbers(np.minimum(*view.clearance[1:])),
+                'value': numbers(_least(view)),
             },
             'decisions': [
                 [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
@@ -48,17 +55,11 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
                 [round(seconds, 6), *goal.position, label_of(goal)]
                 for seconds, goal in goals_over_time(view)
             ],
-            'moving': [_of_obstacle(view, each) for each in tracks_of_each(view)],
+            'moving': [_of_obstacle(view, each) for each in view.tracks],
             'timeout': view.settings.moving_obstacles.timeout,
         }
         for view in views
     ]
-
-
-def tracks_of_each(view: View) -> list[list[Track]]:
-    """What was received of each moving obstacle, in order of time."""
-    grouped = groupby(view.record.tracks, key=lambda each: each.id)
-    return [list(tracks) for _, tracks in grouped]
 
 
 def goals_over_time(view: View) -> list[tuple[float, Goal]]:
@@ -67,11 +68,10 @@ def goals_over_time(view: View) -> list[tuple[float, Goal]]:
     return [(view.record.seconds(stamp), goal) for stamp, goal in found]
 
 
-def goals_of(views: Sequence[View]) -> list[Goal]:
+def goals_of(view: View) -> list[Goal]:
     """All goals there were, each once."""
-    asked = (goal for view in views for goal in view.settings.goals)
-    driven_to = (goal for view in views for _, goal in goals_over_time(view))
-    places = {(goal.position, goal.name): goal for goal in (*driven_to, *asked)}
+    driven_to = (goal for _, goal in goals_over_time(view))
+    places = {(goal.position, goal.name): goal for goal in (*driven_to, *view.settings.goals)}
     named = {position for position, name in places if name}
     return [goal for (place, name), goal in places.items() if name or place not in named]
 
@@ -81,7 +81,20 @@ def label_of(goal: Goal) -> str:
     return f'{goal.name} at {goal.time:g} s' if goal.name else 'the goal'
 
 
-def _of_obstacle(view: View, tracks: list[Track]) -> dict[str, Any]:
+def _least(view: View) -> Array:
+    """Clearance from everything there is, shape ``(K,)``; infinite where there is nothing."""
+    times, clearance = view.clearance
+    least: Array = np.min([np.full(len(times), np.inf), *clearance.values()], axis=0)
+    return least
+
+
+def _of_robot(view: View, driven: Driven) -> dict[str, Any]:
+    times = np.array([view.record.seconds(each) for each in driven.stamps.tolist()])
+    columns = dict(zip(('x', 'y', 'heading'), driven.poses.T, strict=True))
+    return {name: numbers(each) for name, each in {'t': times, **columns}.items()}
+
+
+def _of_obstacle(view: View, tracks: Sequence[Track]) -> dict[str, Any]:
     chosen = [tracks[k] for k in thinned(np.arange(len(tracks)), MOST_PLANS)]
     columns = {
         name: numbers(np.array([getattr(each, name) for each in chosen]))

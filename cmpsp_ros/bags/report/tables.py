@@ -20,7 +20,8 @@ _MOST_BANDS = 200
 def summary(views: Sequence[View]) -> str:
     """Figures of each bag, one column each."""
     columns = [_figures(view) for view in views]
-    rows = [[escape(name), *(escape(column[name]) for column in columns)] for name in columns[0]]
+    names = dict.fromkeys(name for column in columns for name in column)
+    rows = [[escape(name), *(escape(column.get(name, '')) for column in columns)] for name in names]
     return _table(['', *(_swatched(views, view) for view in views)], rows)
 
 
@@ -95,6 +96,10 @@ def verdicts(views: Sequence[View]) -> str:
     return ''.join(words)
 
 
+def _unit(quantity: str) -> str:
+    return quantity.partition(' [')[2].rstrip(']')
+
+
 def _figures(view: View) -> dict[str, str]:
     taken = view.steps[1]
     by_check = {each.check: each for each in view.findings}
@@ -102,14 +107,16 @@ def _figures(view: View) -> dict[str, str]:
     for band in view.bands:
         counts[band.level] += band.steps
     deadline = 1e3 * view.settings.control_period
-    least = [by_check[each].worst for each in ('road', 'obstacles', 'moving')]
-    known = [each for each in least if each is not None]
+    known = [float(each.min()) for each in view.clearance[1].values()]
     late = int((taken > deadline).sum())
     quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []
     return {
         'miss at the final time': by_check['goal'].worst_text or 'unknown',
         'least clearance': f'{min(known):.4g} m' if known else 'unknown',
-        'largest wheel speed': by_check['wheel_limits'].worst_text or 'unknown',
+        **{
+            f'largest {each.name}': f'{np.abs(each.values).max():.4g} {_unit(each.axis)}'.rstrip()
+            for each in view.commands[1]
+        },
         'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
         if len(taken)
         else 'unknown',

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import groupby, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +17,17 @@ from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_recor
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import Planned, plans_in
+from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
+from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.guidance.messages.tracks import Track
 from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.robot import Signal
 from cmpsp_ros.sensing.grid_message import grid_of
+from cmpsp_ros.view.scene import Part, bodies, body, course, disc, kept_clear, trail
 from cmpsp_ros.world.grids.occupancy_grid import GridError, OccupancyGrid
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.road_functions import FAR
 
 Array = NDArray[np.float64]
@@ -69,6 +73,7 @@ class View:
         findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of what sensors had shown, with the times at which it was known [ns].
+        hidden: Obstacles that only the simulator knows; none without our simulator.
         version: Version of this package that recorded it, or empty.
     """
 
@@ -77,6 +82,7 @@ class View:
     findings: tuple[Finding, ...]
     plans: tuple[Planned, ...]
     grids: tuple[tuple[int, OccupancyGrid], ...]
+    hidden: tuple[Shape, ...]
     version: str
 
     @property
@@ -85,11 +91,48 @@ class View:
         return self.record.history.at(self.record.start)
 
     @property
-    def roads(self) -> tuple[Road, ...]:
-        """Each road that was driven on."""
+    def shapes(self) -> tuple[Shape, ...]:
+        """All obstacles that guidance was told of."""
+        epochs = self.record.history.epochs
+        return tuple(dict.fromkeys(shape for each in epochs for shape in each.settings.obstacles))
+
+    @cached_property
+    def course(self) -> tuple[Part, ...]:
+        """Each road that was driven on, and all obstacles, those that only the simulator knows too.
+
+        Not the robot, nor its task.
+        """
         epochs = self.record.history.epochs
         later = (each.settings.road for each in epochs if each.since > self.record.start)
-        return tuple(dict.fromkeys((self.settings.road, *later)))
+        roads = dict.fromkeys((self.settings.road, *later))
+        return course(roads, self.shapes, self.hidden)
+
+    @cached_property
+    def run(self) -> tuple[Part, ...]:
+        """What is drawn of the robot, of what it kept away from, and of what moved; body last."""
+        return (
+            kept_clear(self.settings),
+            *(_moving(each) for each in self.tracks),
+            *(self._other(name, each) for name, each in self.others.items()),
+            trail(self.settings, self.poses),
+            bodies(body(self.settings), self.poses[[0, -1]]),
+        )
+
+    @cached_property
+    def tracks(self) -> tuple[tuple[Track, ...], ...]:
+        """Received positions of each moving obstacle, in order of time."""
+        grouped = groupby(self.record.tracks, key=lambda each: each.id)
+        return tuple(tuple(tracks) for _, tracks in grouped)
+
+    @cached_property
+    def others(self) -> dict[str, Driven]:
+        """Paths of the other robots since the beginning, thinned, by namespace."""
+        found = {}
+        for name, each in self.record.others.items():
+            chosen = thinned(np.flatnonzero(each.stamps >= self.record.start), MOST_POINTS)
+            if len(chosen):
+                found[name] = Driven(each.stamps[chosen], each.poses[chosen], each.twists[chosen])
+        return found
 
     @property
     def failures(self) -> int:
@@ -119,25 +162,25 @@ class View:
         return poses
 
     @cached_property
-    def commands(self) -> tuple[Array, Array]:
-        """When each command counts from [s], and its wheel speeds ``(C, W)`` [rad/s]."""
+    def commands(self) -> tuple[Array, list[Signal]]:
+        """When each command counts from [s], and what it commands."""
         commands = self.record.commands
         chosen = thinned(np.arange(len(commands.stamps)), MOST_POINTS)
-        speeds = self.settings.robot.wheel_speeds(commands.twists[chosen])
-        return self._seconds(commands.stamps[chosen]), speeds
+        signals = self.settings.robot.signals(commands.twists[chosen])
+        return self._seconds(commands.stamps[chosen]), signals
 
     @cached_property
-    def driven(self) -> tuple[Array, Array]:
-        """When each arc begins [s], and the wheel speeds that drive it ``(K, W)`` [rad/s]."""
+    def driven(self) -> tuple[Array, list[Signal]]:
+        """When each arc begins [s], and the controls that drive it."""
         paths = [leg.guided for leg in self.record.legs]
         times = np.concatenate([self._seconds(each.stamps[:-1]) for each in paths])
         twists = np.concatenate([each.twists[:-1] for each in paths])
         chosen = thinned(np.arange(len(times)), MOST_POINTS)
-        return times[chosen], self.settings.robot.wheel_speeds(twists[chosen])
+        return times[chosen], self.settings.robot.signals(twists[chosen])
 
     @cached_property
-    def clearance(self) -> tuple[Array, Array, Array]:
-        """Time [s] and clearance from the road's edges and from obstacles [m], each ``(K,)``.
+    def clearance(self) -> tuple[Array, dict[str, Array]]:
+        """Time [s] and clearance from everything there is, by its kind [m], each ``(K,)``.
 
         Both static and moving obstacles count.
         """
@@ -149,10 +192,26 @@ class View:
         obstacles = np.concatenate(
             [each.clearance[:, EDGES:].min(axis=1, initial=np.inf) for each in sweeps]
         )
-        for each in self.record.encounters:
-            index = np.searchsorted(times, self._seconds(each.stamps), side='right') - 1
-            np.minimum.at(obstacles, np.maximum(index, 0), each.clearance)
-        return _least(times, road, obstacles)
+        robots = np.full(len(times), np.inf)
+        for values, found in (
+            (obstacles, self.record.encounters),
+            (robots, self.record.robot_encounters),
+        ):
+            for each in found:
+                index = np.searchsorted(times, self._seconds(each.stamps), side='right') - 1
+                np.minimum.at(values, np.maximum(index, 0), each.clearance)
+        there = replace(self.settings, obstacles=self.hidden)
+        paths = (leg.guided for leg in self.record.legs)
+        arcs = ((each.poses[:-1], each.twists[:-1], each.durations) for each in paths)
+        hidden = [there.clearance(*each)[:, EDGES:].min(axis=1, initial=np.inf) for each in arcs]
+        named = {
+            'road edges': road,
+            'obstacles': obstacles,
+            'obstacles that only the simulator knows': np.concatenate(hidden),
+            'other robots': robots,
+        }
+        finite = {name: values for name, values in named.items() if np.isfinite(values).any()}
+        return _least(times, finite)
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
@@ -174,6 +233,11 @@ class View:
             for k, end in pairwise([*begins, len(decisions)])
         )
 
+    def _other(self, name: str, driven: Driven) -> Part:
+        ends = bodies(disc(self.settings.moving_obstacles.others_radius), driven.poses[[0, -1]])
+        x, y, _ = driven.poses[len(driven.poses) // 4].tolist()
+        return Part('robot', (driven.poses[:, :2], *ends.lines), ((name, (x, y)),))
+
     def _seconds(self, stamps: NDArray[np.int64]) -> Array:
         seconds: Array = (stamps - self.record.start) / NANOSECONDS
         return seconds
@@ -188,8 +252,9 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
     with Bag(path) as bag:
         found, version = plans_in(bag, record.places.path), bag.version
         grids = tuple(_grids(bag, record.places.sighting))
+        hidden = hidden_obstacles(bag, record.places.node)
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
-    return View(label, record, audit_record(record), plans, grids, version)
+    return View(label, record, audit_record(record), plans, grids, hidden, version)
 
 
 def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:
@@ -225,12 +290,16 @@ def labels(paths: Sequence[Path]) -> list[str]:
     return [f'{name} ({number})' for number, name in enumerate(short, 1)]
 
 
-def _least(times: Array, *values: Array) -> tuple[Array, Array, Array]:
+def _least(times: Array, values: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
     """Thinned so that the least values stay."""
     width = -(-len(times) // MOST_POINTS)
     begins = np.arange(0, len(times), width)
-    first, second = (np.minimum.reduceat(each, begins) for each in values)
-    return times[begins], first, second
+    return times[begins], {name: np.minimum.reduceat(each, begins) for name, each in values.items()}
+
+
+def _moving(tracks: Sequence[Track]) -> Part:
+    places = np.array([(each.x, each.y) for each in tracks])
+    return Part('moving', (places,), ((tracks[0].name, (tracks[0].x, tracks[0].y)),))
 
 
 def _shown(decision: DecisionRecord) -> str:

@@ -300,6 +300,13 @@ RECORDER_FLUSH = Topic(
     depth=0,
 )
 
+_TRANSFORMS = (
+    ('guidance', 'in', '`/tf`, `/tf_static`', 'the transforms between the frames of messages'),
+    ('sim', 'out', '`/tf`', '`base_link` in the frame `frame_id`, with every odometry'),
+    ('sim', 'out', '`/tf_static`', 'with `sim.scan.rate`: the scanner in `base_link`; latched'),
+)
+"""Topics that there are where tf2_msgs is installed: no package index has it."""
+
 TOPICS = tuple(value for value in list(globals().values()) if isinstance(value, Topic))
 
 
@@ -315,6 +322,8 @@ def markdown_table() -> str:
         package = each.type.__module__.partition('.')[0]
         kind = f'{package}/{each.type.__name__}'
         rows.append(f'| {each.node} | {each.direction} | `{each.name}` | {kind} | {each.notes} |')
+    for node, direction, name, notes in _TRANSFORMS:
+        rows.append(f'| {node} | {direction} | {name} | tf2_msgs/TFMessage | {notes} |')
     return '\n'.join(rows)
 
 

@@ -19,6 +19,7 @@ from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.common.parameters import declare
 from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.nodes.common.runtime import run
+from cmpsp_ros.nodes.common.topic import Topic
 from cmpsp_ros.nodes.common.topics import (
     CLOCK,
     SIM_COMMAND,
@@ -94,6 +95,7 @@ class SimNode(Node):
         self.plant = Plant(settings, begin_ns)
         self._moves_sideways = settings.robot.twist_parts > 2
         self._scanner = Scanner(self, self._traffic) if self.values['sim.scan.rate'] else None
+        self._tell_scanner()
         self._pace = Lockstep(self) if self.values['lockstep'] else RealTime(self)
         if self.values['enable_stamped_cmd_vel']:
             SIM_STAMPED_COMMAND.listen_on(self, self._on_stamped)
@@ -157,12 +159,20 @@ class SimNode(Node):
         if message is not None:
             self.odometry.publish(message)
             if self._transforms is not None:
-                self._transforms.publish(TFMessage(transforms=self._transforms_of(message)))
+                self._transforms.publish(TFMessage(transforms=[_transform(message)]))
         self._publish_truth(self.plant.motion)
 
     def _tell_road(self) -> None:
         if self._road is not None and self.values['road.points']:
             self._road.publish(path_of(self.values))
+
+    def _tell_scanner(self) -> None:
+        """Publish the pose of the scanner on the robot, which never changes, once."""
+        if self._scanner is not None and TFMessage is not None:
+            topic = Topic('sim', 'out', '/tf_static', TFMessage, '', depth=1, latched=True)
+            self._static = topic.publish_on(self)
+            there = self._scanner.transform(_stamp(self.plant.stamp_ns), _BASE)
+            self._static.publish(TFMessage(transforms=[there]))
 
     def _drive_to(self, stamp_ns: int) -> None:
         changes = self.plant.advance(stamp_ns)
@@ -194,12 +204,6 @@ class SimNode(Node):
         message.twist.twist.linear.x, message.twist.twist.linear.y = forward, left
         message.twist.twist.angular.z = turn_rate
         return message
-
-    def _transforms_of(self, message: Odometry) -> list[TransformStamped]:
-        transforms = [_transform(message)]
-        if self._scanner is not None:
-            transforms.append(self._scanner.transform(message.header.stamp, _BASE))
-        return transforms
 
     def _on_stamped(self, message: TwistStamped) -> None:
         self._pace.hear(message.twist, Time.from_msg(message.header.stamp).nanoseconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -17,7 +18,7 @@ from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.robots.kinematics import OWN, OWN_SIDEWAYS, Kinematics
 from cmpsp_ros.robots.own.functions import addresses
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots.robot import Robot, Signal
 from cmpsp_ros.robots.twist_limits import TwistLimits
 
 Array = NDArray[np.float64]
@@ -83,11 +84,6 @@ class OwnRobot(Robot):
     def twist_parts(self) -> int:
         """Three where any control moves it sideways."""
         return 3 if np.any(self._everywhere[:, 1]) else 2
-
-    @property
-    def wheel_names(self) -> tuple[str, ...]:
-        """What pictures call the controls."""
-        return tuple(f'{k + 1}.' for k in range(self.n_controls))
 
     @property
     def half_track(self) -> float:
@@ -173,6 +169,14 @@ class OwnRobot(Robot):
     def wheel_speeds(self, twist: Array) -> Array:
         """Controls of twists as parts of their limits, ``(..., r)``."""
         return self.speeds_of(self.controls(twist))
+
+    def signals(self, twists: Array) -> list[Signal]:
+        """Each control, by its name in the signature of `motion`."""
+        names = [each.replace('_', ' ') for each in inspect.signature(self.motion).parameters][1:]
+        if len(names) != self.n_controls:
+            names = [f'control {k + 1}' for k in range(self.n_controls)]
+        rows = zip(names, self.controls(twists).T, self.limits, strict=True)
+        return [Signal(name, name, values, limit) for name, values, limit in rows]
 
     def wheel_differences(self, twists: Array, others: Array) -> Array:
         """Differences of the controls as parts of their limits; of angles by how fast it drives."""

@@ -25,6 +25,15 @@ const several = (values, unit) =>
   Array.isArray(values) && values.every(isNumber) && values.length
     ? `${values.map((value) => value.toFixed(2)).join('  ')} ${unit}` : '–';
 
+const isCar = () => isNumber((latest.decision || {}).steering_angle);
+
+// Of a car the speed and the steering angle, of other robots the speed of each wheel.
+function controls(wheels, angle) {
+  if (!isCar() || !Array.isArray(wheels)) return several(wheels, 'rad/s');
+  const speed = wheels[0] * (latest.robot || {})['robot.wheel_radius'];
+  return fixed(speed, 2, 'm/s') + (isNumber(angle) ? `  ${fixed(angle, 3, 'rad')}` : '');
+}
+
 function say(id, text) {
   const place = element(id);
   if (place.textContent !== text) place.textContent = text;
@@ -88,8 +97,8 @@ function show() {
   say('worst_clearance', signed(decision.worst_clearance));
   const error = decision.terminal_error;
   say('terminal_error', isNumber(error) ? `${error.toExponential(1)} m` : '–');
-  say('commanded', several(decision.wheels, 'rad/s'));
-  say('driven', several(latest.driven, 'rad/s'));
+  say('commanded', controls(decision.wheels, decision.steering_angle));
+  say('driven', controls(latest.driven));
   loadSeen();
   say('step_ms', fixed(decision.step_ms, 2, 'ms'));
   drawCourse();
@@ -290,12 +299,19 @@ const WHEELS = ['#0072b2', '#d55e00', '#009e73', '#cc79a7'];
 // its end.
 function drawStrips() {
   const steps = known.series.steps;
-  const limit = (latest.robot || {})['robot.max_wheel_speed'];
+  const {'robot.max_wheel_speed': limit, 'robot.max_steering_angle': angle} = latest.robot || {};
   const column = (index) => steps.map((step) => [step[0], step.at(index)]);
   const wheels = steps.length ? steps[0].slice(1, -2) : [];
-  document.querySelector('.wheels').hidden = wheels.length !== 2;
-  const lines = wheels.map((_, wheel) => [column(wheel + 1), WHEELS[wheel % WHEELS.length]]);
-  drawStrip('wheels', lines, limit ? [limit] : []);
+  document.querySelector('.wheels').hidden = wheels.length !== 2 || isCar();
+  // Speed and steering angle have units of their own: parts of their limits have none.
+  const parts = isCar() && limit && angle ? [limit, angle] : [];
+  const scaled = (row, k) => row.map(([left, value]) => [left, value / (parts[k] || 1)]);
+  const lines = wheels.map((_, k) => [scaled(column(k + 1), k), WHEELS[k % WHEELS.length]]);
+  const marks = limit ? [limit] : [];
+  drawStrip('wheels', lines, parts.length ? [1, -1] : marks);
+  say('controls', parts.length
+    ? 'Speed (blue) and steering angle (red) commanded, as parts of their limits'
+    : 'Wheel speeds commanded [rad/s]');
   drawStrip('clearance', [[column(-2), '#009e73']], [0]);
 }
 

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+import signal
+import sys
 
 import numpy as np
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.interfaces import QosDurability
 from sensor_msgs.msg import LaserScan
 from sim_client import BEST_EFFORT, Client, stamp, twist
 from std_srvs.srv import Trigger
+
+from cmpsp_ros.bags.reader import Bag
 
 pytestmark = pytest.mark.integration
 
@@ -78,3 +84,42 @@ def test_a_scanner_that_cannot_be_is_refused(simulate):
     running = simulate({**COURSE, 'sim.scan.range_max': 0.05})
     assert running.wait(20.0) != 0
     assert 'sim.scan.range_max: found 0.05 m' in running.stderr
+
+
+def test_where_the_scanner_is_is_published_once_for_all_who_come_later(
+    interfaces, simulate, spawn, ros, tmp_path
+):
+    interfaces('tf2_msgs')
+    from tf2_msgs.msg import TFMessage
+
+    simulate(COURSE)
+    client, moving, static = Listener(ros), [], []
+    client.until(lambda: len(client.odometry) > 20)
+    ros.node.create_subscription(TFMessage, '/tf', moving.append, 100)
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    ros.node.create_subscription(TFMessage, '/tf_static', static.append, latched)
+    client.until(lambda: len(moving) > 20 and static)
+
+    ((there,),) = (each.transforms for each in static)
+    assert (there.header.frame_id, there.child_frame_id) == ('base_link', 'base_scan')
+    assert there.transform.translation.x == 0.1
+    assert {each.child_frame_id for message in moving for each in message.transforms} == {
+        'base_link'
+    }
+
+    bag, command = tmp_path / 'bag', 'cmpsp_ros.nodes.recording.recorder'
+    given = (f'output:={bag}', 'own_topics:=true')
+    flags = [flag for each in given for flag in ('-p', each)]
+    recorder = spawn([sys.executable, '-m', command, '--ros-args', *flags])
+    hears = client.node.get_subscriptions_info_by_topic
+    client.until(lambda: 'recorder' in {each.node_name for each in hears('/tf_static')}, 30.0)
+    count = len(moving)
+    client.until(lambda: len(moving) > count + 20)
+    recorder.signal(signal.SIGINT)
+    assert recorder.wait(60.0) == 0
+    with Bag(bag) as recorded:
+        topic = recorded.topics['/tf_static']
+        ((_, message),) = recorded.messages('/tf_static')
+        assert recorded.topics['/tf'].count > 10
+    assert message.transforms[0].child_frame_id == 'base_scan'
+    assert {each.durability for each in topic.qos_profiles} == {QosDurability.TRANSIENT_LOCAL}

@@ -11,7 +11,7 @@ import pytest
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.demo.pictures import draw_trajectory, draw_wheel_speeds
+from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
 from cmpsp_ros.demo.summary import Summary, summarise, window
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.settings import guidance_settings
@@ -181,7 +181,7 @@ def test_pictures_are_drawn_without_plans_obstacles_or_limit(write_bag, tmp_path
     )
     chosen = settings(**{'robot.max_wheel_speed': 0.0})
     assert math.isinf(chosen.robot.max_wheel_speed)
-    for draw, name in ((draw_trajectory, 'path.png'), (draw_wheel_speeds, 'wheels.png')):
+    for draw, name in ((draw_trajectory, 'path.png'), (draw_controls, 'wheels.png')):
         draw(run, chosen, tmp_path / name)
         assert (tmp_path / name).read_bytes()[:4] == b'\x89PNG'
     assert np.isfinite(run.driven.poses).all()

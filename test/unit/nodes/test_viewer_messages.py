@@ -20,6 +20,7 @@ from cmpsp_ros.nodes.viewer_messages import (
     place_of,
     plan_of,
     speeds_of,
+    step_of,
 )
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
@@ -106,3 +107,11 @@ def test_everything_read_can_be_shown():
     updates = json.loads(json.dumps(state.updates(ClientState()), allow_nan=False))
     assert updates['driven'] == [None, 2.0]
     assert updates['decision']['terminal_error'] is None
+
+
+def test_the_step_of_a_car_has_its_steering_angle_beside_the_speed_of_its_wheels():
+    given = {'time_left': '9.4', 'clearance': '0.5', 'fallback_level': 'nominal'}
+    car = decision_of(status(wheel_speeds='0.3', steering_angle='-0.2', **given))
+    assert step_of(car) == [9.4, 0.3, -0.2, 0.5, 'nominal']
+    other = decision_of(status(wheel_speed_right='2.0', wheel_speed_left='3.0', **given))
+    assert step_of(other) == [9.4, 2.0, 3.0, 0.5, 'nominal']

@@ -194,6 +194,13 @@ def test_the_fork_lift_of_the_page(modules):
     np.testing.assert_allclose(slower.twist(controls), 0.9 * robot.twist(controls))
     check(slower, controls, np.array([0.5, 0.2, 1.0, 0.1]))
     np.testing.assert_array_equal(robot.stopped(controls[0]), [0.0, 0.6])
+    assert [
+        (each.name, each.axis, each.values.tolist(), each.limit)
+        for each in robot.signals(robot.twist(np.array([[1.0, 0.6], [-0.5, -0.2]])))
+    ] == [
+        ('speed', 'speed', pytest.approx([1.0, -0.5]), 1.5),
+        ('angle', 'angle', pytest.approx([0.6, -0.2]), 1.2),
+    ]
     # An angle counts as it moves the robot: nearly at rest odometry does not show it.
     fast, slow = (robot.twist(np.array([[v, 0.6], [v, 0.0]])) for v in (1.5, 1e-3))
     assert robot.wheel_differences(fast[:1], fast[1:]) == pytest.approx(0.5)

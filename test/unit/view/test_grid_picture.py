@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from cmpsp_ros.view.grid_picture import grid_picture
-from cmpsp_ros.view.palette import OBSTACLE, UNSEEN
+from cmpsp_ros.view.palette import SEEN, UNSEEN
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
 
 
@@ -31,7 +31,7 @@ def test_a_pixel_for_each_cell_with_the_first_row_below():
 
     assert [picture[each] for each in ('x', 'y', 'width', 'height')] == [-1.0, 3.5, 2.0, 1.5]
     assert image.size == (4, 3)
-    assert image.getpixel((1, 2)) == (*rgb(OBSTACLE), 255)
+    assert image.getpixel((1, 2)) == (*rgb(SEEN), 255)
     assert image.getpixel((3, 0)) == (*rgb(UNSEEN), 255)
     assert image.getpixel((0, 0))[3] == 0
 
@@ -47,7 +47,7 @@ def test_it_is_small_whatever_the_grid_and_hides_nothing_occupied(shape):
 
     assert max(image.size) <= 256
     column = int(150 * 0.05 / picture['width'] * image.size[0])
-    assert image.getpixel((column, image.size[1] - 1)) == (*rgb(OBSTACLE), 255)
+    assert image.getpixel((column, image.size[1] - 1)) == (*rgb(SEEN), 255)
     assert picture['y'] == pytest.approx(picture['height'])
     assert picture['height'] >= 0.05 * shape[0]
     assert len(picture['source']) < 40_000

@@ -41,41 +41,67 @@ function outlines(bag, t) {
   return found;
 }
 
+/** A point of each robot on its path, as the last that is not after t. */
+function placeAt(path, t) {
+  const k = Math.max(latest(path.t, t), 0);
+  return [path.x[k], path.y[k], path.heading[k]];
+}
+
+/** The lines of a robot, in its own frame, at a place; null is a gap between two of them. */
+function placed([xs, ys], [x, y, heading]) {
+  const [c, s] = [Math.cos(heading), Math.sin(heading)];
+  return {
+    x: xs.map((each, k) => (each === null ? null : x + c * each - s * ys[k])),
+    y: xs.map((each, k) => (each === null ? null : y + s * each + c * ys[k])),
+  };
+}
+
+/** The other robots, as far as they have set out by then. */
+function othersAt(bag, t) {
+  const found = { x: [], y: [] };
+  for (const each of bag.others.filter((other) => other.t[0] <= t)) {
+    const { x, y } = placed(bag.disc, placeAt(each, t));
+    found.x.push(...x, null);
+    found.y.push(...y, null);
+  }
+  return found;
+}
+
 /** The goal that is driven to: since when, where, and in words. */
 function goalAt(bag, t) {
   return bag.goals[Math.max(latest(bag.goalTimes, t), 0)];
 }
 
 function movePath(t) {
-  const plans = { x: [], y: [] };
-  const robots = { x: [], y: [], 'marker.angle': [] };
-  const discs = { x: [], y: [] };
-  const goals = { x: [], y: [] };
-  for (const bag of data.bags) {
-    const { x, y } = outlines(bag, t);
-    discs.x.push(x);
-    discs.y.push(y);
+  const x = [];
+  const y = [];
+  const filled = [];
+  const fill = (bag, part, points) => {
+    const is = (trace) => trace.meta && trace.meta.bag === bag && trace.meta.part === part;
+    filled.push(data.figures.path.data.findIndex(is));
+    x.push(points.x);
+    y.push(points.y);
+    return filled.at(-1);
+  };
+  const robots = [];
+  const angles = [];
+  data.bags.forEach((bag, number) => {
     const goal = goalAt(bag, t);
-    goals.x.push(goal ? [goal[1]] : []);
-    goals.y.push(goal ? [goal[2]] : []);
-    const plan = bag.plans[latest(bag.planTimes, t)];
-    plans.x.push(plan ? plan.x : []);
-    plans.y.push(plan ? plan.y : []);
-    const k = Math.max(latest(bag.t, t), 0);
-    robots.x.push([bag.x[k]]);
-    robots.y.push([bag.y[k]]);
-    robots['marker.angle'].push(90 - (bag.heading[k] * 180) / Math.PI);
-  }
-  const count = data.bags.length;
-  const traces = (first) => data.bags.map((_, index) => first + index);
-  Plotly.restyle('path', plans, traces(count));
-  Plotly.restyle('path', robots, traces(2 * count));
-  Plotly.restyle('path', discs, traces(3 * count));
-  Plotly.restyle('path', goals, traces(4 * count));
+    const pose = placeAt(bag, t);
+    fill(number, 'moving', outlines(bag, t));
+    fill(number, 'others', othersAt(bag, t));
+    fill(number, 'plan', bag.plans[latest(bag.planTimes, t)] || { x: [], y: [] });
+    fill(number, 'driven to', goal ? { x: [goal[1]], y: [goal[2]] } : { x: [], y: [] });
+    fill(number, 'body', placed(bag.body, pose));
+    robots.push(fill(number, 'robot', { x: [pose[0]], y: [pose[1]] }));
+    angles.push([90 - (pose[2] * 180) / Math.PI]);
+  });
+  Plotly.restyle('path', { x, y }, filled);
+  Plotly.restyle('path', { 'marker.angle': angles }, robots);
   showSeen(t);
 }
 
-/** What sensors had shown by then, below everything else. */
+/** What sensors had shown by then. */
 function showSeen(t) {
   if (!data.bags.some((bag) => bag.grids.length)) return;
   const images = [];
@@ -83,8 +109,9 @@ function showSeen(t) {
     const grid = bag.grids[latest(bag.gridTimes, t)];
     if (!grid) continue;
     const place = { x: grid.x, y: grid.y, sizex: grid.width, sizey: grid.height };
-    const look = { xref: 'x', yref: 'y', sizing: 'stretch', layer: 'below' };
-    images.push({ source: grid.source, ...place, ...look });
+    const look = { sizing: 'stretch', layer: 'above', opacity: 0.55 };
+    const on = { xref: `x${bag.axes}`, yref: `y${bag.axes}` };
+    images.push({ source: grid.source, ...place, ...look, ...on });
   }
   Plotly.relayout('path', { images });
 }

@@ -18,6 +18,8 @@ from cmpsp_ros.bags.film.scene import scene
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.presets import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.view.scene import bodies, body
+from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 DRAW = (
     "import mujoco; model = mujoco.MjModel.from_xml_string('<mujoco/>');"
@@ -67,6 +69,23 @@ def test_the_scene_has_road_obstacles_goal_way_and_robot():
         assert (np.abs(distances - radius) < 2e-3).sum() == len(edge) - 1
     # Two pieces of the way have a length, one has none.
     assert lines.sum() == 2 * (len(edge) - 1) + 2
+
+
+def test_where_it_starts_and_ends_is_on_the_floor_and_hidden_obstacles_are_pale():
+    settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))
+    way = np.array([[0.0, 0.0], [1.0, 0.0]])
+    ends = bodies(body(settings), [np.zeros(3), np.array([1.0, 0.0, 0.0])]).lines
+    crate = Obstacle('crate', (5.0, 5.0), 0.4)
+    plain, shown = (
+        mujoco.MjModel.from_xml_string(scene(settings, way, [], [], *more))
+        for more in ((), (ends, [crate]))
+    )
+    # Four sides and a line to the front, twice.
+    capsules = [np.sum(each.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE) for each in (plain, shown)]
+    assert capsules[1] - capsules[0] == 10
+    (index,) = np.flatnonzero(shown.geom_type == mujoco.mjtGeom.mjGEOM_CYLINDER)
+    assert shown.geom_pos[index, :2].tolist() == [5.0, 5.0]
+    assert shown.geom_rgba[index].tolist() == pytest.approx([0.92, 0.62, 0.58, 1.0])
 
 
 @pytest.mark.parametrize('preset', ['parking', 'slot'])

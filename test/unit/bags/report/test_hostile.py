@@ -8,7 +8,7 @@ import warnings
 
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.report.charts import wheel_speeds
+from cmpsp_ros.bags.report.charts import controls
 from cmpsp_ros.bags.report.tables import summary
 from cmpsp_ros.bags.report.view import view
 
@@ -37,7 +37,7 @@ def test_a_damaged_bag_is_shown_or_refused(drive, tmp_path):
             try:
                 views = [view(path, 'bag', read_record(path))]
                 assert summary(views)
-                assert wheel_speeds(views)
+                assert controls(views)
                 outcomes['shown'] += 1
             except BagError:
                 outcomes['refused'] += 1

@@ -18,7 +18,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.report.view import labels
 
-CHARTS = {'path', 'levels', 'wheels', 'clearance', 'position', 'steps', 'histogram'}
+CHARTS = {'path', 'levels', 'controls', 'clearance', 'position', 'steps', 'histogram'}
 
 
 class Page(HTMLParser):
@@ -135,15 +135,15 @@ def test_charts_hold_what_was_driven(report, drive):
     assert (bag['x'][0], bag['y'][0]) == pytest.approx(drive.odometry[0].pose[:2])
     assert len(bag['plans']) == 50
     assert bag['plans'][5]['x'][:2] == pytest.approx(drive.decisions[5].plan.poses[:2, 0].tolist())
-    path, plan, robot, moving, aim, goal = data['figures']['path']['data']
-    assert path['x'] == bag['x']
-    assert (plan['x'], len(robot['x']), goal['x']) == ([], 1, [10.0])
-    assert (moving['x'], aim['x'], bag['moving']) == ([], [], [])
+    traces = {each['name']: each for each in data['figures']['path']['data']}
+    assert traces['driven']['x'] == bag['x']
+    assert (traces['plan']['x'], traces['goal']['x']) == ([], [10.0])
+    assert (traces['moving']['x'], traces['driven to']['x'], bag['moving']) == ([], [], [])
     assert bag['goals'] == [[0.0, 10.0, 0.0, 'the goal']]
-    right, left, *_ = data['figures']['wheels']['data']
+    right, left, *_ = data['figures']['controls']['data']
     assert right['y'] == pytest.approx([each.wheel_speeds[0] for each in drive.decisions])
     assert left['line']['dash'] == 'dash'
-    limits = [each['text'] for each in data['figures']['wheels']['layout']['annotations']]
+    limits = [each['text'] for each in data['figures']['controls']['layout']['annotations']]
     assert limits == ['limit 51 rad/s']
     (deadline,) = data['figures']['steps']['layout']['annotations']
     assert deadline['text'] == 'deadline 200 ms'
@@ -156,14 +156,17 @@ def test_charts_hold_what_was_driven(report, drive):
     assert min(road['y']) == pytest.approx(0.235, abs=1e-2)
 
 
-def test_several_bags_are_laid_over_each_other(report, drive):
+def test_several_bags_on_one_course_are_laid_over_each_other(report, drive):
     other = drive.copy()
     other.parameters['safety.margin'] = 0.1
     text = report(drive, other).read_text(encoding='utf-8')
     page = Page(text)
     assert [each['label'] for each in page.data['bags']] == ['run0', 'run1']
-    driven = page.data['figures']['path']['data'][:2]
+    traces = page.data['figures']['path']['data']
+    driven = [each for each in traces if each['name'] in {'run0', 'run1'}]
+    assert [each['xaxis'] for each in driven] == ['x', 'x']
     assert driven[0]['line']['color'] != driven[1]['line']['color']
+    assert [each['name'] for each in traces].count('obstacle') == 1
     (differs,) = re.findall(r'<tr class="differs"><td>([^<]*)', text)
     assert differs == 'safety.margin'
     assert f'1 of {len(CHECKS)} checks failed' in page.text

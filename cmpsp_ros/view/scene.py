@@ -1,0 +1,195 @@
+"""Scene of a run as lines on the floor: one description for matplotlib, plotly and the film."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
+from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
+from cmpsp_ros.robots.footprint import placed
+from cmpsp_ros.view.palette import EDGE, MARGIN, MOVING, OBSTACLE, ROAD, SEEN, TEXT
+from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.world.obstacles.shapes import Point, Shape, outline_of, outlines
+from cmpsp_ros.world.roads.road import Road
+
+Array = NDArray[np.float64]
+Lines = tuple[Array, ...]
+
+_WHOLE_MAP: Final = 20.0
+"""Side up to which a map is shown as a whole [m]."""
+
+_BESIDE: Final = 0.1
+"""Distance of a shape from the border of a picture that is made larger for it [m]."""
+
+_MOST_CELLS: Final = 20_000
+
+
+@dataclass(frozen=True)
+class Look:
+    """Appearance of a kind of parts.
+
+    Attributes:
+        label: Its name in legends; empty for none.
+        color: Of its lines; empty for that of the run.
+        fill: Colour between its lines; empty for none.
+        width: Of its lines [pt].
+        dash: Of its lines, as plotly names it.
+    """
+
+    label: str
+    color: str
+    fill: str = ''
+    width: float = 0.0
+    dash: str = 'solid'
+
+    @property
+    def of_names(self) -> tuple[str, str]:
+        """Colour of names, and of what is around their letters."""
+        return ('#ffffff', self.color) if self.fill == self.color else (self.color, '#ffffff')
+
+
+LOOKS: Final = {
+    'road': Look('road', ROAD, ROAD),
+    'edge': Look('', EDGE, width=1.0),
+    'center line': Look('', EDGE, width=1.0, dash='dot'),
+    'obstacle': Look('obstacle', OBSTACLE, OBSTACLE),
+    'hidden': Look('obstacle that only the simulator knows', OBSTACLE, '#f2dcdc', 1.0, 'dot'),
+    'seen': Look('seen by sensors', SEEN, SEEN),
+    'kept clear': Look('kept clear at samples', MARGIN, width=1.0, dash='dash'),
+    'moving': Look('path of a moving obstacle', MOVING, width=1.0, dash='dashdot'),
+    'robot': Look('other robot', TEXT, width=1.2, dash='dot'),
+    'trail': Look('', '', width=0.6),
+    'body': Look('robot', '', width=1.4),
+}
+"""By kind, from the lowest to the uppermost."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Lines and names of one kind.
+
+    Attributes:
+        kind: Key in `LOOKS`.
+        lines: Each of shape ``(K, 2)`` [m]; closed where the kind is filled.
+        names: Texts with their places [m].
+    """
+
+    kind: str
+    lines: Lines
+    names: tuple[tuple[str, Point], ...] = ()
+
+    @property
+    def look(self) -> Look:
+        """Its appearance."""
+        return LOOKS[self.kind]
+
+    @property
+    def key(self) -> object:
+        """Equal for equal parts."""
+        return self.kind, self.names, tuple(each.tobytes() for each in self.lines)
+
+
+def course(
+    roads: Iterable[Road], obstacles: Iterable[Shape], hidden: Iterable[Shape] = ()
+) -> tuple[Part, ...]:
+    """Roads and static obstacles.
+
+    Args:
+        roads: Roads.
+        obstacles: Those that guidance was told of.
+        hidden: Those that only the simulator knows.
+    """
+    parts = [part for road in roads for part in _road(road)]
+    for kind, shapes in (('obstacle', list(obstacles)), ('hidden', list(hidden))):
+        lines = tuple(line for each in shapes for line in outlines(each, each.radius))
+        names = tuple((each.name, each.center) for each in shapes if each.corners)
+        parts.append(Part(kind, lines, names))
+    return tuple(each for each in parts if each.lines)
+
+
+def kept_clear(settings: GuidanceSettings) -> Part:
+    """Closest that the centres of the robot's discs may come to each obstacle at samples."""
+    radii = zip(settings.obstacles, sample_space(settings).radii.tolist(), strict=True)
+    return Part('kept clear', tuple(line for each, r in radii for line in outlines(each, r)))
+
+
+def seen(grids: Sequence[OccupancyGrid]) -> Part:
+    """All cells that were occupied in any of some grids on one lattice, once each."""
+    cells = set[tuple[int, int]]()
+    if not grids:
+        return Part('seen', ())
+    for each in grids:
+        rows, columns = grids[0].indices(each.centers(*np.nonzero(each.cells == Cell.OCCUPIED)))
+        cells.update(zip(rows.tolist(), columns.tolist(), strict=True))
+    found = np.array(sorted(cells)[:_MOST_CELLS], dtype=float).reshape(-1, 1, 2)
+    corners = found + np.array([[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]])
+    return Part('seen', tuple(grids[0].corners(*corners.T).swapaxes(0, 1)) if len(found) else ())
+
+
+def disc(radius: float) -> Lines:
+    """Outline of a round robot, and a line from its centre to its front; none of a point."""
+    return _with_nose(outline_of([(0.0, 0.0)], radius)) if radius > 0.0 else ()
+
+
+def body(settings: GuidanceSettings) -> Lines:
+    """Outline of the robot, and a line to its front, in its own frame; none of a point."""
+    corners = settings.footprint.corners
+    return _with_nose(np.array([*corners, corners[0]])) if corners else disc(settings.robot_radius)
+
+
+def bodies(outline: Lines, poses: Iterable[Array], kind: str = 'body') -> Part:
+    """A robot at some poses ``(x, y, heading)`` [m, m, rad]."""
+    return Part(kind, tuple(placed(line, pose) for pose in poses for line in outline))
+
+
+def trail(settings: GuidanceSettings, poses: Array) -> Part:
+    """Outlines of a robot that has corners, a length apart along a path ``(N, 3)``."""
+    if not settings.footprint.corners:
+        return Part('trail', ())
+    apart = float(np.ptp(settings.footprint.corners, axis=0).max())
+    steps = np.hypot(*np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]).T)
+    _, chosen = np.unique(np.cumsum(steps) // apart, return_index=True)
+    return bodies(body(settings)[:1], poses[chosen], 'trail')
+
+
+def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tuple[Array, Array]:
+    """Lower left and upper right corner of a picture, each of shape ``(2,)`` [m].
+
+    Args:
+        points: Points that are in it, with room around.
+        shapes: Obstacles; all but a map are in it as a whole, or not at all.
+        room: Distance kept from the points [m].
+    """
+    every = np.vstack(points)
+    low, high = every.min(axis=0) - room, every.max(axis=0) + room
+    lines = [line for each in shapes if each.corners for line in outlines(each, each.radius)]
+    boxes = np.array([(line.min(axis=0), line.max(axis=0)) for line in lines]).reshape(-1, 2, 2)
+    boxes += np.array([[-_BESIDE], [_BESIDE]])
+    while True:
+        met = boxes[((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1)].reshape(-1, 2)
+        corners = np.vstack([low, high, met])
+        if (corners >= low).all() and (corners <= high).all():
+            return low, high
+        low, high = corners.min(axis=0), corners.max(axis=0)
+
+
+def map_corners(settings: GuidanceSettings) -> Array:
+    """Corners of the map ``(4, 2)`` [m]; none if it is so large that a path would be lost on it."""
+    known = settings.grid(MAP)
+    if known is None or max(known.grid.size) > _WHOLE_MAP:
+        return np.empty((0, 2))
+    return known.grid.ends
+
+
+def _road(road: Road) -> list[Part]:
+    parts = [('road', [road.area()]), ('edge', road.edges()), ('center line', [road.center_line()])]
+    return [Part(kind, tuple(each for each in lines if len(each))) for kind, lines in parts]
+
+
+def _with_nose(outline: Array) -> Lines:
+    return outline, np.array([[0.0, 0.0], [float(outline[:, 0].max()), 0.0]])

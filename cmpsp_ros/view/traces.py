@@ -1,0 +1,101 @@
+"""Scenes as traces in plotly's terms, plain data for its script and for `drawing`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.view.palette import GOAL
+from cmpsp_ros.view.scene import Lines, Part
+
+Array = NDArray[np.float64]
+Trace = dict[str, Any]
+
+_DIGITS: Final = 6
+"""Digits after the point: a micrometre, a microsecond."""
+
+_NONE: Final = np.zeros(0)
+
+
+def traces(parts: Iterable[Part], color: str) -> list[Trace]:
+    """Lines of each part as a trace, and its names as another.
+
+    Args:
+        parts: What to show.
+        color: Of kinds that have the colour of their run.
+    """
+    found = []
+    for part in parts:
+        look = part.look
+        line = {'color': look.color or color, 'width': 1.2 * look.width, 'dash': look.dash}
+        filled = {'fill': 'toself', 'fillcolor': look.fill} if look.fill else {}
+        x, y = coordinates(part.lines)
+        shown = {'x': x, 'y': y, 'line': line, 'showlegend': bool(look.label and x)}
+        found.append(trace(look.label, 'lines') | filled | shown)
+        if part.names:
+            inside, around = look.of_names
+            glow = ', '.join([f'0 0 2px {around}'] * 4)
+            font = {'color': inside, 'size': 13, 'shadow': glow}
+            texts = {'text': [escape(name) for name, _ in part.names], 'textfont': font}
+            names = trace('names', 'text', *np.array([at for _, at in part.names]).T)
+            found.append(names | texts | {'showlegend': False})
+    return found
+
+
+def ends(poses: Array, color: str) -> Trace:
+    """The first and the last of poses ``(N, 3)`` as triangles that point ahead."""
+    chosen = poses[[-1, 0]]
+    return trace('start and end', 'markers', *chosen[:, :2].T) | arrow(chosen[:, 2], color, 12)
+
+
+def goals_trace(goals: Sequence[Goal]) -> Trace:
+    """Goals as stars with their names."""
+    shown = trace('goal' if len(goals) == 1 else 'goals', 'markers+text')
+    x, y = np.array([goal.position for goal in goals]).reshape(-1, 2).T
+    marker = {'symbol': 'star', 'size': 22, 'color': GOAL}
+    shown |= {'x': numbers(x), 'y': numbers(y), 'marker': marker, 'showlegend': bool(goals)}
+    shown |= hover([escape(goal.name) for goal in goals])
+    shown['hovertemplate'] = f'goal {shown["hovertemplate"]}'
+    return shown | {'textposition': 'top right', 'cliponaxis': False}
+
+
+def trace(name: str, mode: str, x: Array = _NONE, y: Array = _NONE) -> Trace:
+    """A trace that answers no mouse."""
+    shown = {'type': 'scatter', 'name': name, 'mode': mode, 'hoverinfo': 'skip'}
+    return shown | {'x': numbers(x), 'y': numbers(y)}
+
+
+def hover(texts: Sequence[str]) -> Trace:
+    """What is shown of a point, with a text for each."""
+    shown = {'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>', 'hoverinfo': 'all'}
+    return {'text': list(texts), **shown}
+
+
+def arrow(headings: Array, color: str, size: int) -> Trace:
+    """Markers of robots with some headings [rad]."""
+    white, angles = {'color': '#ffffff', 'width': 1.5}, numbers(90.0 - np.degrees(headings))
+    look = {'symbol': 'triangle-up', 'size': size, 'angle': angles, 'color': color, 'line': white}
+    return {'marker': look}
+
+
+def coordinates(lines: Lines) -> tuple[list[float | None], list[float | None]]:
+    """X and y of lines, with a gap between each two of them."""
+    gap = np.full((1, 2), np.nan)
+    every = np.vstack([point for line in lines for point in (line, gap)] or [gap])[:-1]
+    return numbers(every[:, 0]), numbers(every[:, 1])
+
+
+def number(value: float) -> float | None:
+    """A number for JSON, which knows no NaN."""
+    return round(float(value), _DIGITS) if math.isfinite(value) else None
+
+
+def numbers(values: Array) -> list[float | None]:
+    """Numbers for JSON."""
+    return [number(each) for each in values.tolist()]

@@ -1,0 +1,127 @@
+"""Pictures of runs: what they name, what they show whole, and what lies above what."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bag_messages import JOINTS, ODOMETRY, SECOND, STATUS, joints, odometry, raw, status
+
+from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.demo.fleet_picture import draw_fleet
+from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
+from cmpsp_ros.demo.scenario import load_scenario
+from cmpsp_ros.robots.arcs import arc_ends
+
+LENGTH = 2.0
+DECISION = {
+    'stamp': 0,
+    'step': 0,
+    'fallback_level': 'nominal',
+    'finished': 'false',
+    'wheel_speed_right': 1.0,
+    'wheel_speed_left': 1.0,
+}
+
+
+@pytest.fixture
+def driven(tmp_path):
+    """A scenario and a run at a constant twist from its start: `driven(preset, twist)`."""
+
+    def made(preset, motion=(0.3, 0.0), namespace=''):
+        lockstep = not namespace
+        scenario = load_scenario(preset, [], lockstep=lockstep, namespace=namespace)
+        settings = replace(scenario.settings, final_time=LENGTH)
+        path = tmp_path / f'{preset}{namespace.replace("/", "_")}'
+        stamps = np.arange(0, round(LENGTH * SECOND) + 1, SECOND // 50)
+        twists = np.tile(motion, (len(stamps), 1))
+        starts = np.tile(scenario.values['initial_pose'], (len(stamps), 1))
+        wheels = settings.robot.wheel_speeds(np.array(motion))
+        with BagWriter(path) as bag:
+            for topic, kind in (('odom', ODOMETRY), ('sim/truth', ODOMETRY)):
+                bag.topic(f'{namespace}/{topic}', kind)
+            bag.topic(f'{namespace}/sim/wheel_speeds', JOINTS)
+            bag.topic(f'{namespace}/guidance/decision', STATUS)
+            poses = arc_ends(starts, twists, stamps / SECOND)
+            for stamp, pose in zip(stamps.tolist(), poses.tolist(), strict=True):
+                bag.write(f'{namespace}/sim/truth', stamp, raw(odometry(stamp, pose, motion)))
+                speeds = raw(joints(stamp, tuple(wheels.tolist())))
+                bag.write(f'{namespace}/sim/wheel_speeds', stamp, speeds)
+            bag.write(f'{namespace}/guidance/decision', 0, raw(status(**DECISION)))
+        return replace(scenario, settings=settings), read_run(path, namespace)
+
+    return made
+
+
+def labels(axes):
+    return axes.get_legend_handles_labels()[1]
+
+
+@pytest.mark.parametrize('preset', ['omni_aisle', 'clutter', 'case3'])
+def test_the_legend_is_below_the_axis_and_names_what_is_there(driven, tmp_path, preset):
+    scenario, run = driven(preset, (0.3, 0.0, 0.0) if preset == 'omni_aisle' else (0.3, 0.0))
+    figure = draw_trajectory(run, scenario.settings, tmp_path / 'path.png', scenario.hidden)
+    (axes,), (legend,) = figure.axes, figure.legends
+    assert legend.get_window_extent().y1 < axes.xaxis.label.get_window_extent().y0
+    named = set(labels(axes))
+    assert ('road' in named) == (preset != 'clutter')
+    assert ('obstacle that only the simulator knows' in named) == (preset == 'clutter')
+    assert ('obstacle' in named) == (preset != 'clutter')
+    assert {'start and end', 'driven', 'goal'} <= named
+    assert ('robot' in named) == (preset != 'case3')
+
+
+def test_shapes_at_the_border_are_shown_whole(driven, tmp_path):
+    scenario, run = driven('clutter')
+    figure = draw_trajectory(run, scenario.settings, tmp_path / 'path.png', scenario.hidden)
+    low, high = np.array([figure.axes[0].get_xlim(), figure.axes[0].get_ylim()]).T
+    for shape in scenario.hidden:
+        reach = max(shape.radius, 0.0)
+        corners = np.array(shape.corners)
+        first, last = corners.min(axis=0) - reach, corners.max(axis=0) + reach
+        inside = (first > low).all() and (last < high).all()
+        beyond = (first > high).any() or (last < low).any()
+        assert inside or beyond, shape.name
+
+
+def test_a_car_is_drawn_with_its_footprint_speed_and_steering(driven, tmp_path):
+    speed, angle = 0.3, -0.2
+    scenario, run = driven('parking', (speed, speed * math.tan(angle) / 0.3302))
+    figure = draw_controls(run, scenario.settings, tmp_path / 'controls.png')
+    assert [each.get_ylabel() for each in figure.axes] == ['speed [m/s]', 'steering angle [rad]']
+    for axes, value, limit in zip(figure.axes, (speed, angle), (1.5, 0.4189), strict=True):
+        curve, mark, *_ = axes.lines
+        np.testing.assert_allclose(curve.get_ydata(), value)
+        assert mark.get_ydata()[0] == limit
+    path = draw_trajectory(run, scenario.settings, tmp_path / 'path.png')
+    (body,) = (each for each in path.axes[0].lines if each.get_label() == 'robot')
+    corners = body.get_xydata()
+    for corner in ((0.4615, 0.155), (-0.1186, -0.155)):
+        assert np.nanmin(np.hypot(*(corners - corner).T)) < 1e-6
+
+
+def test_every_wheel_of_an_omnidirectional_robot_has_its_speed(driven, tmp_path):
+    scenario, run = driven('omni_aisle', (0.2, 0.1, 0.0))
+    (axes,) = draw_controls(run, scenario.settings, tmp_path / 'controls.png').axes
+    assert axes.get_ylabel() == 'wheel speed [rad/s]'
+    assert [name for name in labels(axes) if 'wheel' in name] == [
+        'front left wheel', 'front right wheel', 'rear right wheel', 'rear left wheel',
+    ]  # fmt: skip
+    wanted = scenario.settings.robot.wheel_speeds(np.array([0.2, 0.1, 0.0]))
+    np.testing.assert_allclose([each.get_ydata()[0] for each in axes.lines[:4]], wanted)
+
+
+def test_the_start_of_each_robot_of_a_fleet_is_above_all_goals(driven, tmp_path):
+    fleet, runs = zip(*(driven('fleet', (0.5, 0.0), each) for each in ('/r1', '/r2')), strict=True)
+    (axes,) = draw_fleet(fleet, runs, tmp_path / 'fleet.png').axes
+    stars = [each for each in axes.lines if each.get_marker() == '*']
+    ends = [each for each in axes.lines if isinstance(each.get_marker(), tuple)]
+    starts = {tuple(np.round(each.get_xydata()[0], 6)): each for each in ends}
+    for scenario in fleet:
+        start = starts[tuple(scenario.values['initial_pose'][:2])]
+        assert all(start.get_zorder() > each.get_zorder() for each in stars)
+    # One robot's goal is another one's start: it is to be seen through the star.
+    assert {each.get_markerfacecolor() for each in stars} == {'none'}

@@ -124,6 +124,10 @@ def _draw_steps(axes: Axes, views: Sequence[View]) -> None:
     for number, view in enumerate(views):
         axes.plot(*view.steps, '.-', lw=0.8, color=bag_color(number))
         axes.axhline(1e3 * view.settings.control_period, color=LIMIT, ls='--', lw=1.0)
+        if len(view.missed_deadlines[0]):
+            name = None if axes.get_legend() else 'deadline missed'
+            axes.plot(*view.missed_deadlines, 'x', ms=5, color=LIMIT, label=name)
+            axes.legend(loc='lower left')
     axes.set(ylabel='step time [ms]', yscale='log')
 
 

@@ -3,6 +3,7 @@
 `ros2 launch cmpsp_ros demo.launch.py rviz:=true`
 """
 
+import os
 from pathlib import Path
 
 from launch import LaunchDescription
@@ -38,12 +39,13 @@ def nodes(given: dict[str, str]) -> list[Node]:
     """The simulator."""
     files = [given[name] for name in ('params_file', 'robot_file') if given[name]]
     clock = {'publish_clock': given['use_sim_time'].lower() in {'true', '1'}}
+    stop = {'stop_with_process': os.getpid()}
     return [
         Node(
             package='cmpsp_ros',
             executable='sim_node',
             namespace=given['namespace'].strip('/'),
-            parameters=[*files, clock],
+            parameters=[*files, clock, stop],
             arguments=['--ros-args', '--log-level', given['log_level']],
             output='screen',
             remappings=[('odom', given['odom']), ('cmd_vel', given['cmd_vel'])],

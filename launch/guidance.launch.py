@@ -3,7 +3,9 @@
 `ros2 launch cmpsp_ros guidance.launch.py params_file:=my_course.yaml record:=my_bag rviz:=true`
 """
 
+import difflib
 import os
+import sys
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -13,6 +15,9 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
 CONFIG = Path(__file__).parents[1] / 'config'
+
+FILES = 'guidance.launch.py', 'demo.launch.py'
+"""The second includes the first, and has no argument that the first has not."""
 
 RECORDER_TIMEOUT = 10.0
 
@@ -54,6 +59,22 @@ def is_on(text: str) -> bool:
     return text.lower() in {'true', '1'}
 
 
+def unknown(arguments: list[str]) -> list[str]:
+    """Arguments of the command line that are none of these files, with those that are nearest."""
+    found = []
+    for name in (each.partition(':=')[0] for each in arguments):
+        if name not in ARGUMENTS:
+            near = difflib.get_close_matches(name, ARGUMENTS, n=1)
+            wanted = f'did you mean {near[0]}?' if near else f'wanted {", ".join(ARGUMENTS)}'
+            found.append(f'{name}: found an unknown argument, {wanted}')
+    return found
+
+
+def is_launched(command: list[str]) -> bool:
+    """Whether a command line launches these files: others that include them have arguments, too."""
+    return any(Path(each).name in FILES for each in command)
+
+
 def refusals(given: dict[str, str]) -> list[str]:
     """What cannot work, found before anything is started: nothing is left behind then."""
     found = [
@@ -75,6 +96,8 @@ def nodes(given: dict[str, str]) -> list[Node]:
     """Everything to start: what only looks on first, and last what moves the robot."""
     namespace, record = given['namespace'].strip('/'), given['record']
     clock = {'use_sim_time': is_on(given['use_sim_time'])}
+    # However this process ends, the robot stops, and nothing is left behind.
+    stop = {'stop_with_process': os.getpid()}
     usual = {
         'package': 'cmpsp_ros',
         'namespace': namespace,
@@ -98,10 +121,10 @@ def nodes(given: dict[str, str]) -> list[Node]:
         )
     if is_on(given['view']):
         port = {'port': int(given['view_port'])}
-        started.append(Node(executable='viewer', parameters=[port, clock], **usual))
+        started.append(Node(executable='viewer', parameters=[port, clock, stop], **usual))
     if record:
         bag = {'output': record, 'own_topics': True}
-        started.append(Node(executable='recorder', parameters=[bag, clock], **usual))
+        started.append(Node(executable='recorder', parameters=[bag, clock, stop], **usual))
     more = {
         f'realtime.{name}': int(given[f'realtime_{name}'])
         for name in ('priority', 'cpu')
@@ -110,14 +133,12 @@ def nodes(given: dict[str, str]) -> list[Node]:
     own = {
         'autostart': is_on(given['autostart']),
         'recorder_timeout': RECORDER_TIMEOUT if record else 0.0,
-        # However this process ends, the robot stops.
-        'stop_with_process': os.getpid(),
     }
     files = [given[name] for name in ('params_file', 'robot_file') if given[name]]
     started.append(
         Node(
             executable='guidance_node',
-            parameters=[*files, clock, more | own],
+            parameters=[*files, clock, stop, more | own],
             # A recorder of nothing would go on for ever.
             on_exit=Shutdown(reason='the guidance node has ended'),
             **usual,
@@ -129,7 +150,8 @@ def nodes(given: dict[str, str]) -> list[Node]:
 def start(context) -> list[Node]:
     """Check the arguments and start the nodes."""
     given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
-    if found := refusals(given):
+    misspelt = unknown(context.argv) if is_launched(sys.argv) else []
+    if found := [*misspelt, *refusals(given)]:
         raise RuntimeError('; '.join(found))
     return nodes(given)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.key_values import MOVING, WHEELS, present_keys
+from cmpsp_ros.guidance.key_values import MOVING, WHEELS, present_keys, response_ms
 from cmpsp_ros.guidance.messages.tracks import read_keys
 
 Array = NDArray[np.float64]
@@ -184,6 +184,7 @@ class DecisionRecord:
     heading_error = Entry[float | None](float, 'rad', default=None)
     goals_received = Entry(int, default=0)
     step_ms = Entry[float | None](float, 'ms', default=None)
+    odometry_to_command_ms = Entry[float | None](float, 'ms', default=None)
 
     @classmethod
     def of(cls, source: str, received: int, message: Any) -> DecisionRecord:
@@ -223,6 +224,20 @@ class DecisionRecord:
             return None
         position = self.goal_x, self.goal_y
         return Goal(position, self.goal_time, self.goal_heading, self.goal_name)
+
+    def response_ms(self, command_delay: float) -> float:
+        """Its response time, as in `cmpsp_ros.guidance.key_values.response_ms` [ms]."""
+        answered = self.odometry_to_command_ms or 0.0
+        return response_ms(self.step_ms or 0.0, answered, command_delay)
+
+    def misses_deadline(self, period: float, command_delay: float) -> bool:
+        """Whether its command was sent too late, or not at all for that reason.
+
+        Args:
+            period: Control period [s].
+            command_delay: As in the parameters [s].
+        """
+        return self.late > 0.0 or self.response_ms(command_delay) > 1e3 * period
 
     @property
     def tracks(self) -> list[tuple[int | str, int]]:
@@ -269,5 +284,5 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 _CHECKED: Final = (
     *('step', 'run', 'revision', 'level', 'finished', 'halted'),
     *('cancelled', 'braking', 'late', 'skipped', 'pose'),
-    *('wheel_speeds', 'step_ms', 'goal', 'goals_received'),
+    *('wheel_speeds', 'step_ms', 'odometry_to_command_ms', 'goal', 'goals_received'),
 )

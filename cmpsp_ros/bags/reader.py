@@ -208,7 +208,12 @@ class Bag:
                 continue
             for received, message in self.messages(topic):
                 if message.node not in self.parameters:
-                    self.parameters[message.node] = plain_values(message.new_parameters)
+                    values = plain_values(message.new_parameters)
+                    since = message.stamp.sec * 10**9 + message.stamp.nanosec
+                    # What was changed since the recording began was something else before.
+                    for each in message.changed_parameters if since >= self.start else ():
+                        values.pop(each.name, None)
+                    self.parameters[message.node] = values
                 elif not message.changed_parameters:
                     lives = self.restarts.setdefault(message.node, [])
                     lives.append((received, plain_values(message.new_parameters)))

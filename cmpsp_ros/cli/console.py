@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING
@@ -10,6 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from rich.console import Console
     from rich.progress import Progress
@@ -60,6 +62,22 @@ def exit_on(*kinds: type[Exception], code: int) -> Iterator[None]:
     except kinds as error:
         complain(error)
         raise typer.Exit(code) from None
+
+
+@contextmanager
+def writing_to(folder: Path) -> Iterator[None]:
+    """Turn a full disk into a message with the name of a folder on it, and exit code 1.
+
+    Raises:
+        Exit: The disk is full, by itself or for this user.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}:
+            raise
+        complain(f'{error.filename or folder}: cannot be written: {error.strerror}')
+        raise typer.Exit(1) from None
 
 
 def _console(*, stderr: bool) -> Console:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 import typer
 
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import complain, console, errors, exit_on, say
+from cmpsp_ros.cli.console import complain, console, errors, exit_on, say, writing_to
 from cmpsp_ros.cli.options import Assignments
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.folder import make_folder
@@ -52,20 +52,25 @@ def demo(
     """Drive one run with real nodes, record it, and draw it.
 
     A file with sections for several robots drives them all together. Exit code 0 only if every
-    robot reached its goal within the tolerance, and the driven path is clear.
+    robot reached its goal within the tolerance, and the driven path is clear; 1 if not, or if the
+    run came to no end; 2 if it cannot be started so; 3 if too little is recorded to judge it.
     """
     try:
-        with exit_on(ParameterError, DemoError, BagError, code=1):
+        with exit_on(ParameterError, DemoError, code=2):
             fleet = _loaded(preset, assignments or [], robot, lockstep=lockstep)
             folder = make_folder(output, force=force)
-            drive = _drive if len(fleet) == 1 else _drive_fleet
-            failure = drive(fleet, folder, port if view else None)
+        drive = _drive if len(fleet) == 1 else _drive_fleet
+        with writing_to(folder), exit_on(DemoError, code=1), exit_on(BagError, code=3):
+            results = drive(fleet, folder, port if view else None)
     except KeyboardInterrupt:
         errors().print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
-    if failure:
-        complain(failure)
-        raise typer.Exit(1)
+    for scenario, each in zip(fleet, results, strict=True):
+        if each.failure:
+            whose = f'{scenario.namespace}: ' if scenario.namespace else ''
+            complain(f'{whose}{each.failure}')
+    if any(each.failure for each in results):
+        raise typer.Exit(1 if any(each.has_failed for each in results) else 3)
 
 
 def _loaded(
@@ -89,8 +94,10 @@ def _loaded(
     return fleet
 
 
-def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
-    """Run one robot and show the result; returns why it failed, or an empty text."""
+def _drive(
+    alone: Sequence[Scenario], folder: Path, view_port: int | None
+) -> Sequence[Summary | Robot]:
+    """Run one robot, and show and return the result."""
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     (scenario,) = alone
@@ -98,10 +105,12 @@ def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> st
         summary = run(scenario, folder, progress, view_port)
     console().print(_table(summary, scenario))
     say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
-    return summary.failure
+    return [summary]
 
 
-def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
+def _drive_fleet(
+    fleet: Sequence[Scenario], folder: Path, view_port: int | None
+) -> Sequence[Summary | Robot]:
     """As `_drive`, for several robots."""
     from cmpsp_ros.demo.fleet import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
 
@@ -110,7 +119,7 @@ def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None)
         robots = run_fleet(fleet, folder, progress, view_port)
     console().print(_fleet_table(robots))
     say(f'{folder}: bag, summary.json, trajectory.png')
-    return '\n'.join(f'{each.namespace}: {each.failure}' for each in robots if each.failure)
+    return robots
 
 
 @contextmanager

@@ -42,9 +42,10 @@ def record(
 ) -> None:
     """Record a running system until SIGINT or SIGTERM.
 
-    By default it records the topics of guidance and sim. The bag always includes /clock,
-    /parameter_events, the parameters of all nodes, QoS profiles and software versions. Exit code 2
-    if recording ended by itself.
+    By default it records the topics of guidance and sim. The bag always includes /clock, the
+    parameters of guidance and sim with their changes, QoS profiles and software versions. At the
+    end it says which messages came too fast to be recorded. Exit code 2 if recording ended by
+    itself.
     """
     folder = output or Path('bags') / time.strftime('%Y-%m-%d_%H-%M-%S')
     if problem := _unrecordable(folder, storage, compression, topics, everything=everything):

@@ -11,7 +11,15 @@ from typing import Annotated
 
 import typer
 
-from cmpsp_ros.cli.console import complain, console, errors, exit_on, progress_bar, say
+from cmpsp_ros.cli.console import (
+    complain,
+    console,
+    errors,
+    exit_on,
+    progress_bar,
+    say,
+    writing_to,
+)
 from cmpsp_ros.cli.options import Assignments
 from cmpsp_ros.parameters.errors import ParameterError
 
@@ -19,18 +27,22 @@ from cmpsp_ros.parameters.errors import ParameterError
 def bench(context: typer.Context) -> None:
     """Time control steps, alone and beside other solvers; from a clone of the repository.
 
-    Exit code 1 without a clone.
+    Exit code 2 without a clone, or without what `make setup` installs.
     """
     root = Path(__file__).parents[2]
     if not (root / 'benchmarks' / '__main__.py').is_file():
         complain('bench: found no benchmarks, which are not installed: run it from a clone')
-        raise typer.Exit(1)
+        raise typer.Exit(2)
     sys.path.insert(0, str(root))
     # For the processes that they start.
     os.environ['PYTHONPATH'] = os.pathsep.join(filter(None, [str(root), os.getenv('PYTHONPATH')]))
-    from benchmarks.__main__ import app  # noqa: PLC0415 (compiles kernels)
+    try:
+        from benchmarks.__main__ import app  # noqa: PLC0415 (compiles kernels)
 
-    app(context.args, prog_name='cmpsp bench')
+        app(context.args, prog_name='cmpsp bench')
+    except ModuleNotFoundError as error:
+        complain(f'bench: found no module {error.name}: `make setup` installs what benchmarks need')
+        raise typer.Exit(2) from None
 
 
 def paper(
@@ -56,7 +68,8 @@ def paper(
         return
     from cmpsp_ros.studies.paper import ARTEFACTS, StudyError, run  # noqa: PLC0415 (plots, kernels)
 
-    with exit_on(StudyError, ParameterError, code=1), progress_bar() as bar:
+    failures = exit_on(StudyError, ParameterError, code=1)
+    with writing_to(output), failures, progress_bar() as bar:
         task = bar.add_task('paper', total=len(only or ARTEFACTS))
 
         def progress(what: str) -> None:
@@ -111,7 +124,7 @@ def study(
 
     chosen = monte_carlo.Study(name, seed, obstacles, tuple(assignments or ()), robot)
     folder = output or Path(f'study_{name}')
-    with exit_on(monte_carlo.StudyError, ParameterError, code=1):
+    with writing_to(folder), exit_on(monte_carlo.StudyError, ParameterError, code=1):
         if only is not None:
             outcome, changes, picture = monte_carlo.run_one(chosen, only, folder)
             say('\n'.join(changes))

@@ -38,6 +38,11 @@ class Robot:
     apart: float
 
     @property
+    def has_failed(self) -> bool:
+        """Whether it did for certain."""
+        return self.summary.has_failed or self.apart < 0.0
+
+    @property
     def failure(self) -> str:
         """Why its run failed, in words; empty if it did not."""
         touched = f'it touched another by {-self.apart:.3g} m' if self.apart < 0.0 else ''

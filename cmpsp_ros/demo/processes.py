@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import ctypes
 import os
+import shutil
 import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import groupby
@@ -18,6 +19,9 @@ from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.nodes import MODULES
 
 _STOP_TIMEOUT = 10.0
+
+_LEAST_SPACE = 4096
+"""On a disk with less free space a log may lack its end [bytes]."""
 
 _COMPILES = 'Compiling kernels'
 """What `ProgressLine` says every few seconds."""
@@ -135,6 +139,24 @@ class Child:
         if code is not None:
             raise DemoError(f'{self.name} ended with exit code {code}:\n{self.last_words()}')
 
+    def ask(self, refusal: str, change: Callable[[], bool]) -> None:
+        """Have a guidance node change its state.
+
+        Args:
+            refusal: What it does if it refuses, in words.
+            change: Asks it; returns whether it agreed.
+
+        Raises:
+            DemoError: It refused, did not answer, or has ended.
+        """
+        try:
+            agreed = change()
+        except TimeoutError as error:
+            self.check()
+            raise DemoError(f'{error}; it said:\n{self.last_words()}') from None
+        if not agreed:
+            raise DemoError(f'{self.name} {refusal}:\n{self.last_words()}')
+
     def interrupt(self) -> None:
         """Ask the process to end."""
         if self.process.poll() is None:
@@ -157,9 +179,27 @@ class Child:
         sys.stderr.write(f'{self.name}: {said[-1][said[-1].index(_COMPILES) :]}\n')
         return True
 
+    def warnings(self) -> list[str]:
+        """What its log warns of."""
+        lines = self.log.read_text(errors='replace').splitlines()
+        return [each.partition(']: ')[2] for each in lines if each.startswith('[WARN]')]
+
     def last_words(self) -> str:
-        """The last lines of its log."""
-        return '\n'.join(self.log.read_text(errors='replace').splitlines()[-5:])
+        """The last lines of its log, and what it lacks if the disk is full."""
+        lines = self.log.read_text(errors='replace').splitlines()[-5:]
+        if shutil.disk_usage(self.log).free < _LEAST_SPACE:
+            lines.append(f'{self.log.parent}: no space is left on this disk')
+        return '\n'.join(lines)
+
+
+def check_all(children: Iterable[Child]) -> None:
+    """Raise if a node has ended by itself.
+
+    Raises:
+        DemoError: It has; the message has the end of its log.
+    """
+    for child in children:
+        child.check()
 
 
 def stop_all(children: Iterable[Child]) -> None:

@@ -6,7 +6,7 @@ those that summarise while the nodes get ready.
 
 from __future__ import annotations
 
-import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.processes import Child, stop_all, use_free_domain
+from cmpsp_ros.demo.guiding import START_TIMEOUT, guide
+from cmpsp_ros.demo.processes import Child, check_all, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.guidance.key_values import is_at_rest
 from cmpsp_ros.nodes.recording.written import Written
 from cmpsp_ros.parameters.presets import write_parameter_file
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
     from cmpsp_ros.nodes.lifecycle_client import Observer, Seen
 
-_START_TIMEOUT = 30.0
-_STALL_TIMEOUT = 15.0
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
 _RECORDER = 'recorder'
@@ -89,15 +87,18 @@ def driven(
     with started(robots, folder, view_port) as (observer, children):
         guide(observer, children, robots, tell)
         for robot, node in zip(robots, children[-len(robots) :], strict=True):
-            end = partial(observer.deactivate, _START_TIMEOUT, robot.namespace)
-            _ask(node, 'cannot be deactivated', end)
+            end = partial(observer.deactivate, START_TIMEOUT, robot.namespace)
+            node.ask('cannot be deactivated', end)
         _wait_for_the_end(observer, children, robots)
         # The robots stand, and the bag has it: no node has anything to say to another any more.
         for child in children:
             child.interrupt()
         for child in children:
             if child.name == _RECORDER:
-                child.stop()
+                if child.stop() != 0:
+                    child.check()
+                for warning in child.warnings():
+                    sys.stderr.write(f'{child.name}: {warning}\n')
         yield
 
 
@@ -157,7 +158,7 @@ def _get_ready(
     record: bool,
 ) -> None:
     """Configure the guidance nodes, and wait until nothing of the run can be missed."""
-    timeout = _START_TIMEOUT * len(robots)
+    timeout = START_TIMEOUT * len(robots)
     # Simulator, recorder and observer must be known to the publishers themselves.
     listeners = {
         'command_subscribers': 1 + record,
@@ -167,8 +168,7 @@ def _get_ready(
     }
 
     def is_heard() -> bool:
-        for child in children:
-            child.check()
+        check_all(children)
         return all(
             int(seen.health.get(key, 0)) >= count
             for seen in observer.robots.values()
@@ -177,22 +177,13 @@ def _get_ready(
 
     for each, node in zip(robots, children[-len(robots) :], strict=True):
         configure = partial(observer.configure, timeout, each.namespace, node.still_compiles)
-        _ask(node, 'refuses to start', configure)
+        node.ask('refuses to start', configure)
     if not observer.wait_until(is_heard, timeout):
         raise DemoError(f'the nodes did not find each other within {timeout:.0f} s')
     if record:
-        _wait_for_bag(observer, children, {topic: Written(1) for topic in _driven(robots)})
-
-
-def _ask(node: Child, refusal: str, change: Callable[[], bool]) -> None:
-    """Have a guidance node change its state."""
-    try:
-        agreed = change()
-    except TimeoutError as error:
-        node.check()
-        raise DemoError(f'{error}; it said:\n{node.last_words()}') from None
-    if not agreed:
-        raise DemoError(f'{node.name} {refusal}:\n{node.last_words()}')
+        wanted = {topic: Written(1) for topic in _driven(robots)}
+        if lacking := _wait_for_bag(observer, children, wanted):
+            raise DemoError(lacking)
 
 
 def _wait_for_the_end(
@@ -205,24 +196,33 @@ def _wait_for_the_end(
     """
     now = time.time_ns()
     decided = {
-        f'{namespace}{topic}': Written(seen.decisions)
+        f'{namespace}{topic}': Written(count)
         for namespace, seen in observer.robots.items()
-        for topic in ('/cmd_vel', '/guidance/decision', '/guidance/wheel_speeds')
+        for topic, count in (
+            ('/cmd_vel', seen.commands),
+            ('/guidance/decision', seen.decisions),
+            ('/guidance/wheel_speeds', seen.decisions),
+        )
     }
     driven = {topic: Written(1, published=now) for topic in _driven(robots)}
-    _wait_for_bag(observer, children, decided | driven)
+    # What was lost does not come any more. Whether the run can be judged, the bag will show.
+    if lacking := _wait_for_bag(observer, children, decided | driven):
+        sys.stderr.write(f'{lacking}\n')
 
 
 def _wait_for_bag(
     observer: Observer, children: Sequence[Child], wanted: Mapping[str, Written]
-) -> None:
-    """Wait until the bag has this number of messages of each topic, and none older."""
+) -> str:
+    """Wait until the bag has this number of messages of each topic, and none older.
+
+    Returns:
+        What it still lacks after fifteen seconds, in words; empty if it lacks nothing.
+    """
     end = time.monotonic() + _DELIVERY_TIMEOUT
+
     while True:
-        for child in children:
-            child.check()
         try:
-            found = observer.recorded(_DELIVERY_TIMEOUT)
+            found = observer.recorded(_DELIVERY_TIMEOUT, partial(check_all, children))
         except TimeoutError as error:
             raise DemoError(str(error)) from None
         lacking = [
@@ -230,11 +230,9 @@ def _wait_for_bag(
             for topic, least in wanted.items()
             if found[topic].count < least.count or found[topic].published < least.published
         ]
-        if not lacking:
-            return
-        if time.monotonic() > end:
-            what = '; '.join(lacking)
-            raise DemoError(f'after {_DELIVERY_TIMEOUT:.0f} s the recorder lacks messages: {what}')
+        if not lacking or time.monotonic() > end:
+            after = f'after {_DELIVERY_TIMEOUT:.0f} s the recorder lacks messages'
+            return f'{after}: {"; ".join(lacking)}' if lacking else ''
         observer.wait_until(lambda: False, _ASK_AGAIN)
 
 
@@ -244,57 +242,3 @@ def _driven(robots: Sequence[Scenario]) -> Iterator[str]:
         yield from (f'{each.namespace}{topic}' for topic in _DRIVEN)
         if each.values['moving_obstacles.names']:
             yield f'{each.namespace}/moving_obstacles'
-
-
-def guide(
-    observer: Observer,
-    children: Sequence[Child],
-    robots: Sequence[Scenario],
-    notice: Callable[[Scenario, Seen], None],
-    apart: float = 0.0,
-) -> None:
-    """Have the robots set out, and follow them up to the decisions that their time has passed.
-
-    Args:
-        observer: As from `started`.
-        children: As from `started`.
-        robots: What runs.
-        notice: Called with each decision.
-        apart: Time between one robot's setting out and the next one's [s].
-
-    Raises:
-        DemoError: A node cannot be activated, has ended, or decides no more.
-    """
-    named = {each.namespace: each for each in robots}
-    heard: dict[str, float] = {}
-
-    def on_decision(namespace: str, seen: Seen) -> None:
-        heard[namespace] = time.monotonic()
-        notice(named[namespace], seen)
-
-    def is_over() -> bool:
-        for child in children:
-            child.check()
-        for namespace, since in heard.items():
-            if time.monotonic() - since > _STALL_TIMEOUT:
-                whose = f' of {namespace}' if namespace else ''
-                raise DemoError(
-                    f'no decision{whose} for {_STALL_TIMEOUT:.0f} s;'
-                    f' the last was: {observer.robots[namespace].reason or "none"}'
-                )
-        decisions = {each: seen.decision for each, seen in observer.robots.items()}
-        # The one that the clock has made is followed by one that judges where the robot was, and
-        # that one by others until the robot is at rest.
-        wanted = {'finished': 'true', 'halted': 'false'}
-        return all(
-            wanted.items() <= decision.items() and is_at_rest(decision, named[each].settings.robot)
-            for each, decision in decisions.items()
-        )
-
-    observer.on_decision = on_decision
-    for robot, node in zip(robots, children[-len(robots) :], strict=True):
-        activate = partial(observer.activate, _START_TIMEOUT * len(robots), robot.namespace)
-        _ask(node, 'cannot be activated', activate)
-        heard.setdefault(robot.namespace, time.monotonic())
-        observer.wait_until(lambda: False, apart)
-    observer.wait_until(is_over, math.inf)

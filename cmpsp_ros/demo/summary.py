@@ -38,12 +38,13 @@ class Summary:
         max_wheel_speed: Largest wheel speed driven [rad/s].
         step_times: Median, 99th percentile and maximum from odometry to command [ms]; None if not
             measured.
-        deadline_misses: Control steps that took longer than the control period.
+        deadline_misses: Control steps whose command was sent too late, or not at all.
         levels: Control steps at each fallback level.
         control_steps: Number of control steps.
         passings: How each goal was passed, in order, if there is more than one point to pass.
         speed: Mean speed along a followed road [m/s].
         reason: Of the first step at the worst fallback level; empty where all were nominal.
+        not_judged: What is not recorded, in words; empty if all is.
     """
 
     preset: str
@@ -58,6 +59,13 @@ class Summary:
     passings: tuple[Passing, ...] = ()
     speed: float | None = None
     reason: str = ''
+    not_judged: str = ''
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether it did for certain."""
+        missed = not self.reached and (self.speed is not None or self.miss is not None)
+        return missed or self.clearance < 0.0
 
     @property
     def failure(self) -> str:
@@ -167,8 +175,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
         deadline_misses=sum(
-            each.late > 0.0 or (each.step_ms or 0.0) > 1e3 * settings.control_period
-            for each in steps
+            each.misses_deadline(settings.control_period, settings.command_delay) for each in steps
         ),
         levels={each.name.lower(): counts[each.name.lower()] for each in FallbackLevel},
         control_steps=len(steps),

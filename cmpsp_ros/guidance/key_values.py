@@ -143,6 +143,17 @@ def present_keys(pairs: Iterable[tuple[str, str]]) -> dict[str, str]:
     return found
 
 
+def response_ms(step_ms: float, odometry_to_command_ms: float, command_delay: float) -> float:
+    """Response time of a control step [ms]: beyond the control period its deadline is missed.
+
+    Args:
+        step_ms: Computing time, by the clock of the computer [ms].
+        odometry_to_command_ms: From the stamp of the odometry to the command, in ROS time [ms].
+        command_delay: Part of the latter that the prediction includes [s].
+    """
+    return max(step_ms, odometry_to_command_ms - 1e3 * command_delay)
+
+
 def severity(decision: Decision) -> int:
     """0 where all is well, 1 for a warning, 2 for an error, as in diagnostics.
 

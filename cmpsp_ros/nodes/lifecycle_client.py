@@ -38,6 +38,7 @@ class Seen:
         decision: Latest decision, as text; empty before the first.
         reason: Its sentence.
         decisions: How many decisions have been heard.
+        commands: How many of them were sent as a command, and not withdrawn since they were late.
     """
 
     health: dict[str, str] = field(default_factory=dict)
@@ -46,6 +47,7 @@ class Seen:
     decision: dict[str, str] = field(default_factory=dict)
     reason: str = ''
     decisions: int = 0
+    commands: int = 0
 
 
 class Observer:
@@ -108,17 +110,27 @@ class Observer:
             self._executor.spin_once(timeout_sec=_WAKE_PERIOD)
         return True
 
-    def recorded(self, timeout: float) -> ByTopic:
+    def recorded(self, timeout: float, check: Callable[[], None] = lambda: None) -> ByTopic:
         """What the recorder has written of each topic.
+
+        Args:
+            timeout: Time within which it answers [s].
+            check: Called again and again; may raise an error of its own.
 
         Raises:
             TimeoutError: It did not answer within the time [s].
         """
         end = time.monotonic() + timeout
-        if self.wait_until(self._flush.service_is_ready, timeout):
+
+        def when(condition: Callable[[], bool]) -> bool:
+            check()
+            return condition()
+
+        if self.wait_until(partial(when, self._flush.service_is_ready), timeout):
             self._written = {}
             self._flush.call_async(RECORDER_FLUSH.type.Request())
-            if self.wait_until(lambda: bool(self._written), end - time.monotonic()):
+            left = end - time.monotonic()
+            if self.wait_until(partial(when, lambda: bool(self._written)), left):
                 return from_values(self._written)
         raise TimeoutError(f'the recorder did not answer within {timeout:.0f} s')
 
@@ -195,4 +207,5 @@ class Observer:
         seen.decision = {each.key: each.value for each in status.values}
         seen.reason = status.message
         seen.decisions += 1
+        seen.commands += 'late' not in seen.decision
         self.on_decision(namespace, seen)

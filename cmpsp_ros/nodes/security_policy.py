@@ -145,13 +145,12 @@ def _simulator() -> Rights:
 
 
 def _recorder() -> Rights:
-    """With `own_topics`; the parameters of all nodes belong into a bag."""
+    """With `own_topics`."""
     found = _of_table('recorder')
     absolute = {each.name for each in TOPICS if each.name.startswith('/')}
     found.subscribe |= {each if each in absolute else each[1:] for each in own_topics('/')}
     found.subscribe.add(_name(OTHER_PLANS))
     found.subscribe |= {*ALWAYS, '/tf', '/tf_static'}
-    found.request |= {'/*/list_parameters', '/*/get_parameters'}
     return found
 
 

@@ -193,7 +193,7 @@ def view(host: str, port: int, namespace: str) -> int:
 
 def main() -> None:
     """Run the viewer as a process."""
-    sys.exit(run(Viewer, name='viewer'))
+    sys.exit(run(Viewer, name='viewer', outlasts=1.0))
 
 
 if __name__ == '__main__':

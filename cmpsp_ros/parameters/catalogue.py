@@ -322,7 +322,8 @@ def _parameters() -> Iterator[Parameter]:
         range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
     yield node('stop_with_process', _INTEGER, 0, '',
         'Process id, for example of `ros2 launch`. When that process ends, the robot is stopped '
-        'and the guidance node exits; 0: none.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
+        'and the node exits; 0: none. Recorder and viewer have this parameter, too.',
+        range=_NOT_NEGATIVE, **_FIXED)
 
     realtime = Group('Real time', 'guidance')
     yield realtime('realtime.priority', _INTEGER, 0, '',

@@ -6,6 +6,7 @@ lines are put together as `launch_ros` does, and run.
 
 from __future__ import annotations
 
+import json
 import signal
 import sys
 from pathlib import Path
@@ -134,6 +135,48 @@ def test_however_the_launch_ends_the_robot_stops(spawn, ros):
     ros.spin_until(lambda: not ros.node.count_publishers('/cmd_vel'), LIMIT)
     assert 'has ended, and so does this node' in launch.stderr
     assert simulator.process.poll() is None
+
+
+OPEN_ALL = """
+import json, os, subprocess, sys, time
+for each in json.loads(sys.argv[1]):
+    subprocess.Popen([*each, '-p', f'stop_with_process:={os.getpid()}'])
+time.sleep(600)
+"""
+
+
+def is_gone(pid):
+    # One that was adopted may wait for ever to be buried.
+    path = Path(f'/proc/{pid}/stat')
+    return not path.exists() or path.read_text().rsplit(')', 1)[1].split()[0] in 'XZ'
+
+
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGTERM])
+def test_a_launch_that_is_killed_leaves_nothing_behind(
+    spawn, ros, tmp_path, commands, wait_until, number
+):
+    bag = tmp_path / 'bag'
+    given = {'params_file': str(ROOT / 'config/case3.yaml'), 'autostart': 'true'}
+    started = {
+        **commands('guidance.launch.py', record=str(bag), view='true', **given),
+        **commands('demo.launch.py', **given),
+    }
+    every = [[str(part) for part in each] for each in started.values()]
+    launch = spawn([sys.executable, '-c', OPEN_ALL, json.dumps(every)])
+    twists = []
+    ros.node.create_subscription(Twist, '/cmd_vel', twists.append, 10)
+    ros.spin_until(lambda: len(twists) > 3 and twists[-1].linear.x > 0.5, LIMIT)
+    nodes = Path(f'/proc/{launch.pid}/task/{launch.pid}/children').read_text().split()
+    assert len(nodes) == 4
+    launch.signal(number)
+    wait_until(lambda: all(map(is_gone, nodes)), LIMIT)
+    assert 'Traceback' not in launch.stderr
+    # The recorder is the last to go: the bag is whole, and has the robot stop.
+    with Bag(bag) as recorded:
+        (*_, (_, last)) = recorded.messages('/cmd_vel')
+        (*_, (_, truth)) = recorded.messages('/sim/truth')
+    assert (last.linear.x, last.angular.z) == (0.0, 0.0)
+    assert (truth.twist.twist.linear.x, truth.twist.twist.angular.z) == (0.0, 0.0)
 
 
 def test_after_a_launch_that_has_ended_it_does_not_set_off(spawn, wait_until):

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+import typer
 from commands import command
 
 import cmpsp_ros.demo.run as demo_run
 from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.cli.console import writing_to
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.summary import Summary
 
@@ -122,23 +126,26 @@ def test_what_a_chosen_robot_changes_is_said_before_the_run(invoke, outcome, tmp
     said = words(invoke(*args).stderr)
     assert said.index('s instead of 10 s: this robot drives') < said.index('nothing was driven')
     refused = invoke('demo', '--robot', 'jakal', '--output', tmp_path / 'other')
-    assert refused.exit_code == 1
+    assert refused.exit_code == 2
     assert 'did you mean jackal?' in words(refused.stderr)
 
 
 @pytest.mark.parametrize(
-    ('result', 'said'),
+    ('result', 'code', 'said'),
     [
-        (summary(reached=False, miss=0.5), 'the goal was missed by 0.5 m'),
-        (summary(clearance=-0.1), 'the path cut road edge or obstacle by 0.1 m'),
-        (DemoError('sim_node ended with exit code -9:\n[last] words'), '[last] words'),
-        (BagError('bag: cut off'), 'bag: cut off'),
+        (summary(reached=False, miss=0.5), 1, 'the goal was missed by 0.5 m'),
+        (summary(clearance=-0.1), 1, 'the path cut road edge or obstacle by 0.1 m'),
+        (DemoError('sim_node ended with exit code -9:\n[last] words'), 1, '[last] words'),
+        (OSError(errno.ENOSPC, 'No space left on device'), 1, 'run: cannot be written: No space'),
+        (BagError('bag: cut off'), 3, 'bag: cut off'),
     ],
 )
-def test_a_bad_run_is_exit_code_1_and_says_why(invoke, outcome, tmp_path, result, said):
+def test_a_bad_run_says_why_and_whether_it_was_judged(
+    invoke, outcome, tmp_path, result, code, said
+):
     outcome(result)
     done = invoke('demo', '--output', tmp_path / 'run')
-    assert done.exit_code == 1
+    assert done.exit_code == code
     assert said in words(done.stderr)
     assert said not in words(done.stdout)
 
@@ -169,7 +176,7 @@ def test_sigterm_is_taken_for_an_interruption(invoke, monkeypatch, tmp_path):
 def test_a_wrong_parameter_is_told_and_no_folder_made(invoke, outcome, tmp_path):
     asked = outcome(summary())
     done = invoke('demo', 'case3', '--set', 'final_tim=1.0', '--output', tmp_path / 'run')
-    assert done.exit_code == 1
+    assert done.exit_code == 2
     assert 'final_tim: found an unknown parameter' in words(done.stderr)
     assert 'did you mean final_time?' in words(done.stderr)
     assert asked == []
@@ -178,7 +185,55 @@ def test_a_wrong_parameter_is_told_and_no_folder_made(invoke, outcome, tmp_path)
 
 def test_an_existing_folder_needs_force(invoke, outcome, tmp_path):
     asked = outcome(summary())
-    assert invoke('demo', '--output', tmp_path).exit_code == 1
+    assert invoke('demo', '--output', tmp_path).exit_code == 2
     assert asked == []
     assert invoke('demo', '--output', tmp_path, '--force').exit_code == 0
     assert len(asked) == 1
+
+
+def test_what_a_full_disk_refuses_names_the_folder(tmp_path, capfd):
+    with pytest.raises(typer.Exit) as ended, writing_to(tmp_path):
+        Path('/dev/full').write_text('x')
+    assert ended.value.exit_code == 1
+    assert f'{tmp_path}: cannot be written: No space left on device' in capfd.readouterr().err
+    # Anything else is a fault of ours.
+    with pytest.raises(IsADirectoryError), writing_to(tmp_path):
+        tmp_path.write_text('x')
+
+
+LITTLE_SPACE = """
+import resource, sys
+resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+from cmpsp_ros.cli import main
+main()
+"""
+
+
+def test_pictures_of_the_paper_that_do_not_fit_on_the_disk_end_it_in_a_sentence(tmp_path):
+    arguments = ['paper', '--only', 'fig5', '--output', str(tmp_path / 'paper')]
+    done = run_python(LITTLE_SPACE, *arguments)
+    assert done.returncode == 1
+    assert f'{tmp_path / "paper"}' in done.stderr
+    assert 'cannot be written: File too large' in words(done.stderr)
+    assert 'Traceback' not in done.stderr
+
+
+WITHOUT_PSUTIL = """
+import sys
+sys.modules['psutil'] = None
+from cmpsp_ros.cli import main
+main()
+"""
+
+
+def test_benchmarks_without_what_they_need_say_what_installs_it():
+    done = run_python(WITHOUT_PSUTIL, 'bench', 'case1', '--runs', '1')
+    assert done.returncode == 2
+    assert done.stderr.strip() == (
+        'bench: found no module psutil: `make setup` installs what benchmarks need'
+    )
+
+
+def run_python(program, *arguments):
+    command = [sys.executable, '-c', program, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)

@@ -103,6 +103,30 @@ def test_what_cannot_work_is_refused_before_anything_is_started(launch_file, tmp
     )
 
 
+def test_an_argument_that_nobody_has_is_refused_with_the_nearest_name(launch_file):
+    loaded = launch_file(guidance)
+    assert loaded['unknown'](['robot_file:=a.yaml', 'view:=true']) == []
+    near, far = loaded['unknown'](['robot_fil:=a:=b', 'x:=1'])
+    assert near == 'robot_fil: found an unknown argument, did you mean robot_file?'
+    assert far.startswith('x: found an unknown argument, wanted namespace, use_sim_time, ')
+    source = guidance.read_text(encoding='utf-8')
+    start = source[source.index('def start') :]
+    assert start.index('unknown(context.argv)') < start.index('return nodes(given)')
+
+
+def test_arguments_of_a_file_that_includes_these_are_none_of_theirs(launch_file):
+    loaded = launch_file(guidance)
+    for file in FILES:
+        assert loaded['is_launched'](['/opt/ros2', 'launch', 'cmpsp_ros', file.name, 'a:=b'])
+        assert loaded['is_launched'](['/opt/ros2', 'launch', str(file)])
+    assert not loaded['is_launched'](['/opt/ros2', 'launch', 'mine', 'robot.launch.py', 'a:=b'])
+
+
+def test_the_demo_has_no_argument_that_guidance_has_not(launch_file):
+    demo, robot = (launch_file(file)['ARGUMENTS'] for file in FILES)
+    assert demo.keys() <= robot.keys()
+
+
 def test_guidance_is_started_before_the_simulator_for_it_may_refuse():
     source = (ROOT / 'launch/demo.launch.py').read_text(encoding='utf-8')
     assert 'LaunchDescription([*arguments, guidance, OpaqueFunction(function=start)])' in source

@@ -130,7 +130,7 @@ def position(views: Sequence[View]) -> Figure:
 
 
 def step_times(views: Sequence[View]) -> Figure:
-    """Time from odometry to command, against the deadline."""
+    """Computing time of each control step, and the response time of those that were too late."""
     traces = []
     for index, view in enumerate(views):
         times, taken = view.steps
@@ -138,6 +138,10 @@ def step_times(views: Sequence[View]) -> Figure:
             line = {'color': bag_color(index), 'width': 1.0}
             trace = _line(_named(views, view, 'step time'), times, taken, line)
             traces.append(trace | {'mode': 'lines+markers', 'marker': {'size': 4}})
+        if len(view.missed_deadlines[0]):
+            trace = _line(_named(views, view, 'deadline missed'), *view.missed_deadlines, {})
+            marker = {'size': 7, 'symbol': 'x', 'color': LIMIT}
+            traces.append(trace | {'mode': 'markers', 'marker': marker})
     axis = {'title': {'text': 'step time [ms]'}, 'type': 'log', 'dtick': 1}
     figure = _over_time(views, traces, axis)
     for deadline in sorted({1e3 * view.settings.control_period for view in views}):

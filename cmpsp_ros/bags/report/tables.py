@@ -106,9 +106,8 @@ def _figures(view: View) -> dict[str, str]:
     counts = Counter[str]()
     for band in view.bands:
         counts[band.level] += band.steps
-    deadline = 1e3 * view.settings.control_period
     known = [float(each.min()) for each in view.clearance[1].values()]
-    late = int((taken > deadline).sum())
+    missed = len(view.missed_deadlines[0])
     quantiles = np.percentile(taken, [50, 99, 100]).tolist() if len(taken) else []
     return {
         'miss at the final time': by_check['goal'].worst_text or 'unknown',
@@ -120,7 +119,7 @@ def _figures(view: View) -> dict[str, str]:
         'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
         if len(taken)
         else 'unknown',
-        'deadlines missed': f'{late} of {len(taken)}' if len(taken) else 'unknown',
+        'deadlines missed': f'{missed} of {len(taken)}' if len(taken) else 'unknown',
         'fallback levels': ', '.join(f'{count} {level}' for level, count in counts.items())
         or 'unknown',
         'recorded': f'{view.end:.1f} s, {len(view.record.odometry.stamps)} odometry messages',

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
-from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
@@ -70,6 +70,7 @@ class View:
     Attributes:
         label: Its name in the report.
         record: The audited data.
+        decisions: All decisions, those whose command came too late to be sent among them.
         findings: Results of the audit.
         plans: Some of the plans, in order of time; none if they were not recorded.
         grids: Some of what sensors had shown, with the times at which it was known [ns].
@@ -79,6 +80,7 @@ class View:
 
     label: str
     record: AuditRecord
+    decisions: tuple[DecisionRecord, ...]
     findings: tuple[Finding, ...]
     plans: tuple[Planned, ...]
     grids: tuple[tuple[int, OccupancyGrid], ...]
@@ -216,9 +218,21 @@ class View:
     @cached_property
     def steps(self) -> tuple[Array, Array]:
         """Time of each control step that was timed [s], and how long it took [ms]."""
-        timed = [each for each in self.record.decisions if each.step_ms is not None]
+        timed = [each for each in self.decisions if each.step_ms is not None]
         stamps = np.array([each.stamp for each in timed], dtype=np.int64)
         return self._seconds(stamps), np.array([each.step_ms or 0.0 for each in timed])
+
+    @cached_property
+    def missed_deadlines(self) -> tuple[Array, Array]:
+        """Time of each control step that missed its deadline [s], and its response time [ms]."""
+        settings = [self.record.history.at(each.stamp) for each in self.decisions]
+        found = [
+            (each.stamp, each.response_ms(its.command_delay))
+            for each, its in zip(self.decisions, settings, strict=True)
+            if each.misses_deadline(its.control_period, its.command_delay)
+        ]
+        stamps = np.array([stamp for stamp, _ in found], dtype=np.int64)
+        return self._seconds(stamps), np.array([response for _, response in found])
 
     @cached_property
     def bands(self) -> tuple[Band, ...]:
@@ -251,10 +265,12 @@ def view(path: Path, label: str, record: AuditRecord) -> View:
     """
     with Bag(path) as bag:
         found, version = plans_in(bag, record.places.path), bag.version
+        decisions = read_decisions(bag, record.places.decision)
         grids = tuple(_grids(bag, record.places.sighting))
         hidden = hidden_obstacles(bag, record.places.node)
     plans = tuple(found[each] for each in thinned(np.arange(len(found)), MOST_PLANS))
-    return View(label, record, audit_record(record), plans, grids, hidden, version)
+    findings = audit_record(record)
+    return View(label, record, decisions, findings, plans, grids, hidden, version)
 
 
 def _grids(bag: Bag, topic: str) -> Iterator[tuple[int, OccupancyGrid]]:

@@ -10,7 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from cmpsp_ros.guidance.key_values import exact_repr
+from cmpsp_ros.guidance.key_values import exact_repr, response_ms
 from cmpsp_ros.nodes.common.topics import HEALTH
 
 if TYPE_CHECKING:
@@ -107,6 +107,15 @@ class StepTimes:
         self._ages.append(age_ms)
 
     def add(self, step_ms: float, answer_ms: float, period: float, delay: float) -> None:
+    def add(
+        self,
+        step_ms: float,
+        answer_ms: float,
+        period: float,
+        delay: float,
+        *,
+        is_late: bool = False,
+    ) -> None:
         """Count a step.
 
         Args:
@@ -114,11 +123,12 @@ class StepTimes:
             answer_ms: Time from the stamp of odometry to its command [ms].
             period: Control period [s].
             delay: Time from the stamp of odometry to the effect of its command, as known [s].
+            is_late: Whether its command came too late to be sent.
         """
         self._times.append(step_ms)
         self._answers.append(answer_ms)
         self._period_ms, self._delay_ms = 1e3 * period, 1e3 * delay
-        self._misses += max(step_ms, answer_ms - self._delay_ms) > self._period_ms
+        self._misses += is_late or response_ms(step_ms, answer_ms, delay) > self._period_ms
 
     def warnings(self) -> list[str]:
         """Warnings about the latest steps, in sentences."""

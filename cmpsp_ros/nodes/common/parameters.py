@@ -12,6 +12,7 @@ from rcl_interfaces.msg import (
 )
 from rclpy.parameter import Parameter
 
+from cmpsp_ros.nodes.common.runtime import overrides
 from cmpsp_ros.parameters.courses.files import with_files
 from cmpsp_ros.parameters.parameter import ParameterType
 from cmpsp_ros.parameters.presets import config_directory
@@ -96,13 +97,6 @@ def event_of(node: Node, changed: Iterable[Parameter] = ()) -> ParameterEvent:
         new_parameters=[each.to_parameter_msg() for each in known.values()],
         changed_parameters=[each.to_parameter_msg() for each in changed],
     )
-
-
-def overrides(node: Node) -> dict[str, Any]:
-    """What the node was started with, by key."""
-    # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
-    given = node._parameter_overrides  # noqa: SLF001
-    return {key: each.value for key, each in given.items()}
 
 
 def _declare(node: Node, key: str, row: Row, value: Any) -> None:

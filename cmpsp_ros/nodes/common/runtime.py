@@ -6,6 +6,7 @@ runs while the ROS context is still valid, so the last zero twist is sent and a 
 
 from __future__ import annotations
 
+import math
 import os
 import select
 import signal
@@ -16,7 +17,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import rclpy
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -26,7 +26,6 @@ from rclpy.signals import SignalHandlerOptions
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from rclpy.executors import Executor
     from rclpy.impl.rcutils_logger import RcutilsLogger
     from rclpy.node import Node
 
@@ -39,9 +38,6 @@ DELIVERY_LIMIT = 0.5
 """Longest wait at the end for subscribers to confirm what was published last [s]."""
 
 
-_WATCH_PERIOD = 0.1
-
-
 class StartupError(ValueError):
     """A node cannot start as configured; the message says why."""
 
@@ -51,7 +47,7 @@ def run(
     *,
     name: str,
     args: Sequence[str] | None = None,
-    make_executor: Callable[[], Executor] = EventsExecutor,
+    outlasts: float = 0.0,
 ) -> int:
     """Make a node, spin it until SIGINT or SIGTERM, and stop it in good order.
 
@@ -60,12 +56,12 @@ def run(
 
     Args:
         make_node: The node's class, or any callable that returns a node. A `stop` method of the
-            node, when there is one, is called once before the node is destroyed.
+            node, when there is one, is called once before the node is destroyed. An exception in
+            its attribute `failure`, when there is one, ends it as if it had been raised.
         name: Name of the logger for as long as there is no node.
         args: Command line; `sys.argv` when absent.
-        make_executor: Class of the executor. By default one that calls back in the order in which
-            things happen: others make the set of all they wait for anew each time that they wake,
-            which takes longer than the middleware takes to bring the message.
+        outlasts: Time for which the node goes on after the process that it is to stop with [s]: the
+            last command is still to be driven, shown and recorded.
 
     Returns:
         Exit code of the process: 0 after a signal, 1 after an exception. A `ValueError` out of
@@ -84,7 +80,7 @@ def run(
         _ignore_signals()
         return 1
     try:
-        return _live(make_node, make_executor, stopping, logger)
+        return _live(make_node, stopping, logger, outlasts)
     finally:
         _ignore_signals()
         rclpy.try_shutdown()
@@ -92,9 +88,9 @@ def run(
 
 def _live(
     make_node: Callable[[], Node],
-    make_executor: Callable[[], Executor],
     stopping: threading.Event,
     logger: RcutilsLogger,
+    outlasts: float,
 ) -> int:
     """Construct, spin, stop and destroy the node; returns the exit code."""
     try:
@@ -106,16 +102,22 @@ def _live(
         _log_fatal(logger, error)
         return 1
     logger = node.get_logger()
-    executor = make_executor()
+    watch = ProcessWatch(node, outlasts)
+    # It calls back in the order in which things happen. Others make the set of all they wait for
+    # anew each time that they wake, which takes longer than the middleware takes for a message.
+    executor = EventsExecutor()
     executor.add_node(node)
     healthy = True
     try:
-        while not stopping.is_set():
+        while not (stopping.is_set() or watch.is_over() or getattr(node, 'failure', None)):
             executor.spin_once(timeout_sec=WAKE_PERIOD)
     except ExternalShutdownException:
         pass
     except Exception as error:
         _log_fatal(logger, error)
+        healthy = False
+    if failure := getattr(node, 'failure', None):
+        _log_fatal(logger, failure)
         healthy = False
     # A signal between here and the exit would interrupt the stop itself.
     _ignore_signals()
@@ -178,30 +180,40 @@ def _log_fatal(logger: RcutilsLogger, error: Exception, *, typed: bool = True) -
     logger.debug(''.join(traceback.format_exception(error)))
 
 
-class ProcessWatch:
-    """Ends this process in good order once another process has ended (Linux only)."""
+def overrides(node: Node) -> dict[str, Any]:
+    """What the node was started with, by key."""
+    # ROS drops what is misspelt without a word, and rclpy has no public way to see it.
+    given = node._parameter_overrides  # noqa: SLF001
+    return {key: each.value for key, each in given.items()}
 
-    def __init__(self, node: Node, process: int) -> None:
+
+class ProcessWatch:
+    """Sees another process end (Linux only): that of the parameter `stop_with_process`."""
+
+    def __init__(self, node: Node, outlasts: float) -> None:
         """Begin to watch.
 
         Args:
-            node: The node to end.
-            process: Id of the other process; 0 for none.
+            node: The node that has the parameter, declared or not.
+            outlasts: Time after its end within which it is not yet over [s].
         """
-        self._node, self._process = node, process
-        if process:
+        self._node, self._outlasts = node, outlasts
+        self._process = overrides(node).get('stop_with_process', 0)
+        self._handle: int | None = None
+        self._ended_at = math.inf
+        if self._process:
             try:
-                self._handle: int | None = os.pidfd_open(process)
+                self._handle = os.pidfd_open(self._process)
             except ProcessLookupError:
-                self._handle = None
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self._timer = node.create_timer(_WATCH_PERIOD, self._look, clock=steady)
-            self._look()
+                self._ended_at = time.monotonic()
 
-    def _look(self) -> None:
+    def is_over(self) -> bool:
+        """Whether the process has ended, and the time since then has passed."""
         # It can be read once the process has ended, waited for or not.
-        if self._handle is not None and not select.select([self._handle], [], [], 0.0)[0]:
-            return
-        self._timer.cancel()
+        if self._handle is not None and select.select([self._handle], [], [], 0.0)[0]:
+            os.close(self._handle)
+            self._handle, self._ended_at = None, time.monotonic()
+        if time.monotonic() - self._ended_at < self._outlasts:
+            return False
         self._node.get_logger().error(f'process {self._process} has ended, and so does this node')
-        os.kill(os.getpid(), signal.SIGTERM)
+        return True

@@ -281,6 +281,9 @@ SIM_WHEELS = Topic(
     depth=OF_A_RUN,
 )
 CLOCK = Topic('sim', 'out', '/clock', Clock, 'with `publish_clock`', depth=OF_A_RUN)
+SIM_PARAMETERS = replace(
+    PARAMETERS, node='sim', notes='all parameters, at the start and after every change; latched'
+)
 SIM_RESET = Topic(
     'sim', 'srv', '~/reset', Trigger, 'back to `initial_pose`, at rest; time continues', depth=0
 )
@@ -288,8 +291,8 @@ SIM_RESET = Topic(
 RECORDER_HEALTH = replace(
     HEALTH,
     node='recorder',
-    notes='as above: messages, topics, topics left out, nodes whose parameters are known; for each'
-    ' topic the number of messages and the time of publication of the newest [ns]',
+    notes='as above: messages, topics, topics left out, lost messages; for each topic the number of'
+    ' messages and the time of publication of the newest [ns]',
 )
 RECORDER_FLUSH = Topic(
     'recorder',

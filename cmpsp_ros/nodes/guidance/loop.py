@@ -247,7 +247,8 @@ class GuidanceLoop:
             self._command(decision)
         self._expect_end(decision, now)
         step_ms = (time.perf_counter_ns() - began) / 1e6
-        self.times.add(step_ms, (sent - stamp) / 1e6, period, self._settings.command_delay)
+        answer_ms, delay = (sent - stamp) / 1e6, self._settings.command_delay
+        self.times.add(step_ms, answer_ms, period, delay, is_late=decision.late > 0.0)
         decision = self._law.foretell(decision, pose)
         if not self._begun:
             for each in self._law.warnings:
@@ -255,7 +256,8 @@ class GuidanceLoop:
         self._begun = True
         if self.decision is None or decision.goal != self.decision.goal:
             self._scenery_changed = True
-        self._note(decision._replace(phases={**decision.phases, 'step': step_ms}))
+        taken = {'step': step_ms, 'odometry_to_command': answer_ms}
+        self._note(decision._replace(phases={**decision.phases, **taken}))
         try:
             self._law.search(pose)
         except Exception as error:

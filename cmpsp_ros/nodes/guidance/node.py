@@ -17,8 +17,8 @@ from cmpsp_ros.nodes.common.lifecycle import (
     UNCONFIGURED,
     guard_change_state,
 )
-from cmpsp_ros.nodes.common.parameters import declare, event_of, overrides
-from cmpsp_ros.nodes.common.runtime import ProcessWatch, run
+from cmpsp_ros.nodes.common.parameters import declare, event_of
+from cmpsp_ros.nodes.common.runtime import overrides, run
 from cmpsp_ros.nodes.common.topics import PARAMETERS, RESET
 from cmpsp_ros.nodes.guidance.command_arbitration import TRUST, CommandArbiter
 from cmpsp_ros.nodes.guidance.lifecycle_bond import LifecycleBond
@@ -75,8 +75,6 @@ class GuidanceNode(LifecycleNode):
         self.add_post_set_parameters_callback(self._take_parameters)
         self._health = Health(self, self._report)
         self.create_service(RESET.type, RESET.name, self._on_reset)
-        if self._values is not None:
-            self._process_watch = ProcessWatch(self, self._values['stop_with_process'])
         autostart = self._values is not None and self._values['autostart']
         if (autostart or self._refusal) and self.trigger_configure() == SUCCESS:
             self._activate_when_known()

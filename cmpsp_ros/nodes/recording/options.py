@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 ALWAYS = ('/clock', '/parameter_events')
 """Recorded with any choice of topics: without them a run cannot be replayed."""
 
+_PARAMETERS = 'rcl_interfaces/msg/ParameterEvent'
+"""Type of `~/parameters` of any node, which is always recorded, too."""
+
 _NAMES = Parameter.Type.STRING_ARRAY
 
 _STORAGES = ('mcap', 'sqlite3')
@@ -51,18 +54,19 @@ class Options:
     own: bool
     excluded: frozenset[str]
 
-    def want(self, name: str, of_nodes: Container[str] = ()) -> bool:
+    def want(self, name: str, types: Container[str], of_nodes: Container[str] = ()) -> bool:
         """Whether a topic is to be recorded; hidden ones only if they are chosen.
 
         Args:
             name: Of the topic.
+            types: Its types.
             of_nodes: Remapped topics of the robot's nodes, which count as its own.
         """
         if name in self.excluded:
             return False
         if self.chosen:
             own = self.own and (name in of_nodes or name.endswith(plan_topic('')))
-            return own or name in self.chosen
+            return own or name in self.chosen or _PARAMETERS in types
         return not any(part.startswith('_') for part in name.split('/'))
 
 

@@ -5,14 +5,19 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rclpy.callback_groups import CallbackGroup
-from rclpy.subscription import Subscription
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.type_support import check_is_valid_msg_type
 
 if TYPE_CHECKING:
-    from collections.abc import Container
+    from collections.abc import Container, Iterator
+
+    from rclpy.node import Node
+    from rclpy.qos import QoSProfile
 
 _CROSSING = 2_000_000
 """Within this a message is in its queue after the middleware gave it its time [ns]."""
+
+_LOST = rclpy_implementation.rcl_subscription_event_type_t.RCL_SUBSCRIPTION_MESSAGE_LOST
 
 
 class Received(NamedTuple):
@@ -32,42 +37,55 @@ class Received(NamedTuple):
     raw: bytes
 
 
-class _Unattended(CallbackGroup):
-    """Keeps subscriptions out of the executor, but not their events.
+class _Queue(NamedTuple):
+    """Subscription of a topic as the middleware has it, its type, and its count of losses."""
 
-    It would wake up for every message, which costs many times more than taking the message. That
-    cost determines how much processor time a recorder takes from the nodes that it records.
-    """
-
-    def can_execute(self, entity: Any) -> bool:
-        return not isinstance(entity, Subscription)
-
-    def beginning_execution(self, entity: Any) -> bool:
-        return self.can_execute(entity)
-
-    def ending_execution(self, _entity: Any) -> None:
-        """Events need nothing at their end."""
+    handle: Any
+    kind: Any
+    losses: Any
 
 
 class RawSubscriptions:
-    """The queues of subscriptions that no executor serves.
+    """Subscriptions that no executor serves: it would wake up for every message.
 
-    They are polled in turn. A message that arrives meanwhile may be found while an earlier one, on
-    a topic polled before, is not; it is kept until the next round, when both are there.
+    That costs many times more than taking the message, and determines how much processor time a
+    recorder takes from the nodes that it records.
 
-    Attributes:
-        group: Callback group for the subscriptions.
+    The queues are polled in turn. A message that arrives meanwhile may be found while an earlier
+    one, on a topic polled before, is not; it is kept until the next round, when both are there.
     """
 
-    def __init__(self) -> None:
-        """Have no subscription yet."""
-        self.group: CallbackGroup = _Unattended()
-        self._subscriptions: dict[str, Subscription] = {}
+    def __init__(self, node: Node) -> None:
+        """Have no subscription yet; the node is that of all that follow."""
+        self._node = node
+        self._queues: dict[str, _Queue] = {}
         self._kept: list[Received] = []
 
-    def add(self, name: str, subscription: Subscription) -> None:
-        """Serve a subscription, which takes messages serialised."""
-        self._subscriptions[name] = subscription
+    def add(self, name: str, kind: Any, profile: QoSProfile) -> None:
+        """Subscribe to a topic of a message class."""
+        check_is_valid_msg_type(kind)
+        with self._node.handle:
+            handle = rclpy_implementation.Subscription(
+                self._node.handle, kind, name, profile.get_c_qos_profile()
+            )
+        with handle:
+            losses = rclpy_implementation.EventHandle(handle, _LOST)
+        self._queues[name] = _Queue(handle, kind, losses)
+
+    def close(self) -> None:
+        """Unsubscribe."""
+        for each in self._queues.values():
+            each.losses.destroy_when_not_in_use()
+            each.handle.destroy_when_not_in_use()
+        self._queues.clear()
+
+    def lost(self) -> Iterator[tuple[str, int]]:
+        """Topics of which messages could not be received by now, and their number."""
+        for name, each in self._queues.items():
+            with each.losses:
+                status = each.losses.take_event()
+            if status is not None and status.total_count > 0:
+                yield name, status.total_count
 
     def take(self, only: Container[str] | None = None, *, all_: bool = False) -> list[Received]:
         """Messages received since the last round, in the order of their arrival.
@@ -78,10 +96,9 @@ class RawSubscriptions:
         """
         begun = time.time_ns()
         found = self._kept
-        for name, subscription in self._subscriptions.items():
+        for name, (handle, kind, _) in self._queues.items():
             if only is not None and name not in only:
                 continue
-            handle, kind = subscription.handle, subscription.msg_type
             with handle:
                 while (taken := handle.take_message(kind, True)) is not None:
                     raw, info = taken

@@ -1,4 +1,4 @@
-"""The recorder: topics of the graph into one bag, with the parameters of all nodes."""
+"""The recorder: topics of the graph into one bag."""
 
 from __future__ import annotations
 
@@ -6,16 +6,14 @@ import time
 from collections import defaultdict
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.clock import Clock as RclpyClock
 from rclpy.clock import ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import QoSCompatibility, qos_check_compatible
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
 from cmpsp_ros.bags.errors import BagError, UnknownTypeError
 from cmpsp_ros.bags.writer import BagWriter
@@ -25,7 +23,6 @@ from cmpsp_ros.nodes.common.qos import for_bag, hearing_all
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import RECORDER_FLUSH
 from cmpsp_ros.nodes.recording.options import read_options, topics_of_nodes
-from cmpsp_ros.nodes.recording.parameter_watch import ParameterWatch
 from cmpsp_ros.nodes.recording.raw_subscriptions import RawSubscriptions
 from cmpsp_ros.nodes.recording.simulated_time import TOPIC, SimulatedTime
 from cmpsp_ros.nodes.recording.written import ByTopic, Written, to_values
@@ -35,17 +32,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from rclpy.clock import ROSClock
-    from rclpy.event_handler import QoSMessageLostInfo
-    from rclpy.subscription import Subscription
     from std_srvs.srv import Trigger
 
-TAKE_PERIOD = 0.01
+TAKE_PERIOD: Final = 0.05
 """Time between two rounds through the queues [s]."""
 
-FLUSH_PERIOD = 0.5
+FLUSH_PERIOD: Final = 0.5
 """Time between two flushes [s]; what came after the last is lost when the process is killed."""
 
-QUEUE_DEPTH = 10_000
+QUEUE_DEPTH: Final = 10_000
 """Messages a topic may hold between two rounds; memory is taken only as they come."""
 
 DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
@@ -56,8 +51,20 @@ DRAIN_QUIET, DRAIN_LIMIT = 0.1, 2.0
 class _Recorded:
     """A topic being recorded."""
 
-    subscription: Subscription
+    profile: QoSProfile
     publisher_count: int
+
+
+@dataclass
+class _Loss:
+    """Messages of a topic that could not be received, between two times since the beginning [s]."""
+
+    first: float
+    last: float = 0.0
+    count: int = 0
+
+    def __str__(self) -> str:
+        return f'{self.count} messages, between {self.first:.1f} and {self.last:.1f} s'
 
 
 class Recorder(Node):
@@ -84,23 +91,26 @@ class Recorder(Node):
         self._topics: dict[str, _Recorded] = {}
         self._written: ByTopic = defaultdict(Written)
         self._left_out: set[str] = set()
-        self._lost: dict[str, int] = {}
-        self._queues = RawSubscriptions()
+        self._lost: dict[str, _Loss] = {}
+        self._begun = self._looked = time.monotonic()
+        self._queues = RawSubscriptions(self)
         try:
             self._bag = BagWriter(self._options.output, self._options.form)
         except BagError as error:
             msg = f'parameter output: {error}'
             raise StartupError(msg) from error
-        self._broken = False
+        self.failure: BagError | None = None
         self._simulated = SimulatedTime()
-        self._parameter_watch = ParameterWatch(self, self._bag.set_parameters)
         # Simulated time may stand still; looking and taking must go on.
         steady = RclpyClock(clock_type=ClockType.STEADY_TIME)
-        self._taking = self.create_timer(TAKE_PERIOD, self._take, clock=steady)
-        self.create_timer(self._options.discovery_period, self._discover, clock=steady)
-        self.create_timer(FLUSH_PERIOD, self._flush, clock=steady)
+        for period, act in (
+            (TAKE_PERIOD, self._take),
+            (self._options.discovery_period, self._discover),
+            (FLUSH_PERIOD, self._flush),
+        ):
+            self.create_timer(period, partial(self._try, act), clock=steady)
         self.get_logger().info(f'recording to {self._bag.path}')
-        self._discover()
+        self._try(self._discover)
         self.create_service(RECORDER_FLUSH.type, RECORDER_FLUSH.name, self._on_flush)
         self._health = Health(self, self._look)
 
@@ -111,10 +121,16 @@ class Recorder(Node):
             BagError: The bag could not be closed, or not with all messages.
         """
         try:
-            if not self._broken:
+            if self.failure is None:
                 self._drain()
         finally:
             self._bag.close()
+            self._queues.close()
+        for name, loss in sorted(self._lost.items()):
+            self.get_logger().warning(
+                f'{name}: {loss} of the recording, are not in the bag: they were published faster'
+                ' than they could be received'
+            )
         for name in sorted(self._options.listed - self._topics.keys()):
             self.get_logger().warning(f'{name} was to be recorded and had no publisher')
         self.get_logger().info(
@@ -122,15 +138,22 @@ class Recorder(Node):
             f'recorded to {self._bag.path}'
         )
 
+    def _try(self, act: Callable[[], object]) -> None:
+        """Do something with the bag; where the disk refuses, the process ends for that reason."""
+        if self.failure is None:
+            try:
+                act()
+            except BagError as error:
+                self.failure = error
+
     def _look(self) -> Report:
-        known = self._parameter_watch.known
         level, message = DiagnosticStatus.OK, f'Recording {len(self._topics)} topics.'
         if self._left_out:
             level = DiagnosticStatus.WARN
             message += f' Left out, as the log says: {", ".join(sorted(self._left_out))}.'
         if self._lost:
             level = DiagnosticStatus.WARN
-            lost = ', '.join(f'{count} of {name}' for name, count in sorted(self._lost.items()))
+            lost = ', '.join(f'{name}: {each}' for name, each in sorted(self._lost.items()))
             message += f' Lost messages: {lost}.'
 
         def values() -> dict[str, object]:
@@ -138,15 +161,14 @@ class Recorder(Node):
                 'output': str(self._bag.path),
                 'messages': self._bag.message_count,
                 'topics': len(self._topics),
-                'parameters_of': ', '.join(known),
                 **to_values(self._written),
             }
 
-        return Report(level, message, (message, known), values)
+        return Report(level, message, (message,), values)
 
     def _on_flush(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._take()
-        self._flush()
+        self._try(self._take)
+        self._try(self._flush)
         self._health.publish()
         count = self._bag.message_count
         response.success, response.message = True, f'{count} messages are in the bag.'
@@ -155,7 +177,7 @@ class Recorder(Node):
     def _discover(self) -> None:
         beside = topics_of_nodes(self) if self._options.own else frozenset[str]()
         for name, types in self.get_topic_names_and_types():
-            if name in self._left_out or not self._options.want(name, beside):
+            if name in self._left_out or not self._options.want(name, types, beside):
                 continue
             count = self.count_publishers(name)
             recorded = self._topics.get(name)
@@ -164,8 +186,7 @@ class Recorder(Node):
                     self._begin(name, types, count)
             elif count != recorded.publisher_count:
                 recorded.publisher_count = count
-                self._check_publishers(name, recorded.subscription)
-        self._parameter_watch.poll()
+                self._check_publishers(name, recorded.profile)
 
     def _begin(self, name: str, types: list[str], count: int) -> None:
         """Subscribe to a topic; one that cannot be recorded is left out, with a warning."""
@@ -179,34 +200,23 @@ class Recorder(Node):
             self._left_out.add(name)
             self.get_logger().warning(str(error))
             return
-        except BagError:
-            self._broken = True
-            raise
-        subscription = self.create_subscription(
-            kind,
-            name,
-            lambda _: None,
-            hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH),
-            callback_group=self._queues.group,
-            event_callbacks=SubscriptionEventCallbacks(
-                use_default_callbacks=False, message_lost=partial(self._on_lost, name)
-            ),
-            raw=True,
-        )
-        self._topics[name] = _Recorded(subscription, count)
-        self._queues.add(name, subscription)
+        profile = hearing_all((each.qos_profile for each in publishers), depth=QUEUE_DEPTH)
+        self._queues.add(name, kind, profile)
+        self._topics[name] = _Recorded(profile, count)
 
-    def _on_lost(self, name: str, what: QoSMessageLostInfo) -> None:
-        """Say which messages a publisher's queue had no room for before they were sent here."""
-        self._lost[name] = what.total_count
-        self.get_logger().warning(
-            f'{what.total_count_change} messages of {name} are not in the bag: '
-            'they were published faster than they could be received'
-        )
+    def _count_losses(self) -> None:
+        """Count messages that a publisher's queue had no room for before they were sent here."""
+        before, self._looked = self._looked, time.monotonic()
+        for name, count in self._queues.lost():
+            if name not in self._lost:
+                self.get_logger().warning(f'messages of {name} come too fast: some are lost')
+            loss = self._lost.setdefault(name, _Loss(before - self._begun))
+            if count > loss.count:
+                loss.last, loss.count = self._looked - self._begun, count
 
-    def _check_publishers(self, name: str, subscription: Subscription) -> None:
+    def _check_publishers(self, name: str, profile: QoSProfile) -> None:
         for each in self.get_publishers_info_by_topic(name):
-            fit, reason = qos_check_compatible(each.qos_profile, subscription.qos_profile)
+            fit, reason = qos_check_compatible(each.qos_profile, profile)
             if fit == QoSCompatibility.ERROR:
                 who = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
                 self.get_logger().warning(
@@ -230,42 +240,28 @@ class Recorder(Node):
             dated = self._simulated.date(came, time.time_ns(), all_=ending)
         else:
             dated = [(each.received, each) for each in came]
-        try:
-            for stamp, each in dated:
-                self._bag.write(each.topic, stamp, each.raw)
-                self._written[each.topic].add(each.published)
-        except BagError:
-            self._broken = True
-            raise
-        for each in came:
-            if each.topic == '/parameter_events':
-                self._parameter_watch.hear(each.raw)
-        self._parameter_watch.caught_up()
+        for stamp, each in dated:
+            self._bag.write(each.topic, stamp, each.raw)
+            self._written[each.topic].add(each.published)
         return min((each.published for each in came), default=None)
 
     def _flush(self) -> None:
-        try:
-            self._bag.flush()
-        except BagError:
-            self._broken = True
-            raise
+        self._count_losses()
+        self._bag.flush()
 
     def _drain(self) -> None:
         """Continue until no message published before now has arrived for a while."""
-        self._taking.cancel()
         asked_at = time.time_ns()
         begun = heard = time.monotonic()
         now = begun
         while now - heard < DRAIN_QUIET and now - begun < DRAIN_LIMIT:
-            # Answers about parameters and the simulated clock come in here.
-            if self.executor is not None:
-                self.executor.spin_once(timeout_sec=TAKE_PERIOD)
+            time.sleep(DRAIN_QUIET / 10.0)
             published = self._take()
             now = time.monotonic()
             if published is not None and published <= asked_at:
                 heard = now
         self._take(ending=True)
-        self._parameter_watch.finish()
+        self._count_losses()
 
 
 def _class_of(topic: str, types: list[str]) -> Any:
@@ -294,8 +290,7 @@ def record(parameters: Mapping[str, Any], namespace: str | None = None) -> int:
 
 
 def _run(make_node: Callable[[], Recorder], args: Sequence[str] | None = None) -> int:
-    # The default one would call back for every message, in spite of the queues.
-    return run(make_node, name='recorder', args=args, make_executor=SingleThreadedExecutor)
+    return run(make_node, name='recorder', args=args, outlasts=2.0)
 
 
 def main() -> None:

@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes.common.clouds import cloud_of
-from cmpsp_ros.nodes.common.parameters import declare
+from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.road_messages import path_of
 from cmpsp_ros.nodes.common.runtime import run
 from cmpsp_ros.nodes.common.topic import Topic
@@ -25,6 +25,7 @@ from cmpsp_ros.nodes.common.topics import (
     SIM_COMMAND,
     SIM_MOVING,
     SIM_ODOM,
+    SIM_PARAMETERS,
     SIM_RESET,
     SIM_ROAD,
     SIM_STAMPED_COMMAND,
@@ -103,6 +104,11 @@ class SimNode(Node):
             SIM_COMMAND.listen_on(self, self._pace.hear)
         self.create_service(SIM_RESET.type, SIM_RESET.name, self._on_reset)
         self.add_on_set_parameters_callback(self._on_parameters)
+        parameters = SIM_PARAMETERS.publish_on(self)
+        parameters.publish(event_of(self))
+        self.add_post_set_parameters_callback(
+            lambda changed: parameters.publish(event_of(self, changed))
+        )
 
     def run_to(self, stamp_ns: int) -> Odometry | None:
         """Let the robot drive on, publishing all that falls due.
@@ -252,7 +258,7 @@ def _transform(odometry: Odometry) -> TransformStamped:
 
 def main() -> None:
     """Run the simulator until it is told to stop."""
-    quick_exit(run(SimNode, name='sim'))
+    quick_exit(run(SimNode, name='sim', outlasts=1.0))
 
 
 if __name__ == '__main__':

@@ -82,7 +82,7 @@ def check_folder(folder, preset):
 
 def check_bag(folder):
     with Bag(folder / 'bag') as bag:
-        assert set(bag.parameters) == {'/guidance', '/sim', '/recorder'}
+        assert set(bag.parameters) == {'/guidance', '/sim'}
         assert bag.parameters['/guidance']['weights.road_center'] == 15.0
         assert bag.parameters['/sim']['initial_pose'] == [0.0, -9.25, 0.0]
         topics = set(bag.topics)

@@ -66,7 +66,7 @@ def test_two_runs_in_lockstep_command_the_same_and_force_replaces_a_run(start_de
             inode = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
             (folder / 'notes.txt').write_text('mine')
             refused = start_demo('case3', '--lockstep', '--output', folder)
-            assert refused.wait(LIMIT) == 1
+            assert refused.wait(LIMIT) == 2
             assert f'{folder}: found an existing folder' in ' '.join(refused.stderr.split())
             assert '--force' in refused.stderr
             unchanged = (folder / 'bag').stat().st_ino, (folder / 'summary.json').stat().st_mtime_ns
@@ -109,7 +109,7 @@ def test_case_3_in_real_time(start_demo, tmp_path):
 def test_what_cannot_be_run_is_said_before_anything_starts(start_demo, tmp_path, arguments, said):
     folder = tmp_path / 'run'
     running = start_demo(*arguments, '--lockstep', '--output', folder)
-    assert running.wait(LIMIT) == 1
+    assert running.wait(LIMIT) == 2
     text = ' '.join(running.stderr.split())
     for words in ['found', 'wanted', *said]:
         assert words in text

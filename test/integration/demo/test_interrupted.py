@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
+import resource
 import signal
+import time
 from pathlib import Path
 
 import pytest
 from demo_folder import LIMIT, commands
 
+from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import read_run
 from cmpsp_ros.nodes import MODULES
 
@@ -123,3 +127,52 @@ def test_a_node_that_dies_ends_the_run_and_is_named(start_demo, tmp_path, wait_u
     assert f'{name} ended with exit code -9' in running.stderr
     assert 'Traceback' not in running.stderr
     assert are_gone(nodes.values())
+
+
+def test_a_full_disk_ends_the_run_and_is_named(start_demo, tmp_path):
+    folder = tmp_path / 'run'
+    running = start_demo('case3', '--lockstep', '--output', folder)
+    resource.prlimit(running.pid, resource.RLIMIT_FSIZE, (50_000, 50_000))
+    assert running.wait(LIMIT) == 1
+    said = ' '.join(running.stderr.split())
+    assert 'recorder ended with exit code 1' in said
+    assert f'{folder}/bag: cannot write to the bag: [Errno 27] File too large' in said
+    assert 'Traceback' not in said
+
+
+def test_what_the_recorder_loses_is_said_and_the_run_is_judged(start_demo, tmp_path, wait_until):
+    folder = tmp_path / 'run'
+    running = start_demo('case3', '--output', folder)
+    wait_until(lambda: decided(folder), LIMIT)
+    recorder = children(running.pid)['recorder']
+    os.kill(recorder, signal.SIGSTOP)
+    # Of commands only the newest is kept for who is not there.
+    resumed = time.monotonic() + 3.0
+    wait_until(lambda: time.monotonic() > resumed)
+    os.kill(recorder, signal.SIGCONT)
+    assert running.wait(LIMIT) == 0, running.stderr
+    lost = r'recorder: (\S+): (\d+) messages, between [\d.]+ and [\d.]+ s of the recording'
+    found = dict(re.findall(lost, ' '.join(running.stderr.split())))
+    assert int(found['/cmd_vel']) > 0
+    with Bag(folder / 'bag') as bag:
+        sent, decided_on = (
+            bag.topics[each].count + int(found.get(each, 0))
+            for each in ('/cmd_vel', '/guidance/decision')
+        )
+    assert sent == decided_on
+    assert 'after 15 s the recorder lacks messages: /cmd_vel' in ' '.join(running.stderr.split())
+
+
+@pytest.mark.parametrize(
+    ('assignment', 'topic'), [('sim.scan.rate=0.0', 'scan'), ('sensors.front.topic=abc', 'abc')]
+)
+def test_a_sensor_that_says_nothing_ends_the_run_and_is_named(
+    start_demo, tmp_path, assignment, topic
+):
+    running = start_demo('unknown', '--set', assignment, '--output', tmp_path / 'run')
+    assert running.wait(LIMIT) == 1
+    sentence = 'Waiting for the first usable message of sensor front.'
+    said = ' '.join(running.stderr.split())
+    for words in ('the run has not begun yet', 'the run did not begin within 15 s'):
+        assert f'{words}: {sentence} Sensor front listens to {topic}.' in said
+    assert 'Traceback' not in said

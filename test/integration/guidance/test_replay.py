@@ -59,7 +59,7 @@ def begin(start_node, client, spawn):
                 lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
             )
         # What changes before the recorder knows the parameters, it cannot know.
-        client.until(lambda: '/guidance' in client.recorded.get('parameters_of', '').split(', '))
+        client.until(lambda: '/guidance/parameters messages' in client.recorded)
         return recorder
 
     return start

@@ -127,7 +127,7 @@ def test_a_drive_on_roads_that_change_is_replayed_and_audited(
         client.until(
             lambda topic=topic: any(each.node_name == 'recorder' for each in listeners(topic))
         )
-    client.until(lambda: '/guidance' in client.recorded.get('parameters_of', '').split(', '))
+    client.until(lambda: '/guidance/parameters messages' in client.recorded)
     pose, stamp, edges = np.array(START), client.now(), []
     for step in range(30):
         if step in (0, 10, 20):

@@ -17,16 +17,12 @@ from visualization_msgs.msg import Marker, MarkerArray
 COUNT = 2000
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
-GAINS = [0.1 + 0.2, 1 / 3, 5e-324]
 
 
 def publish_and_stop(recorder_pid):
     """Publish `COUNT` messages at 1 kHz and end the recorder right after the last."""
     rclpy.init()
     node = rclpy.create_node('talker', namespace='robot')
-    node.declare_parameter('gains', GAINS)
-    node.declare_parameter('names', ['a', 'b'])
-    node.declare_parameter('bytes', [b'\x01', b'\xff'])
     commands = node.create_publisher(Twist, '/cmd_vel', QoSProfile(depth=COUNT))
     odometry = node.create_publisher(Odometry, '/odom', BEST_EFFORT)
     markers = node.create_publisher(MarkerArray, '/markers', LATCHED)

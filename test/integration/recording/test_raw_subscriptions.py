@@ -18,19 +18,11 @@ TOPICS = ('/cause', '/effect')
 
 
 def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros):
-    subscriptions = RawSubscriptions()
+    subscriptions = RawSubscriptions(ros.node)
     publishers = []
     for topic in TOPICS:
         publishers.append(ros.node.create_publisher(UInt32, topic, QoSProfile(depth=COUNT)))
-        subscription = ros.node.create_subscription(
-            UInt32,
-            topic,
-            lambda _: None,
-            QoSProfile(depth=COUNT),
-            callback_group=subscriptions.group,
-            raw=True,
-        )
-        subscriptions.add(topic, subscription)
+        subscriptions.add(topic, UInt32, QoSProfile(depth=COUNT))
     ros.spin_until(lambda: all(each.get_subscription_count() for each in publishers))
 
     def publish():
@@ -52,3 +44,5 @@ def test_what_comes_first_is_taken_first_whichever_topic_is_looked_at_first(ros)
     ]
     assert sum(bool(batch) for batch in rounds) > 10
     assert taken == [(k, topic) for k in range(COUNT) for topic in TOPICS]
+    assert list(subscriptions.lost()) == []
+    subscriptions.close()

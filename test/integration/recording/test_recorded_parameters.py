@@ -1,73 +1,85 @@
-"""Parameters of other nodes, as the recorder finds them."""
+"""Parameters of nodes, as a bag has them."""
 
 from __future__ import annotations
 
 import signal
-import time
-from functools import partial
+import sys
 
 import pytest
-from rclpy.node import Node
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from recorder_process import heard
-from std_msgs.msg import String
+from recorder_process import flushing
 
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.nodes import MODULES
 
 pytestmark = pytest.mark.integration
 
+KEY = 'noise.position_stddev'
 
-def test_parameters_are_those_of_the_beginning(record, ros, bag):
-    ros.node.declare_parameter('gain', 1.5)
-    recorder = record()
-    publisher = ros.node.create_publisher(String, 'said', 10)
-    clients = []
 
-    def answered():
-        # The recorder's client comes, and goes when it has its answer.
-        clients.append(ros.node.count_clients('/tester/get_parameters'))
-        return 1 in clients and clients[-1] == 0
+@pytest.fixture
+def start_sim(spawn):
+    """Start a simulator, with a value of the parameter."""
+    command = [sys.executable, '-m', MODULES['sim_node'], '--ros-args', '-p']
+    return lambda value: spawn([*command, f'{KEY}:={value}'])
 
-    ros.spin_until(answered)
-    ros.spin_until(heard(publisher))
-    ros.spin_until(heard(ros.node._parameter_event_publisher))
-    ros.node.declare_parameter('late', 2.5)
-    ros.node.set_parameters([Parameter('gain', value=9.0), Parameter('late', value=9.0)])
+
+@pytest.fixture
+def change(ros):
+    """Change the parameter of the simulator."""
+
+    def change(value):
+        client = ros.node.create_client(SetParameters, '/sim/set_parameters')
+        ros.spin_until(client.service_is_ready)
+        wanted = [Parameter(KEY, value=value).to_parameter_msg()]
+        answer = client.call_async(SetParameters.Request(parameters=wanted))
+        ros.spin_until(answer.done)
+        assert answer.result().results[0].successful
+        ros.node.destroy_client(client)
+
+    return change
+
+
+def changes(bag):
+    return [
+        each.value.double_value
+        for _, event in bag.messages('/parameter_events')
+        for each in event.changed_parameters
+        if event.node == '/sim'
+    ]
+
+
+def test_they_are_those_before_the_first_recorded_change(record, ros, bag, start_sim, change):
+    start_sim(0.125)
+    change(0.25)
+    # What topics are chosen does not matter.
+    recorder = record('topics:=[/odom]')
+    counts = flushing(ros)
+    ros.spin_until(lambda: counts().get('/sim/parameters') == 1)
+    change(0.5)
+    ros.spin_until(lambda: counts().get('/sim/parameters') == 2)
     recorder.signal(signal.SIGINT)
-    ros.spin_until(lambda: recorder.process.poll() is not None)
+    assert recorder.wait() == 0
     with Bag(bag) as recorded:
-        tester = recorded.parameters['/tester']
-        assert (tester['gain'], tester['late']) == (1.5, 2.5)
-        changed = [
-            (each.name, each.value.double_value)
-            for _, event in recorded.messages('/parameter_events')
-            for each in event.changed_parameters
-        ]
-        assert ('gain', 9.0) in changed
+        assert recorded.parameters['/sim'][KEY] == 0.25
+        assert changes(recorded) == [0.5]
+        assert recorded.restarts == {}
 
 
-def test_a_node_that_is_started_anew_has_its_new_parameters_kept(record, ros, bag):
+def test_a_node_that_is_started_anew_has_its_new_parameters_kept(record, ros, bag, start_sim):
     recorder = record()
-    for gain in (1.5, 1.5, 2.5):
-        node = Node('other', context=ros.node.context)
-        ros.executor.add_node(node)
-        node.declare_parameter('gain', gain)
-        count = partial(ros.node.count_clients, '/other/get_parameters')
-        # The recorder's client comes, and goes when it has its answer.
-        ros.spin_until(count)
-        ros.spin_until(lambda count=count: count() == 0)
-        since = ros.node.get_clock().now().nanoseconds
-        ros.executor.remove_node(node)
-        node.destroy_node()
-        present = ros.node.get_node_names
-        ros.spin_until(lambda present=present: 'other' not in present())
-        # The recorder has to see that it is gone.
-        end = time.monotonic() + 0.5
-        ros.spin_until(lambda end=end: time.monotonic() > end)
+    counts, begun = flushing(ros), []
+    for number, value in enumerate((0.125, 0.25), 1):
+        begun.append(ros.node.get_clock().now().nanoseconds)
+        simulator = start_sim(value)
+        ros.spin_until(lambda number=number: counts().get('/sim/parameters') == number)
+        simulator.signal(signal.SIGINT)
+        assert simulator.wait() == 0
     recorder.signal(signal.SIGINT)
     assert recorder.wait() == 0, recorder.stderr
     with Bag(bag) as recorded:
-        assert recorded.parameters['/other']['gain'] == 1.5
-        ((begun, values),) = recorded.restarts['/other']
-        assert values['gain'] == 2.5
-        assert since - 5_000_000_000 < begun < since
+        assert recorded.parameters['/sim'][KEY] == 0.125
+        ((since, values),) = recorded.restarts['/sim']
+        assert values[KEY] == 0.25
+        assert begun[0] < begun[1] < since

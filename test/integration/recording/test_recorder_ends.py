@@ -109,4 +109,4 @@ def test_memory_and_custom_data(record, bag):
     assert resident < 110_000, 'kB'
     with Reader(bag) as reader:
         custom = reader.storage.metadata.custom
-    assert json.loads(custom['cmpsp_ros.parameters'])['/recorder']['discovery_period'] == 0.1
+    assert json.loads(custom['cmpsp_ros.software'])['rclpy'] != 'unknown'

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from bag_messages import TWIST, raw, twist
+from bag_messages import EVENT, TWIST, make, parameter_event, raw, time, twist
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -65,6 +65,20 @@ def test_empty_bag(tmp_path):
     BagWriter(tmp_path / 'empty').close()
     with Bag(tmp_path / 'empty') as bag:
         assert (bag.topics, bag.start, bag.end, bag.parameters) == ({}, 0, 0, {})
+
+
+@pytest.mark.parametrize(('changed_at', 'known'), [(5, {'a': 1.0, 'b': 2.0}), (15, {'a': 1.0})])
+def test_what_was_changed_before_the_parameters_came_is_unknown(tmp_path, changed_at, known):
+    everything = parameter_event('/guidance', {'a': 1.0, 'b': 2.0}).changed_parameters
+    changed = [each for each in everything if each.name == 'b']
+    told = make(EVENT, time(changed_at), '/guidance', everything, changed, [])
+    with BagWriter(tmp_path / 'bag') as bag:
+        bag.topic('/cmd_vel', TWIST)
+        bag.topic('/guidance/parameters', EVENT)
+        bag.write('/cmd_vel', 10, moving(1.0))
+        bag.write('/guidance/parameters', 20, raw(told))
+    with Bag(tmp_path / 'bag') as bag:
+        assert bag.parameters == {'/guidance': known}
 
 
 def test_single_file(path):

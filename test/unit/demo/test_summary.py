@@ -121,6 +121,16 @@ def test_levels_and_deadlines_are_counted(summary_of):
     assert summary.control_steps == 5
 
 
+def test_a_command_that_was_sent_late_or_not_at_all_is_a_missed_deadline(summary_of):
+    told = [{'odometry_to_command_ms': ms} for ms in ('210.0', '259.0', '261.0')]
+    told += [{'odometry_to_command_ms': '70.0', 'late': '0.25'}]
+    decisions = [{'stamp': k * 200_000_000, 'step_ms': 5.0, **one} for k, one in enumerate(told)]
+    for delay, missed in ((0.0, 4), (0.06, 2)):
+        chosen, name = settings(command_delay=delay), f'delay_{delay}'
+        summary = summary_of(chosen, driven(0, 1, 2, 3, 4), decisions=decisions, name=name)
+        assert summary.deadline_misses == missed
+
+
 def test_the_robot_s_own_radius_is_taken_off(summary_of):
     summary = summary_of(settings(**{'robot.radius': 0.25}), driven(0, 1, 2, 3, 4))
     assert summary.clearance == pytest.approx(0.75)

@@ -55,7 +55,7 @@ def test_only_the_guidance_node_may_command():
 
 def test_nobody_may_change_what_another_node_does():
     asked = {name.rpartition('/')[2] for each in rights() for name in each.request}
-    assert asked == {'get_parameters', 'list_parameters'}
+    assert asked == {'get_parameters'}
 
 
 def test_everything_in_the_table_of_topics_is_granted_to_its_node():

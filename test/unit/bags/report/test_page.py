@@ -156,6 +156,17 @@ def test_charts_hold_what_was_driven(report, drive):
     assert min(road['y']) == pytest.approx(0.235, abs=1e-2)
 
 
+def test_missed_deadlines_are_counted_and_marked(report, drive):
+    told = {'step': 10.0, 'odometry_to_command': 250.0}
+    drive.decisions[5] = drive.decisions[5]._replace(late=0.21, phases={'step': 210.0})
+    drive.decisions[9] = drive.decisions[9]._replace(phases=told)
+    text = report(drive).read_text(encoding='utf-8')
+    *_, missed = Page(text).data['figures']['steps']['data']
+    assert (missed['name'], missed['mode']) == ('deadline missed', 'markers')
+    assert (missed['x'], missed['y']) == ([1.0, 1.8], [210.0, 250.0])
+    assert '<td>deadlines missed</td><td>2 of ' in text
+
+
 def test_several_bags_on_one_course_are_laid_over_each_other(report, drive):
     other = drive.copy()
     other.parameters['safety.margin'] = 0.1

@@ -132,6 +132,13 @@ def test_a_command_that_leaves_late_is_a_missed_deadline_however_short_its_step(
     assert values['odometry_to_command_ms_max'] == 850.0
 
 
+def test_a_command_that_was_not_sent_is_a_missed_deadline_by_any_clock():
+    times = StepTimes()
+    # In simulated time twice as fast as the computer's clock.
+    times.add(150.0, 300.0, 0.2, 0.15, is_late=True)
+    assert times.values()['deadline_misses'] == 1
+
+
 @pytest.mark.parametrize(('delay', 'said'), [(0.0, 1), (0.04, 0), (0.06, 0)])
 def test_a_delay_that_nobody_knows_of_is_told_with_its_value(delay, said):
     times = StepTimes()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cmpsp_ros.bags.audit.sources import Sources
@@ -14,9 +14,12 @@ from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, change
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.obstacles import shapes_of
 from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 
 @dataclass(frozen=True)
@@ -40,11 +43,19 @@ class History:
 
     Attributes:
         given: Keys that were recorded; the others are defaults, which are not evidence.
-        epochs: In order of time, at least one; the first began before the recording.
+        epochs: In order of time, at least one; the first began before the recording. The obstacles
+            include those that only the simulator knows.
+        simulated: Whether the robot is simulated, so that all obstacles are known.
     """
 
     given: frozenset[str]
     epochs: tuple[Epoch, ...]
+    simulated: bool = False
+
+    @property
+    def starts(self) -> list[int]:
+        """Beginning of each epoch [ns]."""
+        return [each.since for each in self.epochs]
 
     def at(self, stamp: int) -> GuidanceSettings:
         """Settings in force at an instant [ns]."""
@@ -53,7 +64,7 @@ class History:
 
 
 def read_history(bag: Bag, places: Names, sources: Sources) -> History:
-    """Parameters of the guidance node, with their recorded changes, or those of a file.
+    """Parameters of guidance node and simulator with their recorded changes, or those of a file.
 
     Raises:
         BagError: The recorded changes cannot be read.
@@ -62,7 +73,8 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
     if sources.params_file is not None:
         given = load_parameter_file(sources.params_file)
         values = TABLE.resolve(given)
-        return History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
+        history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
+        return _with_course(history, list(_course(bag, places.sim)))
     parameters = NodeParameters(bag, places.node)
     epochs = [_epoch(0, parameters)]
     first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
@@ -71,7 +83,35 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
         parameters.change(received, changes, used=received >= first_command)
         epochs.append(_epoch(stamp, parameters))
     epochs += _restarts(parameters, bag.end)
-    return History(parameters.given, tuple(epochs))
+    return _with_course(History(parameters.given, tuple(epochs)), list(_course(bag, places.sim)))
+
+
+def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
+    """Obstacles that only the simulator knows, each time from when on [ns]; none without one."""
+    if node not in bag.parameters:
+        return
+    parameters = NodeParameters(bag, node)
+    yield 0, shapes_of(parameters.values, OWN_OBSTACLES)
+    for received, stamp, changes in _changes(bag, node):
+        while (since := parameters.restart(received)) is not None:
+            yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+        parameters.change(received, changes, used=False)
+        yield stamp, shapes_of(parameters.values, OWN_OBSTACLES)
+    while (since := parameters.restart(bag.end)) is not None:
+        yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+
+
+def _with_course(history: History, course: Sequence[tuple[int, tuple[Shape, ...]]]) -> History:
+    """A history with the obstacles that stand on the course at each time."""
+    if not course:
+        return history
+    epochs, starts = [], [since for since, _ in course]
+    for since in sorted({*starts, *(each.since for each in history.epochs)}):
+        epoch = history.epochs[max(bisect_right(history.starts, since) - 1, 0)]
+        known, hidden = epoch.settings, course[bisect_right(starts, since) - 1][1]
+        settings = replace(known, obstacles=known.obstacles + hidden) if hidden else known
+        epochs.append(replace(epoch, since=since, settings=settings))
+    return replace(history, epochs=tuple(epochs), simulated=True)
 
 
 def _restarts(parameters: NodeParameters, until: int) -> Iterator[Epoch]:

@@ -52,7 +52,7 @@ class Sweep:
         clearance = np.full((len(seen.stamps), EDGES + 1), FAR)
         np.minimum(seen.clearance, FAR, out=clearance[:, EDGES])
         names = (*settings.road.edge_names, 'what the sensors saw')
-        return cls(settings, seen.stamps, clearance, names, 'the sensors', seen.tolerance)
+        return cls(settings, seen.stamps, clearance, names, tolerance=seen.tolerance)
 
 
 def sweep(path: Driven, history: History, by: str = '', tolerance: float = 0.0) -> Iterator[Sweep]:

@@ -9,7 +9,7 @@ from drives import SECOND, Command, drive_case, drive_settings, failed
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.decision import FallbackLevel
 
-PASSED, FAILED, _ = CheckOutcome
+PASSED, FAILED, *_ = CheckOutcome
 
 
 def test_one_wrong_command_is_caught(drive, outcomes):

@@ -52,20 +52,21 @@ def demo(
     """Drive one run with real nodes, record it, and draw it.
 
     A file with sections for several robots drives them all together. Exit code 0 only if every
-    robot reached its goal within the tolerance, and the driven path is clear.
+    robot reached its goal within the tolerance, and the driven path is clear; 3 if nothing is wrong
+    but a part of the path was not recorded.
     """
     try:
         with exit_on(ParameterError, DemoError, BagError, code=1):
             fleet = _loaded(preset, assignments or [], robot, lockstep=lockstep)
             folder = make_folder(output, force=force)
             drive = _drive if len(fleet) == 1 else _drive_fleet
-            failure = drive(fleet, folder, port if view else None)
+            failure, is_certain = drive(fleet, folder, port if view else None)
     except KeyboardInterrupt:
         errors().print('interrupted; all nodes were stopped', style='red')
         raise typer.Exit(130) from None
     if failure:
         complain(failure)
-        raise typer.Exit(1)
+        raise typer.Exit(1 if is_certain else 3)
 
 
 def _loaded(
@@ -89,8 +90,8 @@ def _loaded(
     return fleet
 
 
-def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
-    """Run one robot and show the result; returns why it failed, or an empty text."""
+def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> tuple[str, bool]:
+    """Run one robot and show the result; returns what is wrong, and whether that is certain."""
     from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     (scenario,) = alone
@@ -98,10 +99,12 @@ def _drive(alone: Sequence[Scenario], folder: Path, view_port: int | None) -> st
         summary = run(scenario, folder, progress, view_port)
     console().print(_table(summary, scenario))
     say(f'{folder}: bag, summary.json, trajectory.png, wheel_speeds.png')
-    return summary.failure
+    return summary.failure, summary.has_failed
 
 
-def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None) -> str:
+def _drive_fleet(
+    fleet: Sequence[Scenario], folder: Path, view_port: int | None
+) -> tuple[str, bool]:
     """As `_drive`, for several robots."""
     from cmpsp_ros.demo.fleet import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
 
@@ -110,7 +113,8 @@ def _drive_fleet(fleet: Sequence[Scenario], folder: Path, view_port: int | None)
         robots = run_fleet(fleet, folder, progress, view_port)
     console().print(_fleet_table(robots))
     say(f'{folder}: bag, summary.json, trajectory.png')
-    return '\n'.join(f'{each.namespace}: {each.failure}' for each in robots if each.failure)
+    failure = '\n'.join(f'{each.namespace}: {each.failure}' for each in robots if each.failure)
+    return failure, any(each.summary.has_failed or each.apart < 0.0 for each in robots)
 
 
 @contextmanager

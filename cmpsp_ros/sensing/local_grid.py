@@ -106,8 +106,7 @@ class LocalGrid:
         is_known = self._seen >= stamp - self._memory
         rows, columns = np.nonzero((self._cells == Cell.OCCUPIED) & is_known)
         corners = np.column_stack([columns + self._column, rows + self._row])
-        points: Array = (corners + self._hits[rows, columns]) * self._resolution
-        return points
+        return np.asarray((corners + self._hits[rows, columns]) * self._resolution, dtype=float)
 
     def at(self, stamp: int) -> OccupancyGrid:
         """What is known at a time [ns]; what was last seen too long before it is unknown."""

@@ -93,12 +93,11 @@ def others(record: AuditRecord) -> Verdict:
     named = record.history.epochs[0].settings.moving_obstacles.others
     if not named:
         return skipped('No other robots are to be kept clear of (others.namespaces).')
-    missing = sorted({*named} - {*record.others, record.places.namespace})
-    sentence = f'The bag lacks the path of {", ".join(missing)}.' if missing else ''
+    missing = record.others_sentence
     if not record.robot_encounters:
-        return not_judged(sentence) if missing else skipped('There is no other robot.')
+        return not_judged(missing or 'The bag has no path of others at the time of this one.')
     verdict = _apart(record, record.robot_encounters, '')
-    return unless(unless(verdict, sentence), record.hole_sentence)
+    return unless(unless(verdict, missing), record.hole_sentence)
 
 
 def _apart(record: AuditRecord, met: Sequence[Encounter], where: str) -> Verdict:

@@ -21,7 +21,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
-from cmpsp_ros.bags.runs.holes import in_words
+from cmpsp_ros.bags.runs.holes import holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.bags.runs.run import Driven, truth_topic
 from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
@@ -130,7 +130,27 @@ class AuditRecord:
         settings = self.settings
         known = settings.moving_obstacles
         around = known.others_radius, settings.bodies, known.timeout
-        return tuple(self._met(lambda path: robot_encounters(path, self.others, *around)))
+
+        def along(path: Driven) -> Iterator[Encounter]:
+            for name, other in self.others.items():
+                longest = longest_interval(other.stamps, settings)
+                for part in pieces(other, int(path.stamps[0]), int(path.stamps[-1]), longest):
+                    first, last = (int(part.stamps[k]) for k in (0, -1))
+                    yield from robot_encounters(path.between(first, last), {name: part}, *around)
+
+        return tuple(self._met(along))
+
+    @cached_property
+    def others_sentence(self) -> str:
+        """Which paths of other robots are not recorded, in a sentence; empty if all are."""
+        named, known = self.settings.moving_obstacles.others, self.others
+        lacking = [each for each in named if each not in {*known, self.places.namespace}]
+        words = [f'that of {each} is not in the bag' for each in lacking]
+        for name, path in known.items():
+            ends = int(path.stamps[0]), int(path.stamps[-1])
+            found = holes(path.stamps, *ends, longest_interval(path.stamps, self.settings))
+            words += [f'that of {name} not {in_words(found, self.start)}'] if found else []
+        return f'Of the paths of others {" and ".join(words)}.' if words else ''
 
     def _sweeps(self, known: Iterable[KnownPath]) -> Iterator[Sweep]:
         for each in known:

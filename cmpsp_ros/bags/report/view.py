@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_record
+from cmpsp_ros.bags.audit import AuditRecord, Finding, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.reader import Bag
@@ -90,11 +90,6 @@ class View:
         epochs = self.record.history.epochs
         later = (each.settings.road for each in epochs if each.since > self.record.start)
         return tuple(dict.fromkeys((self.settings.road, *later)))
-
-    @property
-    def failures(self) -> int:
-        """Number of checks that failed."""
-        return sum(each.outcome is CheckOutcome.FAILED for each in self.findings)
 
     @property
     def end(self) -> float:

@@ -197,7 +197,7 @@ def _from_polygon(footprint: Footprint, points: Array, pose: Array) -> Array:
     part = np.clip((to * sides).sum(axis=2) / np.square(sides).sum(axis=1), 0.0, 1.0)
     off = to - part[..., None] * sides
     least = np.hypot(off[..., 0], off[..., 1]).min(axis=1)
-    return np.where(contains(corners, points), -least, least)
+    return np.asarray(np.where(contains(corners, points), -least, least))
 
 
 def _scans(

@@ -89,9 +89,11 @@ def as_decided(record: AuditRecord) -> Verdict:
     wrong = ~agreeing(record.commands, decided, pairs)
     count = int(wrong.sum())
     if not count:
-        return passed_if(
-            True, f'All {pairs.count} commands are what was decided.', worst=0.0, limit=0.0
-        )
+        alone = record.commands.moving.copy()
+        alone[pairs.commands :][: pairs.count] = False
+        missing = f'{alone.sum()} others have no decision in the bag.' if alone.any() else ''
+        sentence = f'All {pairs.count} commands are what was decided.'
+        return unless(passed_if(True, sentence, worst=0.0, limit=0.0), missing)
     where = int(wrong.argmax())
     sent, wanted = record.commands.twists[pairs.commands + where], decided[pairs.decisions + where]
     return passed_if(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,11 +46,13 @@ class History:
         epochs: In order of time, at least one; the first began before the recording. The obstacles
             include those that only the simulator knows.
         simulated: Whether the robot is simulated, so that all obstacles are known.
+        has_traffic: Whether the simulator moves obstacles.
     """
 
     given: frozenset[str]
     epochs: tuple[Epoch, ...]
     simulated: bool = False
+    has_traffic: bool = False
 
     @property
     def starts(self) -> list[int]:
@@ -74,7 +76,7 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
         given = load_parameter_file(sources.params_file)
         values = TABLE.resolve(given)
         history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
-        return _with_course(history, list(_course(bag, places.sim)))
+        return _with_course(history, bag, places.sim)
     parameters = NodeParameters(bag, places.node)
     epochs = [_epoch(0, parameters)]
     first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
@@ -83,7 +85,7 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
         parameters.change(received, changes, used=received >= first_command)
         epochs.append(_epoch(stamp, parameters))
     epochs += _restarts(parameters, bag.end)
-    return _with_course(History(parameters.given, tuple(epochs)), list(_course(bag, places.sim)))
+    return _with_course(History(parameters.given, tuple(epochs)), bag, places.sim)
 
 
 def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
@@ -101,8 +103,9 @@ def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
         yield since, shapes_of(parameters.values, OWN_OBSTACLES)
 
 
-def _with_course(history: History, course: Sequence[tuple[int, tuple[Shape, ...]]]) -> History:
-    """A history with the obstacles that stand on the course at each time."""
+def _with_course(history: History, bag: Bag, node: str) -> History:
+    """A history with the obstacles that stand on the course at each time, as a simulator knows."""
+    course = list(_course(bag, node))
     if not course:
         return history
     epochs, starts = [], [since for since, _ in course]
@@ -111,7 +114,8 @@ def _with_course(history: History, course: Sequence[tuple[int, tuple[Shape, ...]
         known, hidden = epoch.settings, course[bisect_right(starts, since) - 1][1]
         settings = replace(known, obstacles=known.obstacles + hidden) if hidden else known
         epochs.append(replace(epoch, since=since, settings=settings))
-    return replace(history, epochs=tuple(epochs), simulated=True)
+    moves = bool(bag.parameters[node].get('moving_obstacles.names'))
+    return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
 
 
 def _restarts(parameters: NodeParameters, until: int) -> Iterator[Epoch]:

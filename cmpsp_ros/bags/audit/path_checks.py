@@ -78,9 +78,11 @@ def moving(record: AuditRecord) -> Verdict:
     A collision with a robot at rest is not its own.
     """
     met = record.encounters
-    if not met and any(each.tracks_known for each in record.decisions):
-        return not_judged('The bag lacks moving obstacles that were avoided.')
     if not met:
+        known = (key for each in record.decisions for key, _ in each.tracks)
+        were_there = any(isinstance(key, int) for key in known)
+        if were_there or record.history.has_traffic:
+            return not_judged(f'The bag lacks the moving obstacles in {record.places.moving}.')
         return skipped(f'No moving obstacle is in {record.places.moving}.')
     return unless(_apart(record, met, ', at its predicted position'), record.hole_sentence)
 

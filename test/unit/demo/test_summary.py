@@ -67,7 +67,11 @@ def test_a_hole_in_the_true_path_is_not_judged(summary_of):
     assert not summary.has_failed
     assert summary.clearance == pytest.approx(0.55, abs=0.06)
     assert 'not judged: the path is not recorded from 1.15 to 2.80 s (1.65 s)' in summary.failure
-    # What is recorded is judged as ever.
+
+
+def test_a_contact_beside_a_hole_is_one(summary_of):
+    seconds = np.arange(0.0, 4.01, 0.05)
+    lacking = driven(*seconds[(seconds < 1.2) | (seconds > 2.8)])
     beside = summary_of(settings([(on_circle(0.9)[:2], 0.1)]), lacking)
     assert beside.has_failed
     assert 'by 0.1 m and not judged' in beside.failure

@@ -229,7 +229,7 @@ def test_the_stated_error_of_odometry_is_no_contact_where_the_true_path_is_known
 ):
     drive.truth = [replace(each) for each in drive.odometry] if is_known else []
     for each in drive.odometry:
-        each.pose, each.spread = each.pose + [0.08, 0.0, 0.0], 0.03
+        each.pose, each.spread = np.add(each.pose, [0.08, 0.0, 0.0]), 0.03
     assert ('obstacles' in failed(outcomes(drive))) != is_known
 
 

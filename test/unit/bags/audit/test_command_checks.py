@@ -136,6 +136,13 @@ def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
     assert findings['previous_plan'].worst == count
 
 
+def test_commands_without_a_decision_are_not_judged_by_those_that_have_one(drive, outcomes):
+    del drive.decisions[:10]
+    findings = outcomes(drive)
+    assert findings['as_decided'].outcome is CheckOutcome.NOT_JUDGED
+    assert '10 others have no decision' in findings['as_decided'].sentence
+
+
 def test_a_start_that_the_recorder_missed_is_no_wrong_command(drive, outcomes):
     del drive.commands[:2]
     findings = outcomes(drive)

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from bag_messages import SECOND
 
-from cmpsp_ros.bags.audit.checks import CHECKS
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.report.view import labels

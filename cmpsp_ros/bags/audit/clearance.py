@@ -55,10 +55,21 @@ class Sweep:
         return cls(settings, seen.stamps, clearance, names, tolerance=seen.tolerance)
 
 
-def sweep(path: Driven, history: History, by: str = '', tolerance: float = 0.0) -> Iterator[Sweep]:
-    """The arcs of a path, by the parameters in force at the beginning of each."""
+def sweep(
+    path: Driven, history: History, by: str = '', tolerance: float = 0.0, off: float = 0.0
+) -> Iterator[Sweep]:
+    """The arcs of a path, by the parameters in force at the beginning of each.
+
+    Args:
+        path: The path.
+        history: The parameters.
+        by: As of `Sweep`.
+        tolerance: As of `Sweep`.
+        off: What the path is off the true one [m]: those obstacles that only the simulator knows
+            count as so much farther away.
+    """
     begins = path.stamps[:-1]
-    edges = np.searchsorted(begins, [each.since for each in history.epochs[1:]])
+    edges = np.searchsorted(begins, history.starts[1:])
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
             arcs = path.poses[index], path.twists[index], path.durations[index]
@@ -66,4 +77,5 @@ def sweep(path: Driven, history: History, by: str = '', tolerance: float = 0.0) 
             obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
             names = (*settings.road.edge_names, *obstacles)
             clearance = settings.clearance(*arcs)
+            clearance[:, EDGES:][:, epoch.hidden] += off
             yield Sweep(settings, begins[index], clearance, names, by, tolerance)

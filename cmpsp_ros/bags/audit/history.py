@@ -30,11 +30,19 @@ class Epoch:
         since: Its beginning [ns].
         values: Parameters by key.
         settings: The guidance settings made of them.
+        n_hidden: How many of the obstacles, at the end, only the simulator knows.
     """
 
     since: int
     values: Values
     settings: GuidanceSettings
+    n_hidden: int = 0
+
+    @property
+    def hidden(self) -> slice:
+        """Their places among the obstacles."""
+        count = len(self.settings.obstacles)
+        return slice(count - self.n_hidden, count)
 
 
 @dataclass(frozen=True)
@@ -61,8 +69,12 @@ class History:
 
     def at(self, stamp: int) -> GuidanceSettings:
         """Settings in force at an instant [ns]."""
+        return self.epoch_at(stamp).settings
+
+    def epoch_at(self, stamp: int) -> Epoch:
+        """The period of an instant [ns]."""
         index = bisect_right(self.epochs, stamp, key=lambda each: each.since) - 1
-        return self.epochs[max(index, 0)].settings
+        return self.epochs[max(index, 0)]
 
 
 def read_history(bag: Bag, places: Names, sources: Sources) -> History:
@@ -110,10 +122,10 @@ def _with_course(history: History, bag: Bag, node: str) -> History:
         return history
     epochs, starts = [], [since for since, _ in course]
     for since in sorted({*starts, *(each.since for each in history.epochs)}):
-        epoch = history.epochs[max(bisect_right(history.starts, since) - 1, 0)]
+        epoch = history.epoch_at(since)
         known, hidden = epoch.settings, course[bisect_right(starts, since) - 1][1]
         settings = replace(known, obstacles=known.obstacles + hidden) if hidden else known
-        epochs.append(replace(epoch, since=since, settings=settings))
+        epochs.append(replace(epoch, since=since, settings=settings, n_hidden=len(hidden)))
     moves = bool(bag.parameters[node].get('moving_obstacles.names'))
     return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
 

@@ -44,12 +44,14 @@ class KnownPath:
         pieces: Its parts without holes.
         holes: Where it is unknown.
         tolerance: What its clearance may be off by [m].
+        off: Largest distance of its positions from the true ones, where these are known [m].
     """
 
     by: str
     pieces: tuple[Driven, ...]
     holes: tuple[Hole, ...]
     tolerance: float = 0.0
+    off: float = 0.0
 
     def at(self, stamp: int) -> Array | None:
         """Pose ``(3,)`` at an instant [ns]; None in a hole."""
@@ -94,15 +96,25 @@ class Leg:
 
         Where the true path is known too, what odometry itself says of its errors is no contact.
         """
-        spread = 0.0 if self.truth is None else 3.0 * float(self.odometry.spreads[:, 0].max())
-        return self._known('', self.path, spread)
+        off, stamps = 0.0, self.path.stamps
+        for part in () if self.true is None else self.true.pieces:
+            both = (stamps >= part.stamps[0]) & (stamps <= part.stamps[-1])
+            away = (self.path.poses[both] - part.at_all(stamps[both]))[:, :2]
+            off = max(off, float(np.hypot(*away.T).max(initial=0.0)))
+        spread = 3.0 * float(self.odometry.spreads[:, 0].max())
+        return self._known('', self.path, 0.0 if self.true is None else spread, off)
+
+    @cached_property
+    def true(self) -> KnownPath | None:
+        """The true path; None without a simulator."""
+        if self.truth is None:
+            return None
+        return self._known('the true path', path_through(self.truth))
 
     @cached_property
     def known(self) -> tuple[KnownPath, ...]:
         """The path by each source, the best first."""
-        if self.truth is None:
-            return (self.by_odometry,)
-        return self._known('the true path', path_through(self.truth)), self.by_odometry
+        return (self.by_odometry,) if self.true is None else (self.true, self.by_odometry)
 
     @cached_property
     def holes(self) -> tuple[Hole, ...]:
@@ -113,7 +125,7 @@ class Leg:
         longest = longest_interval(self.odometry.stamps, self.settings)
         return holes(stamps, self.runs[0].start, self.runs[-1].end, longest)
 
-    def _known(self, by: str, path: Driven, tolerance: float = 0.0) -> KnownPath:
+    def _known(self, by: str, path: Driven, tolerance: float = 0.0, off: float = 0.0) -> KnownPath:
         begin, end = self.runs[0].start, self.runs[-1].end
         longest = longest_interval(path.stamps, self.settings)
         return KnownPath(
@@ -121,6 +133,7 @@ class Leg:
             tuple(pieces(path, begin, end, longest)),
             holes(path.stamps, begin, end, longest),
             tolerance,
+            off,
         )
 
 

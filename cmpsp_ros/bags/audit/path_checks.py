@@ -63,7 +63,7 @@ def road(record: AuditRecord) -> Verdict:
 def obstacles(record: AuditRecord) -> Verdict:
     """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
     known = any(each.settings.obstacles for each in record.sweeps)
-    if not known and not record.seen:
+    if not known and not any(record.seen):
         return not_judged(unseen) if (unseen := record.unseen) else skipped(_NO_OBSTACLE)
     verdict = _clear(record, slice(EDGES, None), 0.0)
     if verdict.worst is not None and verdict.worst < -_ROUNDING:
@@ -161,6 +161,7 @@ def commanded(record: AuditRecord) -> Verdict:
                 period = min(max(held, 0.0), period)
             near = project_on_path(settings.road, pose, near)
             spare = _spare(settings, pose, twist, period, near)
+            spare[EDGES:][record.history.epoch_at(stamp).hidden] += leg.by_odometry.off
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp
                 column = int(spare.argmin())

@@ -21,10 +21,10 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
-from cmpsp_ros.bags.runs.holes import holes, in_words, longest_interval, pieces
+from cmpsp_ros.bags.runs.holes import Hole, holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.bags.runs.run import Driven, truth_topic
-from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
+from cmpsp_ros.bags.runs.seen import Knowledge, Seen, by_scans, by_sightings, sightings
 from cmpsp_ros.bags.runs.tracks import read_tracks, seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
@@ -72,34 +72,38 @@ class AuditRecord:
     def evidence(self) -> tuple[Sweep, ...]:
         """The same by all sources: odometry, the true path, and what sensors saw."""
         true = (each for leg in self.legs for each in leg.known if each.by)
-        seen = (Sweep.of_seen(self.settings, each) for each in self.seen)
+        seen = (Sweep.of_seen(self.settings, one) for each in self.seen for one in each)
         return (*self.sweeps, *self._sweeps(true), *seen)
 
     @cached_property
-    def seen(self) -> tuple[Seen, ...]:
+    def seen(self) -> tuple[tuple[Seen, ...], ...]:
         """What sensors saw beside the path of each leg; of those who saw anything."""
-        settings = self.settings
+        settings, topic = self.settings, self.places.sighting
         if not settings.sight.sensors:
             return ()
+        found = []
         with Bag(self.path) as bag:
-            found = [
-                look(bag, self.places.sighting, settings, best, self._moving_at, leg.window)
-                for leg in self.legs
-                if (best := next((each.pieces for each in leg.known if each.pieces), ()))
-            ]
-        return tuple(each for each in found if len(each.looks))
+            for leg in self.legs:
+                rest = self._moving_at, leg.window
+                best = next((each.pieces for each in leg.known if each.pieces), ())
+                heard = leg.by_odometry.pieces
+                each = [by_scans(bag, topic, settings, best, *rest)] if best else []
+                # The grid is in the frame of odometry, with all its errors.
+                each += [by_sightings(bag, topic, settings, heard, *rest)] if heard else []
+                found.append(tuple(one for one in each if len(one.looks)))
+        return tuple(found)
 
     @cached_property
     def unseen(self) -> str:
         """Why obstacles are not known everywhere, in a sentence; empty if they are."""
         if self.history.simulated or not self.settings.sight.sensors:
             return ''
-        if len(self.seen) < len(self.legs):
-            return (
-                'Only sensors know the obstacles here, and the bag has no message in which they saw'
-                ' anything.'
-            )
-        blind = [hole for each in self.seen for hole in each.blind(self.settings)]
+        if not all(self.seen):
+            return 'Only sensors know the obstacles, and in the bag they saw nothing.'
+        blind: list[Hole] = []
+        for each in self.seen:
+            looks = np.unique(np.concatenate([one.looks for one in each]))
+            blind += each[0].blind(looks, self.settings)
         return f'No sensor saw anything {in_words(blind, self.start)}.' if blind else ''
 
     @cached_property
@@ -112,10 +116,7 @@ class AuditRecord:
         """For each leg: settings with what sensors had shown by a time [ns], for rising times."""
         with Bag(self.path) as bag:
             for leg in self.legs:
-                begin, end = leg.window
-                rows = sightings(bag, self.places.sighting)
-                grids = ((stamp, grid) for at, stamp, grid in rows if begin <= at < end)
-                yield Knowledge(grids).of
+                yield Knowledge(sightings(bag, self.places.sighting, leg.window)).of
 
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:
@@ -155,7 +156,7 @@ class AuditRecord:
     def _sweeps(self, known: Iterable[KnownPath]) -> Iterator[Sweep]:
         for each in known:
             for path in each.pieces:
-                yield from sweep(path, self.history, each.by, each.tolerance)
+                yield from sweep(path, self.history, each.by, each.tolerance, each.off)
 
     def _met(self, found_along: Callable[[Driven], Iterable[Encounter]]) -> Iterator[Encounter]:
         """Encounters on every known part of the path, less what its source may be off by."""

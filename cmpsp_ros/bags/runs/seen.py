@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Final
@@ -26,6 +27,8 @@ from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+Moving = Callable[[int], Array]
+Window = tuple[float, float]
 
 EXACT: Final = 0.05
 """What ranges, odometry and cells together may be off by [m]."""
@@ -62,11 +65,16 @@ class Seen:
     looks: Stamps
     tolerance: float
 
-    def blind(self, settings: GuidanceSettings) -> tuple[Hole, ...]:
-        """When the robot drove on and nothing was seen for longer than `sight.timeout`."""
-        longest = longest_interval(self.looks, settings)
+    def blind(self, looks: Stamps, settings: GuidanceSettings) -> tuple[Hole, ...]:
+        """When the robot drove on and nothing was seen for longer than `sight.timeout`.
+
+        Args:
+            looks: All times at which anything was seen, in order [ns].
+            settings: With the timeout.
+        """
+        longest = longest_interval(looks, settings)
         longest = max(longest, to_nanoseconds(settings.sight.timeout))
-        found = holes(self.looks, int(self.stamps[0]), int(self.stamps[-1]), longest)
+        found = holes(looks, int(self.stamps[0]), int(self.stamps[-1]), longest)
         return tuple(each for each in found if self._drives(each))
 
     def _drives(self, hole: Hole) -> bool:
@@ -91,65 +99,87 @@ class Knowledge:
         return settings.seeing(self._seen)
 
 
-def sightings(bag: Bag, topic: str) -> Iterator[tuple[int, int, OccupancyGrid]]:
-    """Reception and stamp [ns] of each `~/sighting` of a bag, and its grid."""
+def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, OccupancyGrid]]:
+    """Stamp [ns] and grid of each `~/sighting` that was received in a time [ns]."""
     if topic in bag.topics and bag.topics[topic].msgtype == _GRID:
         for received, message in bag.messages(topic):
-            try:
-                yield received, stamp_of(message), grid_of(message, message.header.frame_id)
-            except GridError:
-                continue
+            if window[0] <= received < window[1]:
+                with suppress(GridError):
+                    yield stamp_of(message), grid_of(message, message.header.frame_id)
 
 
-def look(
+def by_scans(
     bag: Bag,
     topic: str,
     settings: GuidanceSettings,
     paths: Sequence[Driven],
-    others: Callable[[int], Array],
-    window: tuple[float, float],
+    moving: Moving,
+    window: Window,
 ) -> Seen:
-    """Everything that was seen beside a path.
+    """What scans and clouds showed beside a path.
 
     Args:
         bag: An open bag.
         topic: Full name of `~/sighting`; scans are in the namespace of its node.
         settings: With the sensors and the robot's outline.
         paths: Parts of the path, in order, without holes.
-        others: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
+        moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
         window: Reception of the first message that counts, and of the first that does not [ns].
     """
-    stamps = np.concatenate([each.stamps for each in paths])
-    poses = np.concatenate([each.poses for each in paths])
-    judge = _Judge(settings, stamps, poses)
+    judge, looks = _Judge(settings, paths), []
     scans = _scans(bag, topic, settings, paths, window)
-    looks, tolerance = [], EXACT
     while block := list(islice(scans, _BLOCK)):
         block.sort(key=lambda each: each.stamp)
-        block = [_without(each, others(each.stamp)) for each in block]
+        # Beams that end at what moves have met nothing that stays.
+        block = [
+            replace(each, hits=each.hits & ~_in_discs(each.ends, moving(each.stamp)))
+            for each in block
+        ]
         looks += [each.stamp for each in block if each.hits.any()]
         judge.look(block, 1)
-        judge.look([replace(each, stamp=-each.stamp) for each in reversed(block)], -1)
-    before = int(stamps[0])
+        # A cloud never shows that something has gone, nor that it came.
+        sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
+        judge.look(sweeps[::-1], -1)
+    return judge.seen(looks, EXACT)
+
+
+def by_sightings(
+    bag: Bag,
+    topic: str,
+    settings: GuidanceSettings,
+    paths: Sequence[Driven],
+    moving: Moving,
+    window: Window,
+) -> Seen:
+    """What `~/sighting` showed beside a path by odometry; arguments as of `by_scans`."""
+    judge, looks, tolerance = _Judge(settings, paths), list[int](), EXACT
+    before, last = int(paths[0].stamps[0]), int(paths[-1].stamps[-1])
     spots = np.empty((0, 2))
-    for received, stamp, grid in sightings(bag, topic):
-        if window[0] <= received < window[1] and before <= stamp <= stamps[-1]:
+    for stamp, grid in sightings(bag, topic, window):
+        if before <= stamp <= last:
             judge.near(spots, before, stamp)
             spots = grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
-            spots = spots[~_in_discs(spots, others(stamp))]
+            spots = spots[~_in_discs(spots, moving(stamp))]
             judge.near(spots, before, stamp)
             before, tolerance = stamp, max(tolerance, 0.75 * grid.resolution)
             looks += [stamp] if len(spots) else []
-    judge.near(spots, before, int(stamps[-1]))
-    return Seen(stamps, poses, judge.clearance, np.unique(np.array(looks, np.int64)), tolerance)
+    judge.near(spots, before, last)
+    return judge.seen(looks, tolerance)
 
 
 class _Judge:
     """Takes in spots that are occupied for a time, and keeps the least distance at each pose."""
 
-    def __init__(self, settings: GuidanceSettings, stamps: Stamps, poses: Array) -> None:
-        self._settings, self._stamps, self._poses = settings, stamps, poses
-        self.clearance = np.full(len(stamps), math.inf)
+    def __init__(self, settings: GuidanceSettings, paths: Sequence[Driven]) -> None:
+        self._settings = settings
+        self._stamps = np.concatenate([each.stamps for each in paths])
+        self._poses = np.concatenate([each.poses for each in paths])
+        self._clearance = np.full(len(self._stamps), math.inf)
+
+    def seen(self, looks: Sequence[int], tolerance: float) -> Seen:
+        """The distances, and when anything was seen."""
+        when = np.unique(np.array(looks, np.int64))
+        return Seen(self._stamps, self._poses, self._clearance, when, tolerance)
 
     def look(self, scans: Iterable[Beams], direction: int) -> None:
         """Go through scans in order of time, or backwards with negative stamps."""
@@ -179,7 +209,7 @@ class _Judge:
         spots = spots[np.hypot(*(spots - middle).T) < reach]
         if len(spots):
             least = self._away(spots, poses).min(axis=1)
-            np.minimum(self.clearance[first:last], least, out=self.clearance[first:last])
+            np.minimum(self._clearance[first:last], least, out=self._clearance[first:last])
 
     def _away(self, points: Array, poses: Array) -> Array:
         """Distance of points ``(P, 2)`` from the outline at poses ``(S, 3)``, ``(S, P)`` [m]."""
@@ -205,7 +235,7 @@ def _scans(
     topic: str,
     settings: GuidanceSettings,
     paths: Sequence[Driven],
-    window: tuple[float, float],
+    window: Window,
 ) -> Iterator[Beams]:
     """All scans that were made while the path is known, as it says where the sensors were."""
     namespace = topic.rpartition('/')[0].rpartition('/')[0]
@@ -232,11 +262,6 @@ def _beams(sensor: Sensor, kind: str, message: Any, paths: Sequence[Driven]) -> 
         if each.stamps[0] <= first and sight.stamp <= each.stamps[-1]:
             return project(sight, each.at_all(sight.stamps))
     return None
-
-
-def _without(beams: Beams, discs: Array) -> Beams:
-    """Beams of which those that end at what moves have met nothing that stays."""
-    return replace(beams, hits=beams.hits & ~_in_discs(beams.ends, discs))
 
 
 def _in_discs(points: Array, discs: Array) -> NDArray[np.bool_]:

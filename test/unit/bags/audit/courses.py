@@ -234,7 +234,7 @@ def seen_course(number, **changes):
     radii, sides = random.uniform(0.15, 0.35, 2), random.choice([-1.0, 1.0], 2)
     places = zip((3.0, 5.5), sides * random.uniform(0.0, 0.4, 2), radii, strict=True)
     discs = [Obstacle(f'o{k}', (x, y), radius) for k, (x, y, radius) in enumerate(places)]
-    goal = {'goal.position': [8.0, 0.0], 'final_time': 20.0, 'sim.scan.count': 361}
+    goal = {'goal.position': [8.0, 0.0], 'final_time': 20.0, 'sim.scan.count': 241}
     return {**given, **goal, **_named('sim.obstacles', discs), **changes}
 
 

@@ -73,9 +73,9 @@ def sweep(
     for epoch, index in zip(history.epochs, np.split(np.arange(len(begins)), edges), strict=True):
         if len(index):
             arcs = path.poses[index], path.twists[index], path.durations[index]
-            settings = epoch.settings
+            settings = epoch.course
             obstacles = (f'obstacle {each.name}' for each in settings.obstacles)
             names = (*settings.road.edge_names, *obstacles)
             clearance = settings.clearance(*arcs)
-            clearance[:, EDGES:][:, epoch.hidden] += off
+            clearance[:, EDGES:][:, epoch.of_hidden] += off
             yield Sweep(settings, begins[index], clearance, names, by, tolerance)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from cmpsp_ros.bags.audit.sources import Sources
@@ -30,19 +31,24 @@ class Epoch:
         since: Its beginning [ns].
         values: Parameters by key.
         settings: The guidance settings made of them.
-        n_hidden: How many of the obstacles, at the end, only the simulator knows.
+        hidden: Obstacles that only the simulator knows.
     """
 
     since: int
     values: Values
     settings: GuidanceSettings
-    n_hidden: int = 0
+    hidden: tuple[Shape, ...] = ()
+
+    @cached_property
+    def course(self) -> GuidanceSettings:
+        """The settings with all obstacles that stand on the course, the hidden ones last."""
+        return replace(self.settings, obstacles=self.settings.obstacles + self.hidden)
 
     @property
-    def hidden(self) -> slice:
-        """Their places among the obstacles."""
+    def of_hidden(self) -> slice:
+        """Places of the hidden ones among all obstacles."""
         count = len(self.settings.obstacles)
-        return slice(count - self.n_hidden, count)
+        return slice(count, count + len(self.hidden))
 
 
 @dataclass(frozen=True)
@@ -51,8 +57,7 @@ class History:
 
     Attributes:
         given: Keys that were recorded; the others are defaults, which are not evidence.
-        epochs: In order of time, at least one; the first began before the recording. The obstacles
-            include those that only the simulator knows.
+        epochs: In order of time, at least one; the first began before the recording.
         simulated: Whether the robot is simulated, so that all obstacles are known.
         has_traffic: Whether the simulator moves obstacles.
     """
@@ -123,9 +128,8 @@ def _with_course(history: History, bag: Bag, node: str) -> History:
     epochs, starts = [], [since for since, _ in course]
     for since in sorted({*starts, *(each.since for each in history.epochs)}):
         epoch = history.epoch_at(since)
-        known, hidden = epoch.settings, course[bisect_right(starts, since) - 1][1]
-        settings = replace(known, obstacles=known.obstacles + hidden) if hidden else known
-        epochs.append(replace(epoch, since=since, settings=settings, n_hidden=len(hidden)))
+        hidden = course[bisect_right(starts, since) - 1][1]
+        epochs.append(replace(epoch, since=since, hidden=hidden))
     moves = bool(bag.parameters[node].get('moving_obstacles.names'))
     return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
 

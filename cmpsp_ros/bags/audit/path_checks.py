@@ -62,7 +62,7 @@ def road(record: AuditRecord) -> Verdict:
 
 def obstacles(record: AuditRecord) -> Verdict:
     """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
-    known = any(each.settings.obstacles for each in record.sweeps)
+    known = any(each.settings.obstacles for each in record.evidence)
     if not known and not any(record.seen):
         return not_judged(unseen) if (unseen := record.unseen) else skipped(_NO_OBSTACLE)
     verdict = _clear(record, slice(EDGES, None), 0.0)
@@ -154,14 +154,15 @@ def commanded(record: AuditRecord) -> Verdict:
             if is_within(stamp, leg.by_odometry.holes):
                 unknown += bool(twist.any())
                 continue
-            settings = seeing(settings_of[index], stamp)
+            epoch = record.history.epoch_at(stamp)
+            settings = seeing(epoch.course, stamp)
             period = settings.control_period
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
                 period = min(max(held, 0.0), period)
             near = project_on_path(settings.road, pose, near)
             spare = _spare(settings, pose, twist, period, near)
-            spare[EDGES:][record.history.epoch_at(stamp).hidden] += leg.by_odometry.off
+            spare[EDGES:][epoch.of_hidden] += leg.by_odometry.off
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp
                 column = int(spare.argmin())

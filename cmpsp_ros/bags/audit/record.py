@@ -65,15 +65,25 @@ class AuditRecord:
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """The path by odometry since the beginning of each leg's first run, with its clearance."""
-        return tuple(self._sweeps(each.by_odometry for each in self.legs))
+        """The path by odometry since the beginning of each leg's first run, with its clearance.
+
+        That is from what guidance was told of, and infinite in holes.
+        """
+        epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
+        told = replace(self.history, epochs=epochs)
+        found = [(leg, each) for leg in self.legs for each in sweep(leg.guided, told)]
+        for leg, each in found:
+            for hole in leg.by_odometry.holes:
+                inside = (each.stamps >= hole.begin) & (each.stamps < hole.end)
+                each.clearance[inside] = np.inf
+        return tuple(each for _, each in found)
 
     @cached_property
     def evidence(self) -> tuple[Sweep, ...]:
-        """The same by all sources: odometry, the true path, and what sensors saw."""
-        true = (each for leg in self.legs for each in leg.known if each.by)
+        """The path by all sources, without holes, and its clearance from all that is known."""
+        known = (each for leg in self.legs for each in reversed(leg.known))
         seen = (Sweep.of_seen(self.settings, one) for each in self.seen for one in each)
-        return (*self.sweeps, *self._sweeps(true), *seen)
+        return (*self._sweeps(known), *seen)
 
     @cached_property
     def seen(self) -> tuple[tuple[Seen, ...], ...]:

@@ -229,7 +229,7 @@ def _least(times: Array, *values: Array) -> tuple[Array, Array, Array]:
 
 
 def _shown(decision: DecisionRecord) -> str:
-    return 'arrived' if decision.finished else decision.level
+    return 'arrived' if decision.arrived else decision.level
 
 
 def _kind(decision: DecisionRecord) -> tuple[str, str]:

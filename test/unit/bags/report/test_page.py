@@ -155,6 +155,13 @@ def test_charts_hold_what_was_driven(report, drive):
     assert min(road['y']) == pytest.approx(0.235, abs=1e-2)
 
 
+def test_a_robot_that_missed_its_goal_has_not_arrived(report, drive):
+    drive = drive.copy()
+    drive.decisions = [each._replace(missed=each.finished) for each in drive.decisions]
+    figures = Page(report(drive).read_text(encoding='utf-8')).data['figures']
+    assert {each['name'] for each in figures['levels']['data']} == {'nominal', 'stop'}
+
+
 def test_several_bags_are_laid_over_each_other(report, drive):
     other = drive.copy()
     other.parameters['safety.margin'] = 0.1

@@ -210,6 +210,11 @@ class DecisionRecord:
         return known
 
     @property
+    def arrived(self) -> bool:
+        """Whether the final time has passed and odometry showed the robot at its goal then."""
+        return self.finished and not (self.missed or self.halted)
+
+    @property
     def wheel_speeds(self) -> Array:
         """Of right and left wheel, or of all there are and the steering [rad], ``(W,)`` [rad/s]."""
         if self._all_wheels is not None:
@@ -282,7 +287,7 @@ def _read(bag: Bag, topic: str) -> Iterator[DecisionRecord]:
 
 
 _CHECKED: Final = (
-    *('step', 'run', 'revision', 'level', 'finished', 'halted'),
+    *('step', 'run', 'revision', 'level', 'finished', 'missed', 'halted'),
     *('cancelled', 'braking', 'late', 'skipped', 'pose'),
     *('wheel_speeds', 'step_ms', 'odometry_to_command_ms', 'goal', 'goals_received'),
 )

@@ -35,12 +35,22 @@ class Names:
     @property
     def moving(self) -> str:
         """Topic of the obstacles that move."""
-        return f'{self.node.rpartition("/")[0]}/moving_obstacles'
+        return f'{self.namespace}/moving_obstacles'
 
     @property
     def sighting(self) -> str:
         """Topic of what was known of the surroundings."""
         return f'{self.node}/sighting'
+
+    @property
+    def sim(self) -> str:
+        """Node of the simulator."""
+        return f'{self.namespace}/sim'
+
+    @property
+    def namespace(self) -> str:
+        """Of the node, as in `/r1`."""
+        return self.node.rpartition('/')[0]
 
     def others(self, namespaces: Iterable[str]) -> dict[str, str]:
         """Namespaces of other robots by the topics of their plans; without this node's own."""

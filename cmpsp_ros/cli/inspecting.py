@@ -23,11 +23,12 @@ def audit(
     namespace: Namespace = None,
     params_file: ParamsFile = None,
 ) -> None:
-    """Check a drive: road, limits, goal, timing and fallback levels.
+    """Check a drive: road, obstacles, limits, goal, timing and fallback levels.
 
-    Only odometry and parameters are used.
+    Judged by all that the bag holds: odometry, the true path, parameters and what sensors saw.
 
-    Exit code 0 without a fault, 1 with one, 2 if the bag cannot be audited.
+    Exit code 0 without a fault, 1 with one, 2 if the bag cannot be audited, 3 if data are missing
+    by which a check could be judged.
     """
     from cmpsp_ros.bags import audit as auditing  # noqa: PLC0415 (starts faster without)
 
@@ -41,8 +42,9 @@ def audit(
     console().print(auditing.table(findings, f'audit of {bag}'))
     for remark in auditing.remarks(findings):
         say(remark)
-    if any(each.outcome is auditing.CheckOutcome.FAILED for each in findings):
-        raise typer.Exit(1)
+    outcome = auditing.overall(findings)
+    if outcome is not auditing.CheckOutcome.PASSED:
+        raise typer.Exit(1 if outcome is auditing.CheckOutcome.FAILED else 3)
 
 
 def film(

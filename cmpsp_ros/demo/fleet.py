@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cmpsp_ros.bags.runs.encounters import robot_encounters
+from cmpsp_ros.bags.runs.holes import longest_interval, pieces
 from cmpsp_ros.bags.runs.run import Run, read_run
 from cmpsp_ros.demo.fleet_picture import draw_fleet
 from cmpsp_ros.demo.run import driven
@@ -110,11 +111,13 @@ def _sum_up(fleet: Sequence[Scenario], folder: Path) -> tuple[Robot, ...]:
 
 def _robot(own: Scenario, run: Run, fleet: Sequence[Scenario], runs: Sequence[Run]) -> Robot:
     first, last = window(run, own.settings)
-    path, apart = run.driven.between(first, last), math.inf
+    longest, apart = longest_interval(run.driven.stamps, own.settings), math.inf
+    paths = list(pieces(run.driven, first, last, longest))
     for other, its in zip(fleet, runs, strict=True):
         if other is not own:
             timeout = own.settings.moving_obstacles.timeout
             around = other.settings.circumscribed_radius, own.settings.bodies, timeout
-            met = robot_encounters(path, {other.namespace: its.driven}, *around)
-            apart = min([apart, *(float(each.clearance.min()) for each in met)])
+            for path in paths:
+                met = robot_encounters(path, {other.namespace: its.driven}, *around)
+                apart = min([apart, *(float(each.clearance.min()) for each in met)])
     return Robot(own.namespace, summarise(run, own.settings, own.name), apart)

@@ -15,6 +15,7 @@ from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.runs.encounters import encounters
 from cmpsp_ros.bags.runs.goals import Passing, mean_speed
+from cmpsp_ros.bags.runs.holes import holes, in_words, is_within, longest_interval, overlaps, pieces
 from cmpsp_ros.bags.runs.run import Run
 from cmpsp_ros.guidance.decision import FallbackLevel
 from cmpsp_ros.guidance.horizon import to_nanoseconds
@@ -69,17 +70,19 @@ class Summary:
 
     @property
     def failure(self) -> str:
-        """Why the run failed, in words; empty if it did not."""
+        """Why the run failed, or cannot be judged, in words; empty if it did not."""
         reasons = []
         if not self.reached and self.speed is not None:
             reasons.append(f'the road was followed at {self.speed:.3g} m/s')
         elif not self.reached and self.passings:
             worst = max(self.passings, key=lambda each: each.ratio)
             reasons.append(f'the robot passed {worst}')
-        elif not self.reached:
+        elif not self.reached and self.miss is not None:
             reasons.append(f'the goal was missed by {self.miss:.3g} m')
         if self.clearance < 0.0:
             reasons.append(f'the path cut road edge or obstacle by {-self.clearance:.3g} m')
+        if self.not_judged:
+            reasons.append(f'not judged: {self.not_judged}')
         failure = ' and '.join(reasons)
         return f'{failure}; guidance said: {self.reason}' if failure and self.reason else failure
 
@@ -112,6 +115,8 @@ class Summary:
             ]
         if self.speed is not None:
             values['speed_m_s'] = self.speed
+        if self.not_judged:
+            values['not_judged'] = self.not_judged
         return values
 
 
@@ -146,22 +151,32 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         BagError: The run was not recorded up to its final time.
     """
     first, last = window(run, settings)
-    driven = run.driven.between(first, last)
-    arcs = driven.poses[:-1], driven.twists[:-1], driven.durations
-    clearance = settings.clearance(*arcs)
-    timeout = settings.moving_obstacles.timeout
-    met = encounters(driven, run.tracks, settings.bodies, timeout)
-    nearest = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
+    driven, timeout = run.driven.between(first, last), settings.moving_obstacles.timeout
+    interval = longest_interval(run.driven.stamps, settings)
+    begin, end = int(run.driven.stamps[0]), int(run.driven.stamps[-1])
+    unknown = [
+        each
+        for each in holes(run.driven.stamps, begin, end, interval)
+        if overlaps((first, last), [each])
+    ]
+    nearest = []
+    for part in pieces(run.driven, first, last, interval):
+        clearance = settings.clearance(part.poses[:-1], part.twists[:-1], part.durations)
+        met = encounters(part, run.tracks, settings.bodies, timeout)
+        least = [float(each.clearance[~each.stands].min(initial=np.inf)) for each in met]
+        nearest += [float(clearance.min()), *least]
     passings = []
     for goal in settings.goals:
         stamp = first + to_nanoseconds(goal.time)
-        passings.append(Passing.of(settings, goal, stamp, run.driven.at(stamp)))
+        if not is_within(stamp, unknown):
+            passings.append(Passing.of(settings, goal, stamp, run.driven.at(stamp)))
     speed, follow = None, settings.follow
     if follow is not None:
         speed = mean_speed(settings, driven.poses, settings.final_time)
         reached = abs(speed - follow.speed) <= _SPEED_TOLERANCE * abs(follow.speed)
     else:
         reached = all(each.ratio <= 1.0 for each in passings)
+        reached &= len(passings) == len(settings.goals)
     inside = (run.wheel_stamps >= first) & (run.wheel_stamps <= last)
     steps = [each for each in run.decisions if first <= each.stamp < last]
     times = [each.step_ms for each in steps if each.step_ms is not None]
@@ -171,7 +186,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         preset=preset,
         reached=reached,
         miss=passings[-1].miss if passings else None,
-        clearance=min([float(clearance.min()), *nearest]),
+        clearance=min(nearest, default=np.inf),
         max_wheel_speed=float(np.abs(run.wheel_speeds[inside]).max(initial=0.0)),
         step_times={'p50': p50, 'p99': p99, 'max': longest},
         deadline_misses=sum(
@@ -182,6 +197,7 @@ def summarise(run: Run, settings: GuidanceSettings, preset: str) -> Summary:
         passings=tuple(passings) if len(passings) > 1 or settings.goal_heading is not None else (),
         speed=speed,
         reason=_worst_reason(steps),
+        not_judged=f'the path is not recorded {in_words(unknown, first)}' if unknown else '',
     )
 
 

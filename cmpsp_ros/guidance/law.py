@@ -279,8 +279,8 @@ class GuidanceLaw:
         if state.tracker.new_obstacle_seen:
             self._selector.look_again()
         state.waiting = None
-        closed = '' if len(start.moving) else state.closed_road.waits
-        if reason := state.response.reason_to_stop(self._settings) or closed:
+        waits = '' if len(start.moving) else state.closed_road.waits
+        if reason := state.response.reason_to_stop(self._settings) or waits:
             return self._decisions.stop(state, stamp, pose, reason, moving=start.moving)
         selected = self._selector.best(context)
         state.reaches_goal = False

@@ -47,7 +47,7 @@ def place_of(message: Odometry) -> tuple[float, float, float] | None:
 def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     """A decision by the names of `DecisionRecord`; what it lacks, or has no sense, is None.
 
-    The level of one after the final time is `arrived`.
+    The level of one after the final time is `arrived`, unless the goal was missed.
     """
     # Of anybody's making: an array of none is a decision that lacks everything.
     status = next(iter(message.status), DiagnosticStatus())
@@ -56,7 +56,8 @@ def decision_of(message: DiagnosticArray) -> dict[str, Any]:
     shown['reason'] = _short(status.message)
     two = shown['wheel_speed_right'], shown['wheel_speed_left']
     shown['wheels'] = list(shown[ENTRIES[WHEELS].name] or two)[:_MOST_WHEELS]
-    shown['level'] = 'arrived' if shown['finished'] else shown['level']
+    missed = shown['missed'] or shown['_halted']
+    shown['level'] = 'arrived' if shown['finished'] and not missed else shown['level']
     return shown
 
 

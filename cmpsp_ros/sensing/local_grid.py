@@ -101,6 +101,13 @@ class LocalGrid:
         self._cells[around][covered] = Cell.FREE
         self._seen[around][covered] = stamp
 
+    def hits(self, stamp: int) -> Array:
+        """Where beams have ended in the cells that are occupied at a time [ns], ``(P, 2)`` [m]."""
+        is_known = self._seen >= stamp - self._memory
+        rows, columns = np.nonzero((self._cells == Cell.OCCUPIED) & is_known)
+        corners = np.column_stack([columns + self._column, rows + self._row])
+        return np.asarray((corners + self._hits[rows, columns]) * self._resolution, dtype=float)
+
     def at(self, stamp: int) -> OccupancyGrid:
         """What is known at a time [ns]; what was last seen too long before it is unknown."""
         cells = np.where(self._seen >= stamp - self._memory, self._cells, np.uint8(Cell.UNKNOWN))

@@ -112,5 +112,6 @@ def _unplanned(record: AuditRecord) -> NDArray[np.bool_]:
     unplanned[: pairs.commands + 1] = decisions[pairs.decisions].step > 0
     answered = decisions[pairs.decisions :][: pairs.count]
     for index, (before, after) in enumerate(pairwise(answered), pairs.commands + 1):
-        unplanned[index] = after.halted or after.run != before.run
+        is_next = after.run == before.run and after.step <= before.step + 1
+        unplanned[index] = after.halted or not is_next
     return unplanned

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from cmpsp_ros.bags.audit import change_checks, command_checks, fallback_checks, path_checks
-from cmpsp_ros.bags.audit.finding import Finding, Verdict, skipped
+from cmpsp_ros.bags.audit.finding import Finding, Verdict, not_judged, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.parameters.courses.roads import road_keys
@@ -110,7 +110,9 @@ def _judge(check: _Check, record: AuditRecord) -> Verdict:
     ]
     missing = [key for key in needs if key not in record.history.given]
     if missing:
-        return skipped(f'The parameters do not say {", ".join(missing)}.')
+        return not_judged(f'The parameters do not say {", ".join(missing)}.')
     if check.of_decisions and not record.decisions:
-        return skipped(f'The bag has no decision in {record.places.decision}.')
+        missing_decisions = f'The bag has no decision in {record.places.decision}.'
+        # Another robot makes none.
+        return not_judged(missing_decisions) if record.is_ours else skipped(missing_decisions)
     return check.judge(record)

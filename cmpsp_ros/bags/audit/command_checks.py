@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.commands import agreeing
-from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.odometry import mean_twists
-from cmpsp_ros.bags.audit.record import AuditRecord, Leg
+from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped, unless
+from cmpsp_ros.bags.audit.legs import Leg
+from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import wheel_speeds
+from cmpsp_ros.bags.runs.holes import Hole, in_words, overlaps
+from cmpsp_ros.bags.runs.odometry import mean_twists
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
@@ -86,9 +89,11 @@ def as_decided(record: AuditRecord) -> Verdict:
     wrong = ~agreeing(record.commands, decided, pairs)
     count = int(wrong.sum())
     if not count:
-        return passed_if(
-            True, f'All {pairs.count} commands are what was decided.', worst=0.0, limit=0.0
-        )
+        alone = record.commands.moving.copy()
+        alone[pairs.commands :][: pairs.count] = False
+        missing = f'{alone.sum()} others have no decision in the bag.' if alone.any() else ''
+        sentence = f'All {pairs.count} commands are what was decided.'
+        return unless(passed_if(True, sentence, worst=0.0, limit=0.0), missing)
     where = int(wrong.argmax())
     sent, wanted = record.commands.twists[pairs.commands + where], decided[pairs.decisions + where]
     return passed_if(
@@ -110,6 +115,10 @@ def obeyed(record: AuditRecord) -> Verdict:
     worst, limit, at, ratio = 0.0, _OBEYED * robot.max_wheel_speed, record.start, -1.0
     for leg in record.legs:
         begins, ends, twists = _held(leg, settings)
+        known = [
+            not overlaps(span, leg.by_odometry.holes) for span in zip(begins, ends, strict=True)
+        ]
+        begins, ends, twists = begins[known], ends[known], twists[known]
         if not len(begins):
             continue
         duration = (ends - begins) / NANOSECONDS
@@ -121,16 +130,19 @@ def obeyed(record: AuditRecord) -> Verdict:
         if off[index] / allowed[index] > ratio:
             ratio = float(off[index] / allowed[index])
             worst, limit, at = float(off[index]), float(allowed[index]), int(begins[index])
+    missing = record.hole_sentence
     if ratio < 0.0:
-        return skipped('No command was held for long enough.')
+        reason = 'No command was held for long enough.'
+        return not_judged(missing) if missing else skipped(reason)
     sentence = (
         'The robot drives what is commanded.'
         if ratio <= 1.0
         else f'A wheel turns {worst:.3g} rad/s slower or faster than commanded.'
     )
-    return passed_if(
+    verdict = passed_if(
         ratio <= 1.0, sentence, worst=worst, limit=limit, unit='rad/s', at=record.seconds(at)
     )
+    return unless(verdict, missing)
 
 
 def rate(record: AuditRecord) -> Verdict:
@@ -157,9 +169,10 @@ def rate(record: AuditRecord) -> Verdict:
         if worst <= limit
         else f'No command comes for {worst:.3g} s while the robot is on its way.'
     )
-    return passed_if(
+    verdict = passed_if(
         worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
     )
+    return unless(verdict, _lost_sentence(record))
 
 
 def age(record: AuditRecord) -> Verdict:
@@ -167,7 +180,10 @@ def age(record: AuditRecord) -> Verdict:
     limit = record.history.epochs[0].settings.odom_timeout + _SLACK
     worst, at = -math.inf, record.start
     for leg in record.legs:
-        odometry, commands = leg.odometry, leg.commands.chosen(leg.commands.moving)
+        odometry, chosen = leg.odometry, leg.commands.moving
+        for each in _lost(record, leg):
+            chosen &= (leg.commands.received <= each.begin) | (leg.commands.received > each.end)
+        commands = leg.commands.chosen(chosen)
         latest = np.searchsorted(odometry.received, commands.received, side='right') - 1
         known = latest >= 0
         if not known.any():
@@ -185,9 +201,10 @@ def age(record: AuditRecord) -> Verdict:
         if worst <= limit
         else f'A command to move rests on odometry that is {worst:.3g} s old.'
     )
-    return passed_if(
+    verdict = passed_if(
         worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
     )
+    return unless(verdict, _lost_sentence(record))
 
 
 def silence(record: AuditRecord) -> Verdict:
@@ -197,6 +214,7 @@ def silence(record: AuditRecord) -> Verdict:
     for leg in record.legs:
         received, commands = leg.odometry.received, leg.commands
         gaps = np.diff(received) / NANOSECONDS
+        gaps[np.isin(received[:-1], [each.begin for each in _lost(record, leg)])] = 0.0
         longest = max(longest, float(gaps.max()))
         for index in np.flatnonzero(gaps > limit):
             times = (commands.received - received[index]) / NANOSECONDS
@@ -217,9 +235,43 @@ def silence(record: AuditRecord) -> Verdict:
         sentence = f'Odometry is silent for {longest:.3g} s, and the robot is stopped in time.'
     else:
         sentence = 'Odometry is never silent for long.'
-    return passed_if(
+    verdict = passed_if(
         worst <= limit, sentence, worst=worst, limit=limit, unit='s', at=record.seconds(at)
     )
+    return unless(verdict, _lost_sentence(record))
+
+
+def _lost(record: AuditRecord, leg: Leg) -> list[Hole]:
+    """When odometry is missing in the recording and there was some: between receptions [ns].
+
+    A decision rests on odometry that is not there, decisions themselves are missing, or nothing
+    at all was recorded.
+    """
+    limit = record.settings.odom_timeout + _SLACK
+    received, stamps = leg.odometry.received, leg.odometry.stamps
+    answers = [each for each in record.decisions if not each.halted]
+    at = np.array([each.received for each in answers], dtype=np.int64)
+    true = np.empty(0, np.int64) if leg.truth is None else leg.truth.received
+    alive = np.concatenate([leg.commands.received, at, true])
+    lost = []
+    for k in np.flatnonzero(np.diff(received) > limit * NANOSECONDS).tolist():
+        hole = Hole(int(received[k]), int(received[k + 1]))
+        first, last = np.searchsorted(at, hole).tolist()
+        heard = any(stamps[k] < each.stamp < stamps[k + 1] for each in answers[first:last])
+        around = answers[max(first - 1, 0) : last + 1]
+        heard |= any(a.run == b.run and b.step > a.step + 1 for a, b in pairwise(around))
+        if heard or not ((alive > hole.begin) & (alive < hole.end)).any():
+            lost.append(hole)
+    return lost
+
+
+def _lost_sentence(record: AuditRecord) -> str:
+    stamps = []
+    for leg in record.legs:
+        for each in _lost(record, leg):
+            k = np.searchsorted(leg.odometry.received, each).tolist()
+            stamps.append(Hole(*(int(leg.odometry.stamps[index]) for index in k)))
+    return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
 
 
 def _held(

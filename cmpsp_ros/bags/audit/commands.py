@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit.odometry import OdometrySeries
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.odometry import OdometrySeries
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.robots.arcs import plain, with_side
 

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from cmpsp_ros.bags.audit.clearance import NOTHING_NEAR, OUT_OF_REACH
 from cmpsp_ros.bags.audit.command_checks import LATE
-from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
+from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped, unless
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.guidance.decision import FallbackLevel
@@ -80,23 +81,27 @@ def nominal(record: AuditRecord) -> Verdict:
         return skipped('Time jumps back, and levels cannot be assigned by it.')
     good = np.array([each.level == 'nominal' for each in answers])
     worst, at = np.inf, record.start
-    for sweep in record.sweeps:
+    for sweep in record.evidence:
         level = np.searchsorted(stamps, sweep.stamps, side='right') - 1
         period = sweep.settings.control_period * NANOSECONDS
         under = (level >= 0) & good[np.maximum(level, 0)]
         under &= sweep.stamps - stamps[np.maximum(level, 0)] < period
-        least = sweep.clearance.min(axis=1)[under]
+        least = sweep.clearance.min(axis=1)[under] + sweep.tolerance
         if len(least) and least.min() < worst:
             worst, at = float(least.min()), int(sweep.stamps[under][least.argmin()])
     if worst == np.inf:
         return skipped('No control step has level nominal.')
+    missing = record.unseen or record.hole_sentence
+    if worst >= OUT_OF_REACH:
+        return unless(passed_if(True, NOTHING_NEAR), missing)
     passed = worst >= -_ROUNDING
     sentence = (
         'Wherever the level is nominal, the path driven is clear.'
         if passed
         else f'While the level is nominal, the path driven is {-worst:.3g} m too close.'
     )
-    return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+    figures = {'worst': worst, 'limit': 0.0, 'unit': 'm', 'at': record.seconds(at)}
+    return unless(passed_if(passed, sentence, **figures), missing)
 
 
 def stop_at_end(record: AuditRecord) -> Verdict:
@@ -111,7 +116,7 @@ def stop_at_end(record: AuditRecord) -> Verdict:
         return passed_if(True, 'The last command is a stop.', **figures)
     final = run.start + to_nanoseconds(settings.final_time)
     if received < final and received - last <= LATE * settings.control_period * NANOSECONDS:
-        return skipped('The recording ends while the robot is on its way.')
+        return not_judged('The recording ends while the robot is on its way.')
     sentence = f'The last command is no stop but {speed:.3g} m/s, {turn:.3g} rad/s.'
     return passed_if(False, sentence, **figures)
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
 
 class CheckOutcome(Enum):
-    """How a check ended."""
+    """How a check ended.
+
+    A check is skipped where it does not apply, and not judged where it applies and data that it
+    needs are missing.
+    """
 
     PASSED = 'passed'
     FAILED = 'failed'
     SKIPPED = 'skipped'
+    NOT_JUDGED = 'not judged'
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,5 +75,27 @@ def passed_if(passed: bool, sentence: str, **figures: Any) -> Verdict:
 
 
 def skipped(reason: str) -> Verdict:
-    """No verdict, and why."""
+    """The verdict of a check that does not apply, and why."""
     return Verdict(outcome=CheckOutcome.SKIPPED, sentence=reason)
+
+
+def not_judged(reason: str) -> Verdict:
+    """The verdict of a check whose data are missing: which."""
+    return Verdict(outcome=CheckOutcome.NOT_JUDGED, sentence=reason)
+
+
+def unless(verdict: Verdict, missing: str) -> Verdict:
+    """A verdict that is not passed if data are missing: a sentence on them, or empty."""
+    if not missing:
+        return verdict
+    outcome = verdict.outcome
+    if outcome is CheckOutcome.PASSED:
+        outcome = CheckOutcome.NOT_JUDGED
+    return replace(verdict, outcome=outcome, sentence=f'{verdict.sentence} {missing}')
+
+
+def overall(findings: Iterable[Finding]) -> CheckOutcome:
+    """Outcome of an audit: failed if any check failed, else not judged if any was not."""
+    outcomes = {each.outcome for each in findings}
+    worst_first = CheckOutcome.FAILED, CheckOutcome.NOT_JUDGED, CheckOutcome.PASSED
+    return next(each for each in worst_first if each in outcomes)

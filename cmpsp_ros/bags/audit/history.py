@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from cmpsp_ros.bags.audit.sources import Sources
@@ -14,9 +15,12 @@ from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, change
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters.courses.obstacles import shapes_of
 from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.world.obstacles.shapes import Shape
 
 
 @dataclass(frozen=True)
@@ -27,11 +31,24 @@ class Epoch:
         since: Its beginning [ns].
         values: Parameters by key.
         settings: The guidance settings made of them.
+        hidden: Obstacles that only the simulator knows.
     """
 
     since: int
     values: Values
     settings: GuidanceSettings
+    hidden: tuple[Shape, ...] = ()
+
+    @cached_property
+    def course(self) -> GuidanceSettings:
+        """The settings with all obstacles that stand on the course, the hidden ones last."""
+        return replace(self.settings, obstacles=self.settings.obstacles + self.hidden)
+
+    @property
+    def of_hidden(self) -> slice:
+        """Places of the hidden ones among all obstacles."""
+        count = len(self.settings.obstacles)
+        return slice(count, count + len(self.hidden))
 
 
 @dataclass(frozen=True)
@@ -41,19 +58,32 @@ class History:
     Attributes:
         given: Keys that were recorded; the others are defaults, which are not evidence.
         epochs: In order of time, at least one; the first began before the recording.
+        simulated: Whether the robot is simulated, so that all obstacles are known.
+        has_traffic: Whether the simulator moves obstacles.
     """
 
     given: frozenset[str]
     epochs: tuple[Epoch, ...]
+    simulated: bool = False
+    has_traffic: bool = False
+
+    @property
+    def starts(self) -> list[int]:
+        """Beginning of each epoch [ns]."""
+        return [each.since for each in self.epochs]
 
     def at(self, stamp: int) -> GuidanceSettings:
         """Settings in force at an instant [ns]."""
+        return self.epoch_at(stamp).settings
+
+    def epoch_at(self, stamp: int) -> Epoch:
+        """The period of an instant [ns]."""
         index = bisect_right(self.epochs, stamp, key=lambda each: each.since) - 1
-        return self.epochs[max(index, 0)].settings
+        return self.epochs[max(index, 0)]
 
 
 def read_history(bag: Bag, places: Names, sources: Sources) -> History:
-    """Parameters of the guidance node, with their recorded changes, or those of a file.
+    """Parameters of guidance node and simulator with their recorded changes, or those of a file.
 
     Raises:
         BagError: The recorded changes cannot be read.
@@ -62,7 +92,8 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
     if sources.params_file is not None:
         given = load_parameter_file(sources.params_file)
         values = TABLE.resolve(given)
-        return History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
+        history = History(frozenset(given), (Epoch(0, values, guidance_settings(values)),))
+        return _with_course(history, bag, places.sim)
     parameters = NodeParameters(bag, places.node)
     epochs = [_epoch(0, parameters)]
     first_command = next((received for received, _ in bag.raw(places.cmd_vel)), bag.end)
@@ -71,7 +102,36 @@ def read_history(bag: Bag, places: Names, sources: Sources) -> History:
         parameters.change(received, changes, used=received >= first_command)
         epochs.append(_epoch(stamp, parameters))
     epochs += _restarts(parameters, bag.end)
-    return History(parameters.given, tuple(epochs))
+    return _with_course(History(parameters.given, tuple(epochs)), bag, places.sim)
+
+
+def _course(bag: Bag, node: str) -> Iterator[tuple[int, tuple[Shape, ...]]]:
+    """Obstacles that only the simulator knows, each time from when on [ns]; none without one."""
+    if node not in bag.parameters:
+        return
+    parameters = NodeParameters(bag, node)
+    yield 0, shapes_of(parameters.values, OWN_OBSTACLES)
+    for received, stamp, changes in _changes(bag, node):
+        while (since := parameters.restart(received)) is not None:
+            yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+        parameters.change(received, changes, used=False)
+        yield stamp, shapes_of(parameters.values, OWN_OBSTACLES)
+    while (since := parameters.restart(bag.end)) is not None:
+        yield since, shapes_of(parameters.values, OWN_OBSTACLES)
+
+
+def _with_course(history: History, bag: Bag, node: str) -> History:
+    """A history with the obstacles that stand on the course at each time, as a simulator knows."""
+    course = list(_course(bag, node))
+    if not course:
+        return history
+    epochs, starts = [], [since for since, _ in course]
+    for since in sorted({*starts, *(each.since for each in history.epochs)}):
+        epoch = history.epoch_at(since)
+        hidden = course[bisect_right(starts, since) - 1][1]
+        epochs.append(replace(epoch, since=since, hidden=hidden))
+    moves = bool(bag.parameters[node].get('moving_obstacles.names'))
+    return replace(history, epochs=tuple(epochs), simulated=True, has_traffic=moves)
 
 
 def _restarts(parameters: NodeParameters, until: int) -> Iterator[Epoch]:

@@ -20,6 +20,7 @@ _STYLES = {
     CheckOutcome.PASSED: 'green',
     CheckOutcome.FAILED: 'bold red',
     CheckOutcome.SKIPPED: 'dim',
+    CheckOutcome.NOT_JUDGED: 'bold yellow',
 }
 
 # Characters that XML 1.0 cannot hold, not even escaped.
@@ -71,7 +72,7 @@ def write_junit(path: Path, findings: Sequence[Finding], record: AuditRecord) ->
             'hostname': 'localhost',
             'tests': str(len(findings)),
             'failures': str(counts[CheckOutcome.FAILED]),
-            'errors': '0',
+            'errors': str(counts[CheckOutcome.NOT_JUDGED]),
             'skipped': str(counts[CheckOutcome.SKIPPED]),
             'time': f'{record.end:.3f}',
         },
@@ -96,6 +97,8 @@ def _add_case(suite: Element, finding: Finding) -> None:
     )
     if finding.outcome is CheckOutcome.SKIPPED:
         SubElement(case, 'skipped', {'message': _text(finding.sentence)})
+    elif finding.outcome is CheckOutcome.NOT_JUDGED:
+        SubElement(case, 'error', {'message': _text(finding.sentence), 'type': 'not judged'})
     elif finding.outcome is CheckOutcome.FAILED:
         failure = SubElement(
             case, 'failure', {'message': _text(finding.sentence), 'type': finding.check}

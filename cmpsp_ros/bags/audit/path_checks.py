@@ -6,17 +6,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit.clearance import EDGES
-from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
-from cmpsp_ros.bags.audit.odometry import interpolated, wrapped
-from cmpsp_ros.bags.audit.record import AuditRecord, Leg, RunSpan
+from cmpsp_ros.bags.audit.clearance import EDGES, NOTHING_NEAR, OUT_OF_REACH, Sweep
+from cmpsp_ros.bags.audit.finding import (
+    CheckOutcome,
+    Verdict,
+    not_judged,
+    passed_if,
+    skipped,
+    unless,
+)
+from cmpsp_ros.bags.audit.legs import Leg, RunSpan
+from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.encounters import Encounter
 from cmpsp_ros.bags.runs.goals import Passing
+from cmpsp_ros.bags.runs.holes import is_within
+from cmpsp_ros.bags.runs.odometry import interpolated, wrapped
+from cmpsp_ros.bags.runs.seen import EXACT
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.odometry_gate import motion_limits
@@ -34,18 +45,27 @@ _SAMPLE_TOLERANCE = 1e-3
 """What a linearised constraint may be short of at a sample [m]; see `guidance.audit`."""
 
 
+_NO_OBSTACLE = 'There is no obstacle among the parameters.'
+_TOO_CLOSE = f'That is within what sensors may be off by ({EXACT} m).'
+
+
 def road(record: AuditRecord) -> Verdict:
     """Clearance from both road edges."""
     if not any(each.settings.road.has_center_line for each in record.sweeps):
         return skipped('There is no road (road.type is none).')
-    return _clear(record, slice(0, EDGES), 0.0)
+    return unless(_clear(record, slice(0, EDGES), 0.0), record.hole_sentence)
 
 
 def obstacles(record: AuditRecord) -> Verdict:
-    """Clearance from all obstacles."""
-    if not any(each.settings.obstacles for each in record.sweeps):
-        return skipped('There is no obstacle among the parameters.')
-    return _clear(record, slice(EDGES, None), 0.0)
+    """Clearance from all obstacles: of parameters and simulator, and from what sensors saw."""
+    known = any(each.settings.obstacles for each in record.evidence)
+    if not known and not any(record.seen):
+        return not_judged(unseen) if (unseen := record.unseen) else skipped(_NO_OBSTACLE)
+    verdict = _clear(record, slice(EDGES, None), 0.0)
+    if verdict.worst is not None and verdict.worst < -_ROUNDING:
+        touched = verdict.outcome is CheckOutcome.PASSED and not record.history.simulated
+        verdict = unless(verdict, _TOO_CLOSE if touched else '')
+    return unless(unless(verdict, record.unseen), record.hole_sentence)
 
 
 def moving(record: AuditRecord) -> Verdict:
@@ -55,8 +75,12 @@ def moving(record: AuditRecord) -> Verdict:
     """
     met = record.encounters
     if not met:
+        known = (key for each in record.decisions for key, _ in each.tracks)
+        were_there = any(isinstance(key, int) for key in known)
+        if were_there or record.history.has_traffic:
+            return not_judged(f'The bag lacks the moving obstacles in {record.places.moving}.')
         return skipped(f'No moving obstacle is in {record.places.moving}.')
-    return _apart(record, met, ', at its predicted position')
+    return unless(_apart(record, met, ', at its predicted position'), record.hole_sentence)
 
 
 def others(record: AuditRecord) -> Verdict:
@@ -67,9 +91,11 @@ def others(record: AuditRecord) -> Verdict:
     named = record.history.epochs[0].settings.moving_obstacles.others
     if not named:
         return skipped('No other robots are to be kept clear of (others.namespaces).')
+    missing = record.others_sentence
     if not record.robot_encounters:
-        return skipped(f'The bag tells not where {", ".join(named)} drove.')
-    return _apart(record, record.robot_encounters, '')
+        return not_judged(missing or 'The bag has no path of others at the time of this one.')
+    verdict = _apart(record, record.robot_encounters, '')
+    return unless(unless(verdict, missing), record.hole_sentence)
 
 
 def _apart(record: AuditRecord, met: Sequence[Encounter], where: str) -> Verdict:
@@ -99,7 +125,8 @@ def margin(record: AuditRecord) -> Verdict:
     wanted = max(each.settings.safety.margin for each in record.sweeps)
     if wanted == 0.0:
         return skipped('No margin was asked for (safety.margin is 0).')
-    return _clear(record, slice(None), wanted)
+    verdict = unless(_clear(record, slice(None), wanted), record.unseen)
+    return unless(verdict, record.hole_sentence)
 
 
 def commanded(record: AuditRecord) -> Verdict:
@@ -111,7 +138,8 @@ def commanded(record: AuditRecord) -> Verdict:
     """
     worst, at, nearest = math.inf, record.start, ''
     estimates = {each.stamp: each for each in record.decisions}
-    for leg in record.legs:
+    unknown = 0
+    for leg, seeing in zip(record.legs, record.knowledge(), strict=True):
         commands = leg.commands.chosen(np.all(np.isfinite(leg.commands.twists), axis=1))
         settings_of = [record.history.at(int(stamp)) for stamp in commands.stamps]
         answered = [estimates.get(stamp) for stamp in commands.stamps.tolist()]
@@ -120,27 +148,35 @@ def commanded(record: AuditRecord) -> Verdict:
         near = math.nan
         for index, (pose, twist) in enumerate(zip(poses, commands.twists, strict=True)):
             stamp = int(commands.stamps[index])
-            settings = settings_of[index]
+            if is_within(stamp, leg.by_odometry.holes):
+                unknown += bool(twist.any())
+                continue
+            epoch = record.history.epoch_at(stamp)
+            settings = seeing(epoch.course, stamp)
             period = settings.control_period
             if index + 1 < len(commands.stamps):
                 held = (int(commands.stamps[index + 1]) - stamp) / NANOSECONDS
                 period = min(max(held, 0.0), period)
             near = project_on_path(settings.road, pose, near)
             spare = _spare(settings, pose, twist, period, near)
+            spare[EDGES:][epoch.of_hidden] += leg.by_odometry.off
             if spare.min() < worst:
                 worst, at = float(spare.min()), stamp
                 column = int(spare.argmin())
                 names = settings.road.edge_names
                 nearest = (*names, *(f'obstacle {o.name}' for o in settings.obstacles))[column]
+    missing = f'{unknown} commands have no pose in the bag.' if unknown else ''
     if worst == math.inf:
-        return skipped('No command is finite.')
-    passed = worst >= -_ROUNDING
-    sentence = (
-        f'No command leads off the road or into an obstacle; nearest is {nearest}.'
-        if passed
-        else f'A command leads {-worst:.3g} m too close to {nearest} before the next is due.'
-    )
-    return passed_if(passed, sentence, worst=worst, limit=0.0, unit='m', at=record.seconds(at))
+        return not_judged(missing) if missing else skipped('No command is finite.')
+    figures: dict[str, Any] = {'worst': worst, 'limit': 0.0, 'unit': 'm', 'at': record.seconds(at)}
+    if worst >= OUT_OF_REACH:
+        sentence, figures = NOTHING_NEAR, {}
+    elif worst >= -_ROUNDING:
+        sentence = f'No command leads off the road or into an obstacle; nearest is {nearest}.'
+    else:
+        sentence = f'A command leads {-worst:.3g} m too close to {nearest} before the next is due.'
+    verdict = passed_if(worst >= -_ROUNDING, sentence, **figures)
+    return unless(unless(verdict, missing), record.unseen)
 
 
 def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
@@ -193,27 +229,32 @@ def goal(record: AuditRecord) -> Verdict:
     """Miss at each goal at its time, in each run that was not begun again before."""
     if record.history.epochs[0].settings.follow is not None:
         return skipped('There is no goal: a road is followed (follow.speed).')
-    passings = []
-    remaining = math.inf
+    passings, missing = [], ''
     for leg in record.legs:
         for run in leg.runs:
             for place in _goals_of(record, run):
                 stamp = run.start + to_nanoseconds(place.time)
-                remaining = min(remaining, (stamp - run.end) / NANOSECONDS)
-                if stamp <= run.end:
-                    settings, pose = record.history.at(stamp), leg.path.at(stamp)
-                    passings.append((Passing.of(settings, place, stamp, pose), settings))
+                settings = record.history.at(stamp)
+                poses = [pose for each in leg.known if (pose := each.at(stamp)) is not None]
+                found = (Passing.of(settings, place, stamp, pose) for pose in poses)
+                passings += [(each, settings) for each in found]
+                if stamp > run.end and run is record.legs[-1].runs[-1]:
+                    early = (stamp - run.end) / NANOSECONDS
+                    missing = f'The recording ends {early:.3g} s before the final time.'
+                elif stamp <= run.end and not poses:
+                    missing = f'No pose is recorded at {place.time:g} s, the time of a goal.'
     if not passings:
-        return skipped(f'The recording ends {remaining:.3g} s before the final time.')
+        return not_judged(missing or 'No run lasts until the time of its goal.')
     worst, settings = max(passings, key=lambda each: each[0].ratio)
     name = worst.goal.name
     when = f'At {worst.goal.time:g} s' if name not in ('', GOAL) else 'At the final time'
-    count = f' It is the worst of {len(passings)} goals.' if len(passings) > 1 else ''
+    goals = len({each.stamp for each, _ in passings})
+    count = f' It is the worst of {goals} goals.' if goals > 1 else ''
     passed = worst.ratio <= 1.0
     sentence = (
         f'{when} the robot is {worst}{"." if passed else ", which is beyond its tolerance."}{count}'
     )
-    return passed_if(
+    verdict = passed_if(
         passed,
         sentence,
         worst=worst.miss,
@@ -221,26 +262,35 @@ def goal(record: AuditRecord) -> Verdict:
         unit='m',
         at=record.seconds(worst.stamp),
     )
+    return unless(verdict, missing)
 
 
 def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
-    worst, at, nearest, radius = math.inf, record.start, '', 0.0
-    for each in record.sweeps:
-        part = each.clearance[:, columns]
-        if part.size and part.min() < worst:
+    """The least clearance by any evidence; what is proven by one is not undone by another."""
+    worst: tuple[bool, float, int, str, Sweep | None] = (False, -math.inf, record.start, '', None)
+    for each in record.evidence:
+        part = np.nan_to_num(each.clearance[:, columns], nan=-math.inf)
+        if part.size:
             row, column = np.unravel_index(int(part.argmin()), part.shape)
-            worst, at = float(part[row, column]), int(each.stamps[row])
-            nearest = each.name(int(column) + (columns.start or 0))
-            has_corners = each.settings.footprint.corners
-            radius = 0.0 if has_corners else each.settings.robot_radius
-    passed = worst >= wanted - _ROUNDING
+            short = wanted - float(part[row, column])
+            name = each.names[int(column) + (columns.start or 0)]
+            is_proven = short > _ROUNDING + each.tolerance
+            found = is_proven, short, int(each.stamps[row]), name, each
+            worst = max(worst, found, key=lambda one: one[:2])
+    failed, short, at, nearest, source = worst
+    least = wanted - short
+    if source is None or least >= OUT_OF_REACH:
+        return passed_if(True, NOTHING_NEAR)
+    radius = 0.0 if source.settings.footprint.corners else source.settings.robot_radius
     around = f'the robot (radius {radius:.3g} m)' if radius else 'the robot'
+    by = f' (by {source.by})' if source.by else ''
     sentence = (
-        f'Between samples too, {around} keeps {worst:.3g} m from {nearest}.'
-        if worst >= 0.0
-        else f'Along the path driven, {around} cuts {nearest} by {-worst:.3g} m.'
+        f'Between samples too, {around} keeps {least:.3g} m from {nearest}{by}.'
+        if least >= 0.0
+        else f'Along the path driven, {around} cuts {nearest} by {-least:.3g} m{by}.'
     )
-    return passed_if(passed, sentence, worst=worst, limit=wanted, unit='m', at=record.seconds(at))
+    figures = {'worst': least, 'limit': wanted, 'unit': 'm', 'at': record.seconds(at)}
+    return passed_if(not failed, sentence, **figures)
 
 
 def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Array) -> Array:

@@ -2,65 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.clearance import Sweep, sweep
 from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
 from cmpsp_ros.bags.audit.history import History, read_history
-from cmpsp_ros.bags.audit.odometry import OdometrySeries, path_through, read_odometry
+from cmpsp_ros.bags.audit.legs import KnownPath, Leg, split
 from cmpsp_ros.bags.audit.sources import Sources, find
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions, wheel_speeds
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, robot_encounters
-from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.bags.runs.tracks import read_tracks
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.bags.runs.holes import Hole, holes, in_words, longest_interval, pieces
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
+from cmpsp_ros.bags.runs.run import Driven, truth_topic
+from cmpsp_ros.bags.runs.seen import Knowledge, Seen, by_scans, by_sightings, sightings
+from cmpsp_ros.bags.runs.tracks import read_tracks, seen_at
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.settings import GuidanceSettings
 
-
-@dataclass(frozen=True)
-class RunSpan:
-    """One run: from a time 0 to the next.
-
-    Attributes:
-        start: Time 0 [ns].
-        end: Beginning of the next run, or end of the recording [ns].
-    """
-
-    start: int
-    end: int
-
-
-@dataclass(frozen=True)
-class Leg:
-    """Part of a recording in which time does not jump back.
-
-    Attributes:
-        odometry: In order of time.
-        commands: In order of time.
-        runs: In order of time; none before the first command.
-    """
-
-    odometry: OdometrySeries
-    commands: Commands
-    runs: tuple[RunSpan, ...]
-
-    @cached_property
-    def path(self) -> Driven:
-        """The path through all odometry."""
-        return path_through(self.odometry)
-
-    @cached_property
-    def guided(self) -> Driven:
-        """The path since the beginning of the first run."""
-        first = max(self.runs[0].start, int(self.path.stamps[0]))
-        return self.path.between(first, int(self.path.stamps[-1]))
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -77,6 +47,7 @@ class AuditRecord:
         tracks: Moving obstacles as received, by id and time.
         others: Paths of the other robots to be avoided, by namespace.
         pairs: Pairs of commands and decisions.
+        is_ours: Whether the bag has the parameters of a guidance node of this package.
         legs: Parts in which time does not jump back and commands were sent.
     """
 
@@ -89,31 +60,142 @@ class AuditRecord:
     tracks: tuple[Track, ...]
     others: Mapping[str, Driven]
     pairs: Pairs
+    is_ours: bool
     legs: tuple[Leg, ...]
 
     @cached_property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """The path driven since the beginning of each leg's first run, with its clearance."""
-        return tuple(each for leg in self.legs for each in sweep(leg.guided, self.history))
+        """The path by odometry since the beginning of each leg's first run, with its clearance.
+
+        That is from what guidance was told of, and infinite in holes.
+        """
+        epochs = tuple(replace(each, hidden=()) for each in self.history.epochs)
+        told = replace(self.history, epochs=epochs)
+        found = [(leg, each) for leg in self.legs for each in sweep(leg.guided, told)]
+        for leg, each in found:
+            for hole in leg.by_odometry.holes:
+                inside = (each.stamps >= hole.begin) & (each.stamps < hole.end)
+                each.clearance[inside] = np.inf
+        return tuple(each for _, each in found)
+
+    @cached_property
+    def evidence(self) -> tuple[Sweep, ...]:
+        """The path by all sources, without holes, and its clearance from all that is known."""
+        known = (each for leg in self.legs for each in reversed(leg.known))
+        seen = (Sweep.of_seen(self.settings, one) for each in self.seen for one in each)
+        return (*self._sweeps(known), *seen)
+
+    @cached_property
+    def seen(self) -> tuple[tuple[Seen, ...], ...]:
+        """What sensors saw beside the path of each leg; of those who saw anything."""
+        settings, topic = self.settings, self.places.sighting
+        if not settings.sight.sensors:
+            return ()
+        found = []
+        with Bag(self.path) as bag:
+            for leg in self.legs:
+                rest = self._moving_at, leg.window
+                best = next((each.pieces for each in leg.known if each.pieces), ())
+                heard = leg.by_odometry.pieces
+                each = [by_scans(bag, topic, settings, best, *rest)] if best else []
+                # The grid is in the frame of odometry, with all its errors.
+                each += [by_sightings(bag, topic, settings, heard, *rest)] if heard else []
+                found.append(tuple(one for one in each if len(one.looks)))
+        return tuple(found)
+
+    @cached_property
+    def unseen(self) -> str:
+        """Why obstacles are not known everywhere, in a sentence; empty if they are."""
+        if self.history.simulated or not self.settings.sight.sensors:
+            return ''
+        if not all(self.seen):
+            return 'Only sensors know the obstacles, and in the bag they saw nothing.'
+        blind: list[Hole] = []
+        for each in self.seen:
+            looks = np.unique(np.concatenate([one.looks for one in each]))
+            blind += each[0].blind(looks, self.settings)
+        return f'No sensor saw anything {in_words(blind, self.start)}.' if blind else ''
+
+    @cached_property
+    def hole_sentence(self) -> str:
+        """When no source knows the path, in a sentence; empty if one always does."""
+        found = [hole for leg in self.legs for hole in leg.holes]
+        return f'The path is not recorded {in_words(found, self.start)}.' if found else ''
+
+    def knowledge(self) -> Iterator[Callable[[GuidanceSettings, int], GuidanceSettings]]:
+        """For each leg: settings with what sensors had shown by a time [ns], for rising times."""
+        with Bag(self.path) as bag:
+            for leg in self.legs:
+                yield Knowledge(sightings(bag, self.places.sighting, leg.window)).of
 
     @cached_property
     def encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the moving obstacles at their predicted positions."""
-        settings = self.history.epochs[0].settings
+        settings = self.settings
         around = settings.bodies, settings.moving_obstacles.timeout
-        paths = (leg.guided for leg in self.legs)
-        return tuple(each for path in paths for each in encounters(path, self.tracks, *around))
+        return tuple(self._met(lambda path: encounters(path, self.tracks, *around)))
 
     @cached_property
     def robot_encounters(self) -> tuple[Encounter, ...]:
         """The same path, with the positions of the other robots at that time."""
-        settings = self.history.epochs[0].settings
+        settings = self.settings
         known = settings.moving_obstacles
         around = known.others_radius, settings.bodies, known.timeout
-        paths = (leg.guided for leg in self.legs)
-        return tuple(
-            each for path in paths for each in robot_encounters(path, self.others, *around)
-        )
+
+        def along(path: Driven) -> Iterator[Encounter]:
+            for name, other in self.others.items():
+                longest = longest_interval(other.stamps, settings)
+                for part in pieces(other, int(path.stamps[0]), int(path.stamps[-1]), longest):
+                    first, last = (int(part.stamps[k]) for k in (0, -1))
+                    yield from robot_encounters(path.between(first, last), {name: part}, *around)
+
+        return tuple(self._met(along))
+
+    @cached_property
+    def others_sentence(self) -> str:
+        """Which paths of other robots are not recorded, in a sentence; empty if all are."""
+        named, known = self.settings.moving_obstacles.others, self.others
+        lacking = [each for each in named if each not in {*known, self.places.namespace}]
+        words = [f'that of {each} is not in the bag' for each in lacking]
+        for name, path in known.items():
+            ends = int(path.stamps[0]), int(path.stamps[-1])
+            found = holes(path.stamps, *ends, longest_interval(path.stamps, self.settings))
+            words += [f'that of {name} not {in_words(found, self.start)}'] if found else []
+        return f'Of the paths of others {" and ".join(words)}.' if words else ''
+
+    def _sweeps(self, known: Iterable[KnownPath]) -> Iterator[Sweep]:
+        for each in known:
+            for path in each.pieces:
+                yield from sweep(path, self.history, each.by, each.tolerance, each.off)
+
+    def _met(self, found_along: Callable[[Driven], Iterable[Encounter]]) -> Iterator[Encounter]:
+        """Encounters on every known part of the path, less what its source may be off by."""
+        for known in (each for leg in self.legs for each in leg.known):
+            for each in (one for path in known.pieces for one in found_along(path)):
+                yield replace(each, clearance=each.clearance + known.tolerance)
+
+    def _moving_at(self, stamp: int) -> Array:
+        """Discs of all that is known to move at a time [ns], ``(D, 3)`` [m]."""
+        moving = self.settings.moving_obstacles
+        first = bisect_left(self._by_time, stamp - to_nanoseconds(moving.timeout), key=_stamp)
+        last = bisect_right(self._by_time, stamp, key=_stamp)
+        tracks = seen_at(self._by_time[first:last], stamp, moving.timeout)
+        robots = [
+            [*each.at(stamp)[:2].tolist(), moving.others_radius]
+            for each in self.others.values()
+            if each.stamps[0] <= stamp <= each.stamps[-1]
+        ]
+        discs = [[each.x, each.y, each.radius] for each in tracks]
+        return np.array(discs + robots).reshape(-1, 3)
+
+    @cached_property
+    def _by_time(self) -> list[Track]:
+        return sorted(self.tracks, key=_stamp)
+
+    @property
+    def settings(self) -> GuidanceSettings:
+        """In force at first."""
+        return self.history.epochs[0].settings
 
     @property
     def start(self) -> int:
@@ -157,7 +239,9 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
     decided = settings.robot.twist_of_wheels(wheel_speeds(decisions))
     pairs = pair(commands, decided)
     commands = timed(commands, odometry, pairs, decisions)
-    legs = tuple(_legs(odometry.legs(settings.odom_timeout), commands, decisions))
+    truth_on = truth_topic(bag, places.namespace, places.odom)
+    truth = read_odometry(bag, truth_on, frame_id) if truth_on else None
+    legs = tuple(split(odometry, truth, commands, decisions, settings))
     if not legs:
         raise BagError(
             f'{bag.path}: found no two messages of {places.odom} around any of {places.cmd_vel},'
@@ -165,38 +249,21 @@ def _record(bag: Bag, sources: Sources) -> AuditRecord:
         )
     moving = bag.as_decided_on(places.node, 'moving_obstacles')
     tracks = read_tracks(bag, moving, frame_id)
-    own = places.node.rpartition('/')[0]
-    others = read_others(bag, settings.moving_obstacles.others, own)
+    others = read_others(bag, settings.moving_obstacles.others, places.namespace)
     return AuditRecord(
-        bag.path, places, history, odometry, commands, decisions, tracks, others, pairs, legs
+        path=bag.path,
+        places=places,
+        history=history,
+        odometry=odometry,
+        commands=commands,
+        decisions=decisions,
+        tracks=tracks,
+        others=others,
+        pairs=pairs,
+        is_ours=places.node in bag.parameters,
+        legs=legs,
     )
 
 
-def _legs(
-    odometry: Sequence[OdometrySeries], commands: Commands, decisions: Sequence[DecisionRecord]
-) -> list[Leg]:
-    begins = [int(each.received[0]) for each in odometry]
-    legs = []
-    for each, begin, end in zip(odometry, [0, *begins[1:]], [*begins[1:], None], strict=True):
-        inside = commands.received >= begin
-        if end is not None:
-            inside &= commands.received < end
-        some = commands.chosen(inside)
-        inside_leg = [one for one in decisions if one.received >= begin]
-        inside_leg = [one for one in inside_leg if end is None or one.received < end]
-        if len(some.stamps) and each.stamps[-1] > each.stamps[0]:
-            legs.append(Leg(each, some, _runs(some, inside_leg, int(each.stamps[-1]))))
-    return legs
-
-
-def _runs(commands: Commands, decisions: Sequence[DecisionRecord], end: int) -> tuple[RunSpan, ...]:
-    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
-    answers = [each for each in decisions if not each.halted]
-    starts = [answers[0].stamp] if answers else [int(commands.stamps[0])]
-    for before, after in pairwise(answers):
-        if after.run != before.run or after.step < before.step:
-            starts.append(after.stamp)
-    starts = sorted({min(start, end) for start in starts})
-    return tuple(
-        RunSpan(start, stop) for start, stop in zip(starts, [*starts[1:], end], strict=True)
-    )
+def _stamp(track: Track) -> int:
+    return track.stamp

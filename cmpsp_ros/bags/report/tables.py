@@ -8,13 +8,19 @@ from html import escape
 
 import numpy as np
 
-from cmpsp_ros.bags.audit import CheckOutcome
+from cmpsp_ros.bags.audit import CheckOutcome, overall
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import describe
 from cmpsp_ros.view.palette import LEVEL_COLORS, bag_color
 
 _MOST_BANDS = 200
+
+_HEADLINES = {
+    CheckOutcome.PASSED: 'Audit clean',
+    CheckOutcome.FAILED: 'Audit found something',
+    CheckOutcome.NOT_JUDGED: 'Audit not complete: data are missing',
+}
 
 
 def summary(views: Sequence[View]) -> str:
@@ -29,7 +35,7 @@ def findings(view: View) -> str:
     """What the audit says."""
     rows = [
         [
-            f'<span class="{each.outcome.value}">{each.outcome.value}</span>',
+            f'<span class="{each.outcome.name.lower()}">{each.outcome.value}</span>',
             escape(each.title),
             escape(each.worst_text),
             escape(each.limit_text),
@@ -84,14 +90,11 @@ def verdicts(views: Sequence[View]) -> str:
     """A word on each audit."""
     words = []
     for view in views:
-        skipped = sum(each.outcome is CheckOutcome.SKIPPED for each in view.findings)
-        clean = f'{len(view.findings) - skipped} checks passed, {skipped} skipped'
-        failed = f'{view.failures} of {len(view.findings)} checks failed'
-        kind = 'failed' if view.failures else 'passed'
+        outcome, counts = overall(view.findings), Counter(each.outcome for each in view.findings)
+        numbers = ', '.join(f'{counts[each]} {each.value}' for each in CheckOutcome if counts[each])
         words.append(
-            f'<li class="{kind}">{_swatched(views, view)}<strong>'
-            f'{"Audit found something" if view.failures else "Audit clean"}</strong>'
-            f'<span>{failed if view.failures else clean}</span></li>'
+            f'<li class="{outcome.name.lower()}">{_swatched(views, view)}'
+            f'<strong>{_HEADLINES[outcome]}</strong><span>checks: {numbers}</span></li>'
         )
     return ''.join(words)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.bags.audit import AuditRecord, CheckOutcome, Finding, audit_record
+from cmpsp_ros.bags.audit import AuditRecord, Finding, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
@@ -135,11 +135,6 @@ class View:
             if len(chosen):
                 found[name] = Driven(each.stamps[chosen], each.poses[chosen], each.twists[chosen])
         return found
-
-    @property
-    def failures(self) -> int:
-        """Number of checks that failed."""
-        return sum(each.outcome is CheckOutcome.FAILED for each in self.findings)
 
     @property
     def end(self) -> float:
@@ -319,7 +314,7 @@ def _moving(tracks: Sequence[Track]) -> Part:
 
 
 def _shown(decision: DecisionRecord) -> str:
-    return 'arrived' if decision.finished else decision.level
+    return 'arrived' if decision.arrived else decision.level
 
 
 def _kind(decision: DecisionRecord) -> tuple[str, str]:

@@ -56,10 +56,14 @@ class Driven:
 
     def at(self, stamp: int) -> Array:
         """Pose ``(3,)`` at an instant between the first stamp and the last, on its arc."""
-        index = np.searchsorted(self.stamps, stamp, side='right') - 1
-        since = np.array([(stamp - self.stamps[index]) / NANOSECONDS])
-        pose: Array = arc_ends(self.poses[index, None], self.twists[index, None], since)[0]
+        pose: Array = self.at_all(np.array([stamp], dtype=np.int64))[0]
         return pose
+
+    def at_all(self, stamps: Stamps) -> Array:
+        """As `at`, for several instants: shape ``(S, 3)``."""
+        index = np.searchsorted(self.stamps, stamps, side='right') - 1
+        since = (stamps - self.stamps[index]) / NANOSECONDS
+        return np.asarray(arc_ends(self.poses[index], self.twists[index], since))
 
     def between(self, first: int, last: int) -> Driven:
         """The part of the path between two instants."""
@@ -137,10 +141,8 @@ def read_driven(path: Path, namespace: str = '') -> Driven:
 
 def driven_in(bag: Bag, namespace: str) -> Driven:
     """As `read_driven`, of an open bag."""
-    truth, topic = f'{namespace}/sim/truth', bag.as_decided_on(f'{namespace}/guidance', 'odom')
-    # The truth is in the frame of the odometry that was heard.
-    if truth in bag.topics and topic == f'{namespace}/odom':
-        topic = truth
+    heard = bag.as_decided_on(f'{namespace}/guidance', 'odom')
+    topic = truth_topic(bag, namespace, heard) or heard
     rows: dict[int, tuple[list[float], list[float]]] = {}
     for _, message in bag.messages(topic):
         # Of two at one instant the later counts: a command took effect there.
@@ -155,6 +157,12 @@ def driven_in(bag: Bag, namespace: str) -> Driven:
         np.array([pose for _, (pose, _) in ordered]),
         plain(np.array([twist for _, (_, twist) in ordered])),
     )
+
+
+def truth_topic(bag: Bag, namespace: str, odom: str) -> str:
+    """Topic of the true path; empty where there is none in the frame of odometry that was heard."""
+    truth = f'{namespace}/sim/truth'
+    return truth if truth in bag.topics and odom == f'{namespace}/odom' else ''
 
 
 def plans_in(bag: Bag, topic: str) -> tuple[Planned, ...]:

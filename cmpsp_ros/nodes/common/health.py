@@ -106,7 +106,6 @@ class StepTimes:
         """Note the age of odometry when it came [ms]; negative where it is ahead of the clock."""
         self._ages.append(age_ms)
 
-    def add(self, step_ms: float, answer_ms: float, period: float, delay: float) -> None:
     def add(
         self,
         step_ms: float,

@@ -103,7 +103,7 @@ def test_a_run_with_faults_is_identical_and_audited_as_it_was(
     assert audit.wait(LIMIT) == 1, audit.stdout + audit.stderr
     said = verdicts(tmp_path / 'audit.xml')
     # The obstacle was put where the robot was, and the run was not driven to its end.
-    assert (said['obstacles'], said['goal']) == ('failure', 'skipped')
+    assert (said['obstacles'], said['goal']) == ('failure', 'error')
     for check in ('finite', 'wheel_limits', 'as_decided', 'reasons', 'stop_at_end'):
         assert said[check] == 'passed'
 

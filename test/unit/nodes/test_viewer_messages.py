@@ -58,6 +58,9 @@ def test_a_decision_is_read_number_by_number():
     assert decision_of(DiagnosticArray())['level'] is None
     assert decision_of(status(fallback_level='stop'))['level'] == 'stop'
     assert decision_of(status(fallback_level='stop', finished='true'))['level'] == 'arrived'
+    for unknown in ('missed', 'halted'):
+        late = status(fallback_level='stop', finished='true', **{unknown: 'true'})
+        assert decision_of(late)['level'] == 'stop'
 
 
 def test_texts_are_shortened():

@@ -63,6 +63,8 @@ class Drive:
     changes: list = field(default_factory=list)
     restarts: list = field(default_factory=list)
     sightings: list = field(default_factory=list)
+    truth: list[Sample] = field(default_factory=list)
+    sim: dict = field(default_factory=dict)
     frame_id: str = 'odom'
     namespace: str = ''
     stamped: bool = False
@@ -112,6 +114,10 @@ class Drive:
             bag.topic(cmd_vel, STAMPED if self.stamped else TWIST)
             for each in self.odometry:
                 bag.write(odom, each.received, self._odometry(each))
+            if self.truth:
+                bag.topic(f'{prefix}/sim/truth', ODOMETRY)
+            for each in self.truth:
+                bag.write(f'{prefix}/sim/truth', each.received, self._odometry(each))
             for each in self.commands:
                 bag.write(cmd_vel, each.received, command(each, stamped=self.stamped))
             if self.decisions:
@@ -127,6 +133,8 @@ class Drive:
                 bag.write('/parameter_events', stamp, raw(change))
             if self.parameters:
                 bag.set_parameters(f'{prefix}/guidance', self.parameters)
+            if self.sim:
+                bag.set_parameters(f'{prefix}/sim', self.sim)
             for since, parameters in self.restarts:
                 bag.set_parameters(f'{prefix}/guidance', parameters, since)
         return path

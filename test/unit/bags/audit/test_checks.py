@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed
 
-from cmpsp_ros.bags.audit import CheckOutcome, Sources
+from cmpsp_ros.bags.audit import CheckOutcome, Sources, overall
 from cmpsp_ros.bags.audit.checks import CHECKS
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.settings import guidance_settings
 from cmpsp_ros.robots.footprint import placed
 
-PASSED, FAILED, SKIPPED = CheckOutcome
+PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 
 CENTER = 'obstacles.a.center'
 
@@ -136,16 +138,29 @@ def test_a_goal_that_is_missed_is_caught(drive, outcomes):
 def test_a_recording_that_ends_early_says_nothing_about_the_end(drive, outcomes):
     findings = outcomes(drive.until(4.1))
     assert failed(findings) == set()
-    assert findings['goal'].outcome is findings['stop_at_end'].outcome is SKIPPED
+    assert findings['goal'].outcome is findings['stop_at_end'].outcome is NOT_JUDGED
+    assert overall(findings.values()) is NOT_JUDGED
     assert '5.9 s before' in findings['goal'].sentence
 
 
-def silent(drive, begin, end):
-    """Odometry drops out."""
+def lost(drive, begin, end):
+    """A recording without what was sent in between."""
     low, high = START + round(begin * SECOND), START + round(end * SECOND)
-    drive.odometry = [each for each in drive.odometry if not low < each.stamp < high]
-    drive.commands = [each for each in drive.commands if not low < each.stamp < high]
-    drive.decisions = [each for each in drive.decisions if not low < each.stamp < high]
+    for key in ('odometry', 'truth', 'commands', 'decisions'):
+        kept = [each for each in getattr(drive, key) if not low < each.stamp < high]
+        setattr(drive, key, kept)
+    return drive
+
+
+def silent(drive, begin, end):
+    """Odometry drops out, and the recording says so: nothing else is missing."""
+    truth, count = drive.odometry, len(drive.decisions)
+    drive = lost(drive, begin, end)
+    drive.truth, missing = truth, count - len(drive.decisions)
+    drive.decisions = [
+        each._replace(step=each.step - missing) if each.stamp > START + begin * SECOND else each
+        for each in drive.decisions
+    ]
     return drive
 
 
@@ -169,6 +184,74 @@ def test_a_stop_in_time_is_all_that_is_asked_when_odometry_is_silent(drive, outc
     assert findings['silence'].outcome is PASSED
     assert 'stopped in time' in findings['silence'].sentence
     assert findings['rate'].outcome is PASSED
+
+
+def test_what_lies_in_a_hole_of_the_recording_is_not_judged(drive, outcomes):
+    findings = outcomes(lost(drive, 3.0, 6.0))
+    assert failed(findings) == set()
+    of_the_path = ('road', 'obstacles', 'nominal', 'obeyed')
+    for check in (*of_the_path, 'rate', 'age', 'silence'):
+        assert findings[check].outcome is NOT_JUDGED, check
+        assert 'not recorded from 3.00 to 6.00 s (3.00 s)' in findings[check].sentence
+    assert findings['goal'].outcome is PASSED
+    assert findings['road'].worst == pytest.approx(0.4, abs=0.4)
+
+
+def test_a_contact_beside_a_hole_is_one(drive, outcomes):
+    drive.parameters[CENTER] = drive.odometry[100].pose[:2].tolist()
+    findings = outcomes(lost(drive, 3.0, 6.0))
+    assert 'obstacles' in failed(findings)
+    assert findings['obstacles'].at == pytest.approx(2.0, abs=0.5)
+
+
+def test_a_hole_in_odometry_is_none_where_the_true_path_is_known(drive, outcomes):
+    drive.truth = list(drive.odometry)
+    low, high = START + 3 * SECOND, START + 3.5 * SECOND
+    drive.odometry = [each for each in drive.odometry if not low < each.stamp < high]
+    findings = outcomes(drive)
+    assert findings['road'].outcome is findings['obstacles'].outcome is PASSED
+    # What was commanded there cannot be judged all the same.
+    assert findings['commanded'].outcome is NOT_JUDGED
+
+
+def test_a_robot_is_judged_by_where_it_really_was(drive, outcomes):
+    aside = np.array([0.1, 0.0, 0.0])
+    drive.truth = [replace(each, pose=each.pose + aside) for each in drive.odometry]
+    findings = outcomes(drive)
+    assert {'obstacles', 'goal'} <= failed(findings)
+    assert 'by the true path' in findings['obstacles'].sentence
+    assert findings['goal'].worst == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize('is_known', [True, False])
+def test_the_stated_error_of_odometry_is_no_contact_where_the_true_path_is_known(
+    drive, outcomes, is_known
+):
+    drive.truth = [replace(each) for each in drive.odometry] if is_known else []
+    for each in drive.odometry:
+        each.pose, each.spread = np.add(each.pose, [0.08, 0.0, 0.0]), 0.03
+    assert ('obstacles' in failed(outcomes(drive))) != is_known
+
+
+def test_a_recording_that_begins_late_is_not_judged_by_another_time_0(drive, outcomes):
+    findings = outcomes(lost(drive, -1.0, 2.1))
+    assert failed(findings) == set()
+    assert findings['goal'].outcome is PASSED
+    assert findings['goal'].at == pytest.approx(10.0)
+    assert 'not recorded from 0.00 to 2.1' in findings['road'].sentence
+
+
+def test_nothing_within_reach_is_said_in_words(drive, outcomes):
+    here = ('road.type', 'obstacles.names', 'obstacles.a', 'obstacles.b')
+    for key in [each for each in drive.parameters if each.startswith(here)]:
+        del drive.parameters[key]
+    drive.parameters.update({'road.type': 'none', 'obstacles.names': [], 'safety.margin': 0.1})
+    findings = outcomes(drive)
+    for check in ('commanded', 'margin', 'nominal'):
+        assert findings[check].outcome is PASSED
+        assert findings[check].worst is None
+        assert 'within reach' in findings[check].sentence
+    assert findings['obstacles'].outcome is SKIPPED
 
 
 def test_another_clock_at_the_recorder_s_is_no_old_odometry(drive, outcomes):

@@ -21,6 +21,12 @@ def test_a_wrong_command_is_exit_code_1(drive, tmp_path):
     assert 'failed Commands: as decided: 1 of 53 commands' in done.output
 
 
+def test_a_bag_that_lacks_data_is_exit_code_3(drive, tmp_path):
+    done = command('audit', drive.until(4.1).write(tmp_path / 'bag'))
+    assert done.exit_code == 3
+    assert 'not judged Path: goal at the final time: The recording ends 5.9 s' in done.output
+
+
 def test_a_bag_of_another_robot_is_audited_by_a_file(drive, tmp_path):
     drive = drive.without_node()
     drive.odom = 'wheels/odom'

@@ -9,7 +9,7 @@ from drives import SECOND, Command, drive_case, drive_settings, failed
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.guidance.decision import FallbackLevel
 
-PASSED, FAILED, _ = CheckOutcome
+PASSED, FAILED, *_ = CheckOutcome
 
 
 def test_one_wrong_command_is_caught(drive, outcomes):
@@ -134,6 +134,13 @@ def test_an_old_plan_is_not_followed_for_long(drive, outcomes, count, outcome):
     findings = outcomes(drive)
     assert findings['previous_plan'].outcome is outcome
     assert findings['previous_plan'].worst == count
+
+
+def test_commands_without_a_decision_are_not_judged_by_those_that_have_one(drive, outcomes):
+    del drive.decisions[:10]
+    findings = outcomes(drive)
+    assert findings['as_decided'].outcome is CheckOutcome.NOT_JUDGED
+    assert '10 others have no decision' in findings['as_decided'].sentence
 
 
 def test_a_start_that_the_recorder_missed_is_no_wrong_command(drive, outcomes):

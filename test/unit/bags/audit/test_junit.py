@@ -43,6 +43,16 @@ def test_one_case_a_check_with_what_was_found(record, tmp_path):
     assert 'worst 0.1 m, limit 0.01 m, at 10.000 s' in failure.text
 
 
+def test_what_is_not_judged_is_an_error(drive, tmp_path):
+    record = read_record(drive.until(4.1).write(tmp_path / 'bag'))
+    write_junit(tmp_path / 'audit.xml', audit_record(record), record)
+    suite = ET.parse(tmp_path / 'audit.xml').getroot()
+    assert (suite.get('failures'), suite.get('errors'), suite.get('skipped')) == ('0', '2', '5')
+    errors = [each.find('error') for each in suite.iter('testcase')]
+    said = [each.get('message') for each in errors if each is not None]
+    assert said[0] == 'The recording ends 5.9 s before the final time.'
+
+
 def test_whatever_a_bag_says_is_valid_xml(record, tmp_path):
     said = 'a <b> & "c" \x00\x1b[31m \ud800 ]]> \U0001f600'
     findings = [

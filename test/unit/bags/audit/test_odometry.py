@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.bags.audit.odometry import OdometrySeries, interpolated, path_through, wrapped
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, interpolated, path_through, wrapped
 from cmpsp_ros.robots.arcs import arc_ends
 
 SECOND = 1_000_000_000

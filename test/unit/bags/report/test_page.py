@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from bag_messages import SECOND
 
-from cmpsp_ros.bags.audit.checks import CHECKS
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.report.view import labels
@@ -156,6 +155,13 @@ def test_charts_hold_what_was_driven(report, drive):
     assert min(road['y']) == pytest.approx(0.235, abs=1e-2)
 
 
+def test_a_robot_that_missed_its_goal_has_not_arrived(report, drive):
+    drive = drive.copy()
+    drive.decisions = [each._replace(missed=each.finished) for each in drive.decisions]
+    figures = Page(report(drive).read_text(encoding='utf-8')).data['figures']
+    assert {each['name'] for each in figures['levels']['data']} == {'nominal', 'stop'}
+
+
 def test_missed_deadlines_are_counted_and_marked(report, drive):
     told = {'step': 10.0, 'odometry_to_command': 250.0}
     drive.decisions[5] = drive.decisions[5]._replace(late=0.21, phases={'step': 210.0})
@@ -180,8 +186,17 @@ def test_several_bags_on_one_course_are_laid_over_each_other(report, drive):
     assert [each['name'] for each in traces].count('obstacle') == 1
     (differs,) = re.findall(r'<tr class="differs"><td>([^<]*)', text)
     assert differs == 'safety.margin'
-    assert f'1 of {len(CHECKS)} checks failed' in page.text
+    assert 'Audit found something' in page.text
+    assert '1 failed, 4 skipped' in page.text
     assert 'Audit clean' in page.text
+
+
+def test_an_audit_that_lacks_data_is_not_called_clean(report, drive):
+    page = Page(report(drive.until(4.1)).read_text(encoding='utf-8'))
+    assert 'Audit not complete: data are missing' in page.text
+    assert '2 not judged' in page.text
+    assert 'The recording ends 5.9 s before the final time.' in page.text
+    assert 'Audit clean' not in page.text
 
 
 def test_a_bag_of_another_robot_has_a_report_too(drive, tmp_path):

@@ -50,6 +50,12 @@ class OdometrySeries:
             legs.append(self._part(leg[stamps >= np.maximum.accumulate(stamps)]))
         return legs
 
+    def received_within(self, begin: float, end: float) -> OdometrySeries | None:
+        """What was received between two times [ns], by ascending stamps; None for nothing."""
+        inside = np.flatnonzero((self.received >= begin) & (self.received < end))
+        ordered = inside[np.argsort(self.stamps[inside], kind='stable')]
+        return self._part(ordered) if len(ordered) else None
+
     def _part(self, chosen: NDArray[np.intp]) -> OdometrySeries:
         return OdometrySeries(
             self.received[chosen], self.stamps[chosen], self.poses[chosen], self.spreads[chosen]

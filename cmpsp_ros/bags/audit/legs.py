@@ -1,0 +1,186 @@
+"""The legs of a recording: parts in which time does not jump back, with their runs and paths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit.commands import Commands
+from cmpsp_ros.bags.decision_record import DecisionRecord
+from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval, pieces
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, path_through
+from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.settings import GuidanceSettings
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RunSpan:
+    """One run: from a time 0 to the next.
+
+    Attributes:
+        start: Time 0 [ns].
+        end: Beginning of the next run, or end of the recording [ns].
+    """
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class KnownPath:
+    """The driven path by one source, since the beginning of a leg's first run.
+
+    Attributes:
+        by: The source, if it is not odometry.
+        pieces: Its parts without holes.
+        holes: Where it is unknown.
+        tolerance: What its clearance may be off by [m].
+        off: Largest distance of its positions from the true ones, where these are known [m].
+    """
+
+    by: str
+    pieces: tuple[Driven, ...]
+    holes: tuple[Hole, ...]
+    tolerance: float = 0.0
+    off: float = 0.0
+
+    def at(self, stamp: int) -> Array | None:
+        """Pose ``(3,)`` at an instant [ns]; None in a hole."""
+        inside = (each for each in self.pieces if each.stamps[0] <= stamp <= each.stamps[-1])
+        return next((each.at(stamp) for each in inside), None)
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Part of a recording in which time does not jump back.
+
+    Attributes:
+        odometry: In order of time.
+        truth: The true poses, in order of time; None without a simulator.
+        commands: In order of time.
+        runs: In order of time; none before the first command.
+        window: Reception of its first odometry, and of that of the next leg [ns].
+        settings: In force at first.
+    """
+
+    odometry: OdometrySeries
+    truth: OdometrySeries | None
+    commands: Commands
+    runs: tuple[RunSpan, ...]
+    window: tuple[float, float]
+    settings: GuidanceSettings
+
+    @cached_property
+    def path(self) -> Driven:
+        """The path through all odometry."""
+        return path_through(self.odometry)
+
+    @cached_property
+    def guided(self) -> Driven:
+        """The path since the beginning of the first run."""
+        first = max(self.runs[0].start, int(self.path.stamps[0]))
+        return self.path.between(first, int(self.path.stamps[-1]))
+
+    @cached_property
+    def by_odometry(self) -> KnownPath:
+        """The path by odometry.
+
+        Where the true path is known too, what odometry itself says of its errors is no contact.
+        """
+        off, stamps = 0.0, self.path.stamps
+        for part in () if self.true is None else self.true.pieces:
+            both = (stamps >= part.stamps[0]) & (stamps <= part.stamps[-1])
+            away = (self.path.poses[both] - part.at_all(stamps[both]))[:, :2]
+            off = max(off, float(np.hypot(*away.T).max(initial=0.0)))
+        spread = 3.0 * float(self.odometry.spreads[:, 0].max())
+        return self._known('', self.path, 0.0 if self.true is None else spread, off)
+
+    @cached_property
+    def true(self) -> KnownPath | None:
+        """The true path; None without a simulator."""
+        if self.truth is None:
+            return None
+        return self._known('the true path', path_through(self.truth))
+
+    @cached_property
+    def known(self) -> tuple[KnownPath, ...]:
+        """The path by each source, the best first."""
+        return (self.by_odometry,) if self.true is None else (self.true, self.by_odometry)
+
+    @cached_property
+    def holes(self) -> tuple[Hole, ...]:
+        """When no source knows the path."""
+        if self.truth is None:
+            return self.by_odometry.holes
+        stamps = np.union1d(self.odometry.stamps, self.truth.stamps)
+        longest = longest_interval(self.odometry.stamps, self.settings)
+        return holes(stamps, self.runs[0].start, self.runs[-1].end, longest)
+
+    def _known(self, by: str, path: Driven, tolerance: float = 0.0, off: float = 0.0) -> KnownPath:
+        begin, end = self.runs[0].start, self.runs[-1].end
+        longest = longest_interval(path.stamps, self.settings)
+        return KnownPath(
+            by,
+            tuple(pieces(path, begin, end, longest)),
+            holes(path.stamps, begin, end, longest),
+            tolerance,
+            off,
+        )
+
+
+def split(
+    odometry: OdometrySeries,
+    truth: OdometrySeries | None,
+    commands: Commands,
+    decisions: Sequence[DecisionRecord],
+    settings: GuidanceSettings,
+) -> Iterator[Leg]:
+    """The legs of a recording; arguments as of `AuditRecord`."""
+    parts = odometry.legs(settings.odom_timeout)
+    begins = [int(each.received[0]) for each in parts]
+    windows = zip([0, *begins[1:]], [*begins[1:], math.inf], strict=True)
+    for each, (begin, end) in zip(parts, windows, strict=True):
+        some = commands.chosen((commands.received >= begin) & (commands.received < end))
+        inside = [one for one in decisions if begin <= one.received < end]
+        if len(some.stamps) and each.stamps[-1] > each.stamps[0]:
+            true = None if truth is None else truth.received_within(begin, end)
+            last = int(max(each.stamps[-1], 0 if true is None else true.stamps[-1]))
+            runs = _runs(some, inside, last, settings)
+            yield Leg(each, true, some, runs, (begin, end), settings)
+
+
+def _runs(
+    commands: Commands,
+    decisions: Sequence[DecisionRecord],
+    end: int,
+    settings: GuidanceSettings,
+) -> tuple[RunSpan, ...]:
+    """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
+    answers = [each for each in decisions if not each.halted]
+    starts = [_begin_of(answers[0], settings)] if answers else [int(commands.stamps[0])]
+    for before, after in pairwise(answers):
+        if after.run != before.run or after.step < before.step:
+            starts.append(after.stamp)
+    starts = sorted({min(start, end) for start in starts})
+    return tuple(
+        RunSpan(start, stop) for start, stop in zip(starts, [*starts[1:], end], strict=True)
+    )
+
+
+def _begin_of(first: DecisionRecord, settings: GuidanceSettings) -> int:
+    """Time 0 [ns] of a run of which decisions before this one were not recorded, if any."""
+    elapsed = first.step * settings.control_period
+    goal, left = first.goal, first.time_left
+    if first.step and goal is not None and 0.0 < left < math.inf:
+        # The time that is left is that to the last goal.
+        elapsed = max(goal.time, 0.0 if first.goals_received else settings.final_time) - left
+    return max(first.stamp - to_nanoseconds(elapsed), 0)

@@ -1,0 +1,269 @@
+"""What sensors saw beside a driven path, before the robot came there and after it was there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
+from cmpsp_ros.bags.runs.run import Driven
+from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.robots.footprint import Footprint, contains, placed
+from cmpsp_ros.sensing import laser_scan, point_cloud
+from cmpsp_ros.sensing.beams import Beams, ScanError, Sensor, project
+from cmpsp_ros.sensing.grid_message import grid_of
+from cmpsp_ros.sensing.local_grid import LocalGrid
+from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Moving = Callable[[int], Array]
+Window = tuple[float, float]
+
+EXACT: Final = 0.05
+"""What ranges, odometry and cells together may be off by [m]."""
+
+_READERS: Final = {
+    ('scan', 'sensor_msgs/msg/LaserScan'): laser_scan.sight_of,
+    ('cloud', 'sensor_msgs/msg/PointCloud2'): point_cloud.sight_of,
+}
+_GRID: Final = 'nav_msgs/msg/OccupancyGrid'
+
+_RESTS: Final = 0.01
+"""How far a robot at rest may move [m, rad]."""
+
+_BLOCK: Final = 600
+"""Scans that are held at once, to be looked at in both directions of time."""
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Distance of a robot from what its sensors saw.
+
+    Attributes:
+        stamps: Times of poses, in order, shape ``(K,)`` [ns].
+        poses: The poses, shape ``(K, 3)`` [m, m, rad].
+        clearance: Of the robot's outline at each from the nearest spot that a beam met and no later
+            beam (before: no earlier one) passed, negative inside, shape ``(K,)`` [m].
+        looks: Times of the messages that showed anything, in order, shape ``(L,)`` [ns].
+        tolerance: What the clearance may be off by [m].
+    """
+
+    stamps: Stamps
+    poses: Array
+    clearance: Array
+    looks: Stamps
+    tolerance: float
+
+    def blind(self, looks: Stamps, settings: GuidanceSettings) -> tuple[Hole, ...]:
+        """When the robot drove on and nothing was seen for longer than `sight.timeout`.
+
+        Args:
+            looks: All times at which anything was seen, in order [ns].
+            settings: With the timeout.
+        """
+        longest = longest_interval(looks, settings)
+        longest = max(longest, to_nanoseconds(settings.sight.timeout))
+        found = holes(looks, int(self.stamps[0]), int(self.stamps[-1]), longest)
+        return tuple(each for each in found if self._drives(each))
+
+    def _drives(self, hole: Hole) -> bool:
+        inside = (self.stamps >= hole.begin) & (self.stamps <= hole.end)
+        return bool(len(self.poses[inside]) and np.ptp(self.poses[inside], axis=0).max() > _RESTS)
+
+
+class Knowledge:
+    """What sensors had shown by a time, as `~/sighting` has it."""
+
+    def __init__(self, grids: Iterator[tuple[int, OccupancyGrid]]) -> None:
+        """Take grids with their stamps [ns], in order."""
+        self._grids, self._next = grids, next(grids, None)
+        self._seen: OccupancyGrid | None = None
+
+    def of(self, settings: GuidanceSettings, stamp: int) -> GuidanceSettings:
+        """Settings with the obstacles seen by a time [ns], not before that of the last call."""
+        while self._next is not None and self._next[0] <= stamp:
+            self._seen, self._next = self._next[1], next(self._grids, None)
+        if self._seen is None:
+            return settings
+        return settings.seeing(self._seen)
+
+
+def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, OccupancyGrid]]:
+    """Stamp [ns] and grid of each `~/sighting` that was received in a time [ns]."""
+    if topic in bag.topics and bag.topics[topic].msgtype == _GRID:
+        for received, message in bag.messages(topic):
+            if window[0] <= received < window[1]:
+                with suppress(GridError):
+                    yield stamp_of(message), grid_of(message, message.header.frame_id)
+
+
+def by_scans(
+    bag: Bag,
+    topic: str,
+    settings: GuidanceSettings,
+    paths: Sequence[Driven],
+    moving: Moving,
+    window: Window,
+) -> Seen:
+    """What scans and clouds showed beside a path.
+
+    Args:
+        bag: An open bag.
+        topic: Full name of `~/sighting`; scans are in the namespace of its node.
+        settings: With the sensors and the robot's outline.
+        paths: Parts of the path, in order, without holes.
+        moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
+        window: Reception of the first message that counts, and of the first that does not [ns].
+    """
+    judge, looks = _Judge(settings, paths), []
+    scans = _scans(bag, topic, settings, paths, window)
+    while block := list(islice(scans, _BLOCK)):
+        block.sort(key=lambda each: each.stamp)
+        # Beams that end at what moves have met nothing that stays.
+        block = [
+            replace(each, hits=each.hits & ~_in_discs(each.ends, moving(each.stamp)))
+            for each in block
+        ]
+        looks += [each.stamp for each in block if each.hits.any()]
+        judge.look(block, 1)
+        # A cloud never shows that something has gone, nor that it came.
+        sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
+        judge.look(sweeps[::-1], -1)
+    return judge.seen(looks, EXACT)
+
+
+def by_sightings(
+    bag: Bag,
+    topic: str,
+    settings: GuidanceSettings,
+    paths: Sequence[Driven],
+    moving: Moving,
+    window: Window,
+) -> Seen:
+    """What `~/sighting` showed beside a path by odometry; arguments as of `by_scans`."""
+    judge, looks, tolerance = _Judge(settings, paths), list[int](), EXACT
+    before, last = int(paths[0].stamps[0]), int(paths[-1].stamps[-1])
+    spots = np.empty((0, 2))
+    for stamp, grid in sightings(bag, topic, window):
+        if before <= stamp <= last:
+            judge.near(spots, before, stamp)
+            spots = grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
+            spots = spots[~_in_discs(spots, moving(stamp))]
+            judge.near(spots, before, stamp)
+            before, tolerance = stamp, max(tolerance, 0.75 * grid.resolution)
+            looks += [stamp] if len(spots) else []
+    judge.near(spots, before, last)
+    return judge.seen(looks, tolerance)
+
+
+class _Judge:
+    """Takes in spots that are occupied for a time, and keeps the least distance at each pose."""
+
+    def __init__(self, settings: GuidanceSettings, paths: Sequence[Driven]) -> None:
+        self._settings = settings
+        self._stamps = np.concatenate([each.stamps for each in paths])
+        self._poses = np.concatenate([each.poses for each in paths])
+        self._clearance = np.full(len(self._stamps), math.inf)
+
+    def seen(self, looks: Sequence[int], tolerance: float) -> Seen:
+        """The distances, and when anything was seen."""
+        when = np.unique(np.array(looks, np.int64))
+        return Seen(self._stamps, self._poses, self._clearance, when, tolerance)
+
+    def look(self, scans: Iterable[Beams], direction: int) -> None:
+        """Go through scans in order of time, or backwards with negative stamps."""
+        sight = self._settings.sight
+        grid = LocalGrid(sight.size, sight.resolution, sight.memory)
+        spots, before = np.empty((0, 2)), 0
+        for each in scans:
+            stamp = direction * each.stamp
+            self.near(spots, *sorted((before, stamp)))
+            pose = self._poses[np.searchsorted(self._stamps, stamp).clip(max=len(self._poses) - 1)]
+            grid.center_on(float(pose[0]), float(pose[1]))
+            # The robot sees parts of itself, and what it touches: the others tell of that.
+            of_itself = each.hits & (self._away(each.ends, pose[None])[0] < 0.0)
+            ends = np.where(of_itself[:, None], each.starts, each.ends)
+            grid.see(replace(each, ends=ends, hits=each.hits & ~of_itself))
+            spots, before = grid.hits(each.stamp), stamp
+
+    def near(self, spots: Array, begin: int, end: int) -> None:
+        """Measure the distance from spots at all poses between two times [ns]."""
+        first, last = np.searchsorted(self._stamps, [begin, end + 1])
+        poses = self._poses[first:last]
+        if not len(poses) or not len(spots):
+            return
+        middle = poses[:, :2].mean(axis=0)
+        reach = 1.0 + 2.0 * self._settings.circumscribed_radius
+        reach += float(np.hypot(*(poses[:, :2] - middle).T).max())
+        spots = spots[np.hypot(*(spots - middle).T) < reach]
+        if len(spots):
+            least = self._away(spots, poses).min(axis=1)
+            np.minimum(self._clearance[first:last], least, out=self._clearance[first:last])
+
+    def _away(self, points: Array, poses: Array) -> Array:
+        """Distance of points ``(P, 2)`` from the outline at poses ``(S, 3)``, ``(S, P)`` [m]."""
+        footprint = self._settings.footprint
+        if footprint.corners:
+            return np.array([_from_polygon(footprint, points, pose) for pose in poses])
+        to = points - poses[:, None, :2]
+        return np.asarray(np.hypot(to[..., 0], to[..., 1]) - self._settings.robot_radius)
+
+
+def _from_polygon(footprint: Footprint, points: Array, pose: Array) -> Array:
+    """Distance of points ``(P, 2)`` from a footprint, negative inside, ``(P,)`` [m]."""
+    corners = placed(np.array(footprint.corners), pose)
+    sides, to = np.roll(corners, -1, axis=0) - corners, points[:, None] - corners
+    part = np.clip((to * sides).sum(axis=2) / np.square(sides).sum(axis=1), 0.0, 1.0)
+    off = to - part[..., None] * sides
+    least = np.hypot(off[..., 0], off[..., 1]).min(axis=1)
+    return np.asarray(np.where(contains(corners, points), -least, least))
+
+
+def _scans(
+    bag: Bag,
+    topic: str,
+    settings: GuidanceSettings,
+    paths: Sequence[Driven],
+    window: Window,
+) -> Iterator[Beams]:
+    """All scans that were made while the path is known, as it says where the sensors were."""
+    namespace = topic.rpartition('/')[0].rpartition('/')[0]
+    sensors: dict[str, list[Sensor]] = {}
+    for each in settings.sight.sensors:
+        name = each.topic if each.topic.startswith('/') else f'{namespace}/{each.topic}'
+        if name in bag.topics and (each.type, bag.topics[name].msgtype) in _READERS:
+            sensors.setdefault(name, []).append(each)
+    for name, received, message in bag.together(list(sensors)) if sensors else ():
+        for sensor in sensors[name] if window[0] <= received < window[1] else ():
+            beams = _beams(sensor, bag.topics[name].msgtype, message, paths)
+            if beams is not None:
+                yield beams
+
+
+def _beams(sensor: Sensor, kind: str, message: Any, paths: Sequence[Driven]) -> Beams | None:
+    try:
+        sight = _READERS[sensor.type, kind](message, sensor)
+    except ScanError:
+        # The node refuses it too.
+        return None
+    first = int(sight.stamps[0]) if len(sight.stamps) else sight.stamp
+    for each in paths:
+        if each.stamps[0] <= first and sight.stamp <= each.stamps[-1]:
+            return project(sight, each.at_all(sight.stamps))
+    return None
+
+
+def _in_discs(points: Array, discs: Array) -> NDArray[np.bool_]:
+    away = np.hypot(*(points[:, None] - discs[:, :2]).transpose(2, 0, 1))
+    return np.asarray((away <= discs[:, 2] + EXACT).any(axis=1))

@@ -1,0 +1,182 @@
+"""The drive that shows how a robot responds: commands in the open loop, with a guard around it."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from typing import TYPE_CHECKING
+
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.identify.excitation import RADIUS
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of
+from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+    from rclpy.publisher import Publisher
+
+    Array = NDArray[np.float64]
+
+PERIOD = 0.05
+"""Time between two commands [s]."""
+
+ODOMETRY_TIMEOUT = 0.5
+"""Age of odometry at which the robot is stopped [s]."""
+
+WAIT = 10.0
+"""Longest wait for odometry and for somebody who hears commands [s]."""
+
+REST = 1.0
+"""Time for which the robot is recorded before and after the drive [s]."""
+
+_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
+
+
+class Excitation(Node):
+    """Drives once, records itself, and ends its process; its last command is a zero twist.
+
+    Attributes:
+        problem: Why the drive was cut short; empty if it was not.
+    """
+
+    def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: tuple[Array, Array]) -> None:
+        """Wait for odometry and the robot, and drive.
+
+        Args:
+            bag: New bag.
+            odom: Topic of odometry.
+            cmd_vel: Topic of commands.
+            commands: When each phase ends [s], and its twist [m/s, rad/s].
+
+        Raises:
+            StartupError: The bag cannot be created.
+        """
+        super().__init__('excitation')
+        self.problem = 'interrupted; the robot was stopped'
+        self._ends, self._twists = (each.tolist() for each in commands)
+        self._odom, self._cmd_vel = map(self.resolve_topic_name, (odom, cmd_vel))
+        try:
+            self._bag = BagWriter(bag)
+            self._bag.topic(self._odom, 'nav_msgs/msg/Odometry')
+        except BagError as error:
+            raise StartupError(str(error)) from error
+        self._output: Publisher | None = None
+        self._made, self._begun = time.monotonic(), math.inf
+        self._heard = -math.inf
+        self._pose: Array | None = None
+        self._start: Array | None = None
+        self.create_subscription(
+            Odometry, self._odom, self._on_odometry, GUIDANCE_ODOM.qos, raw=True
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(PERIOD, self._tick, clock=steady)
+
+    def stop(self) -> None:
+        """Stop the robot, and close the bag."""
+        try:
+            self._command(0.0, 0.0)
+        finally:
+            self._bag.close()
+
+    def _on_odometry(self, raw: bytes) -> None:
+        self._bag.write(self._odom, time.time_ns(), raw)
+        message = deserialize_message(raw, Odometry)
+        try:
+            pose = pose_of(message, message.header.frame_id)
+        except OdometryError as error:
+            self._finish(str(error))
+            return
+        self._heard, self._pose = time.monotonic(), pose
+        if self._start is not None:
+            away = math.dist(pose[:2], self._start[:2])
+            if away > RADIUS:
+                self._finish(f'found the robot {away:.2f} m from its start, wanted {RADIUS:g} m')
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        if self._output is None:
+            self._look(now)
+        elif now - self._heard > ODOMETRY_TIMEOUT:
+            age = now - self._heard
+            self._finish(f'found no odometry on {self._odom} for {age:.2f} s, wanted it')
+        elif self.count_publishers(self._cmd_vel) > 1:
+            self._finish(f'found another publisher of {self._cmd_vel}, wanted none')
+        else:
+            since = now - self._begun
+            phase = next((k for k, end in enumerate(self._ends) if since < end), None)
+            self._command(*((0.0, 0.0) if phase is None else self._twists[phase]))
+            if since > self._ends[-1] + REST:
+                self._finish('')
+
+    def _look(self, now: float) -> None:
+        """Begin once there is odometry, and a robot that hears commands."""
+        kinds = {each.topic_type for each in self.get_subscriptions_info_by_topic(self._cmd_vel)}
+        if self._pose is not None and len(kinds) == 1 and kinds <= _TYPES.keys():
+            (kind,) = kinds
+            self._output = self.create_publisher(_TYPES[kind], self._cmd_vel, COMMAND.qos)
+            self._bag.topic(self._cmd_vel, kind)
+            self._start, self._begun = self._pose, now + REST
+        elif now - self._made > WAIT:
+            heard = f'odometry on {self._odom}' if self._pose is not None else 'no odometry'
+            listed = ', '.join(sorted(kinds)) or 'nobody'
+            self._finish(
+                f'found {heard} and {listed} to hear {self._cmd_vel}, wanted odometry on'
+                f' {self._odom} and one type of {" or ".join(_TYPES)}'
+            )
+
+    def _command(self, speed: float, turn: float) -> None:
+        if self._output is None:
+            return
+        twist = Twist()
+        twist.linear.x, twist.angular.z = float(speed), float(turn)
+        stamped = TwistStamped(twist=twist)
+        stamped.header.stamp = self.get_clock().now().to_msg()
+        raw = serialize_message(stamped if self._output.msg_type is TwistStamped else twist)
+        self._output.publish(raw)
+        self._bag.write(self._cmd_vel, time.time_ns(), raw)
+
+    def _finish(self, problem: str) -> None:
+        if self._timer.is_canceled():
+            return
+        self._timer.cancel()
+        self.problem = problem
+        self._command(0.0, 0.0)
+        # The way out that delivers what was published last.
+        signal.raise_signal(signal.SIGINT)
+
+
+def drive(bag: Path, odom: str, cmd_vel: str, commands: tuple[Array, Array]) -> str:
+    """Drive a robot, and record it.
+
+    Args:
+        bag: New bag.
+        odom: Topic of odometry.
+        cmd_vel: Topic of commands.
+        commands: When each phase ends [s], and its twist [m/s, rad/s].
+
+    Returns:
+        Why the drive was cut short; empty if it was not.
+    """
+    nodes: list[Excitation] = []
+
+    def make() -> Excitation:
+        nodes.append(Excitation(bag, odom, cmd_vel, commands))
+        return nodes[0]
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    failed = run(make, name='excitation', args=[])
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    return nodes[0].problem if nodes else f'{bag}: cannot be recorded' if failed else ''

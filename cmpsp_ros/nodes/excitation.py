@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rclpy.publisher import Publisher
 
-    Array = NDArray[np.float64]
+    Commands = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 PERIOD = 0.05
 """Time between two commands [s]."""
@@ -51,20 +51,14 @@ class Excitation(Node):
         problem: Why the drive was cut short; empty if it was not.
     """
 
-    def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: tuple[Array, Array]) -> None:
-        """Wait for odometry and the robot, and drive.
-
-        Args:
-            bag: New bag.
-            odom: Topic of odometry.
-            cmd_vel: Topic of commands.
-            commands: When each phase ends [s], and its twist [m/s, rad/s].
+    def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
+        """As `drive`.
 
         Raises:
             StartupError: The bag cannot be created.
         """
         super().__init__('excitation')
-        self.problem = 'interrupted; the robot was stopped'
+        self.problem = 'interrupted, and the robot was stopped'
         self._ends, self._twists = (each.tolist() for each in commands)
         self._odom, self._cmd_vel = map(self.resolve_topic_name, (odom, cmd_vel))
         try:
@@ -73,13 +67,10 @@ class Excitation(Node):
         except BagError as error:
             raise StartupError(str(error)) from error
         self._output: Publisher | None = None
-        self._made, self._begun = time.monotonic(), math.inf
-        self._heard = -math.inf
-        self._pose: Array | None = None
-        self._start: Array | None = None
-        self.create_subscription(
-            Odometry, self._odom, self._on_odometry, GUIDANCE_ODOM.qos, raw=True
-        )
+        self._made, self._begun, self._heard = time.monotonic(), math.inf, -math.inf
+        self._place, self._start = (math.nan, math.nan), (math.nan, math.nan)
+        quality = GUIDANCE_ODOM.qos
+        self.create_subscription(Odometry, self._odom, self._on_odometry, quality, raw=True)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._timer = self.create_timer(PERIOD, self._tick, clock=steady)
 
@@ -94,27 +85,24 @@ class Excitation(Node):
         self._bag.write(self._odom, time.time_ns(), raw)
         message = deserialize_message(raw, Odometry)
         try:
-            pose = pose_of(message, message.header.frame_id)
+            x, y, _ = pose_of(message, message.header.frame_id).tolist()
         except OdometryError as error:
             self._finish(str(error))
             return
-        self._heard, self._pose = time.monotonic(), pose
-        if self._start is not None:
-            away = math.dist(pose[:2], self._start[:2])
-            if away > RADIUS:
-                self._finish(f'found the robot {away:.2f} m from its start, wanted {RADIUS:g} m')
+        self._heard, self._place = time.monotonic(), (x, y)
+        if (away := math.dist(self._place, self._start)) > RADIUS:
+            self._finish(f'found the robot {away:.2f} m from its start, wanted {RADIUS:g} m')
 
     def _tick(self) -> None:
         now = time.monotonic()
+        age, since = now - self._heard, now - self._begun
         if self._output is None:
             self._look(now)
-        elif now - self._heard > ODOMETRY_TIMEOUT:
-            age = now - self._heard
-            self._finish(f'found no odometry on {self._odom} for {age:.2f} s, wanted it')
+        elif age > ODOMETRY_TIMEOUT:
+            self._finish(f'found no odometry on {self._odom} for {age:.2f} s')
         elif self.count_publishers(self._cmd_vel) > 1:
             self._finish(f'found another publisher of {self._cmd_vel}, wanted none')
         else:
-            since = now - self._begun
             phase = next((k for k, end in enumerate(self._ends) if since < end), None)
             self._command(*((0.0, 0.0) if phase is None else self._twists[phase]))
             if since > self._ends[-1] + REST:
@@ -123,42 +111,41 @@ class Excitation(Node):
     def _look(self, now: float) -> None:
         """Begin once there is odometry, and a robot that hears commands."""
         kinds = {each.topic_type for each in self.get_subscriptions_info_by_topic(self._cmd_vel)}
-        if self._pose is not None and len(kinds) == 1 and kinds <= _TYPES.keys():
+        has_odometry = self._heard > -math.inf
+        if has_odometry and len(kinds) == 1 and kinds <= _TYPES.keys():
             (kind,) = kinds
-            self._output = self.create_publisher(_TYPES[kind], self._cmd_vel, COMMAND.qos)
             self._bag.topic(self._cmd_vel, kind)
-            self._start, self._begun = self._pose, now + REST
+            self._output = self.create_publisher(_TYPES[kind], self._cmd_vel, COMMAND.qos)
+            self._start, self._begun = self._place, now + REST
         elif now - self._made > WAIT:
-            heard = f'odometry on {self._odom}' if self._pose is not None else 'no odometry'
-            listed = ', '.join(sorted(kinds)) or 'nobody'
+            odometry = 'odometry' if has_odometry else 'no odometry'
             self._finish(
-                f'found {heard} and {listed} to hear {self._cmd_vel}, wanted odometry on'
-                f' {self._odom} and one type of {" or ".join(_TYPES)}'
+                f'found {odometry} on {self._odom}, and {", ".join(sorted(kinds)) or "nobody"} to'
+                f' hear {self._cmd_vel}, wanted both, and one type of {" or ".join(_TYPES)}'
             )
 
     def _command(self, speed: float, turn: float) -> None:
         if self._output is None:
             return
-        twist = Twist()
-        twist.linear.x, twist.angular.z = float(speed), float(turn)
-        stamped = TwistStamped(twist=twist)
+        stamped = TwistStamped()
         stamped.header.stamp = self.get_clock().now().to_msg()
-        raw = serialize_message(stamped if self._output.msg_type is TwistStamped else twist)
+        stamped.twist.linear.x, stamped.twist.angular.z = float(speed), float(turn)
+        is_stamped = self._output.msg_type is TwistStamped
+        raw = serialize_message(stamped if is_stamped else stamped.twist)
         self._output.publish(raw)
         self._bag.write(self._cmd_vel, time.time_ns(), raw)
 
     def _finish(self, problem: str) -> None:
-        if self._timer.is_canceled():
-            return
-        self._timer.cancel()
-        self.problem = problem
-        self._command(0.0, 0.0)
-        # The way out that delivers what was published last.
-        signal.raise_signal(signal.SIGINT)
+        if not self._timer.is_canceled():
+            self._timer.cancel()
+            self.problem = problem
+            self._command(0.0, 0.0)
+            # The way out that delivers what was published last.
+            signal.raise_signal(signal.SIGINT)
 
 
-def drive(bag: Path, odom: str, cmd_vel: str, commands: tuple[Array, Array]) -> str:
-    """Drive a robot, and record it.
+def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
+    """Wait for odometry and a robot, drive it, and record it.
 
     Args:
         bag: New bag.
@@ -179,4 +166,5 @@ def drive(bag: Path, odom: str, cmd_vel: str, commands: tuple[Array, Array]) -> 
     failed = run(make, name='excitation', args=[])
     for number, handler in before.items():
         signal.signal(number, handler)
-    return nodes[0].problem if nodes else f'{bag}: cannot be recorded' if failed else ''
+    problem = nodes[0].problem if nodes else 'the drive could not begin'
+    return problem or ('the drive did not end well' if failed else '')

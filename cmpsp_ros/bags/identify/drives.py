@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -21,16 +22,54 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.robots.arcs import with_side
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
-_ODOMETRY: Final = frozenset({'nav_msgs/msg/Odometry'})
+TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
+"""Usual times after which robots stop without a command [s]."""
+
+_ODOMETRY: Final = 'nav_msgs/msg/Odometry'
+_TWIST: Final = 'geometry_msgs/msg/Twist'
 _STAMPED: Final = 'geometry_msgs/msg/TwistStamped'
-_COMMANDS: Final = frozenset({'geometry_msgs/msg/Twist', _STAMPED})
 
 _SHORTEST: Final = 3.0
 """Shortest drive that is used [s]."""
 
 _BACKWARDS: Final = 1.0
 """Smallest step back of odometry's clock that begins another drive [s]."""
+
+_MOVING: Final = (0.05, 0.1)
+"""Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
+
+    Attributes:
+        axis: The axis.
+        stamps: Of odometry, ``(N + 1,)`` [s].
+        steps: From one message to the next, ``(N,)`` [m] or [rad].
+        changes: Times of the changes of the command, ``(C,)`` [s].
+        commands: Commands from then on, ``(C,)`` [m/s] or [rad/s].
+    """
+
+    axis: int
+    stamps: Array
+    steps: Array
+    changes: Array
+    commands: Array
+
+    @property
+    def command(self) -> tuple[Array, Array]:
+        """Changes and commands."""
+        return self.changes, self.commands
+
+    @property
+    def leaps(self) -> NDArray[np.bool_]:
+        """Steps that no command explains: odometry has jumped."""
+        fastest = np.abs(self.commands).max()
+        leaps: NDArray[np.bool_] = np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1
+        return leaps
 
 
 @dataclass(frozen=True)
@@ -39,54 +78,49 @@ class Drive:
 
     Attributes:
         label: Bag and topics.
+        stamped: Whether commands were TwistStamped.
         stamps: Of odometry, ``(N + 1,)`` [s].
         steps: From one message to the next: distance ahead and turn, ``(N, 2)`` [m, rad].
-        times: When commands were received, ``(C,)`` [s]; see `age`.
-        commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
         ages: Time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s].
-        age: Their median, by which `times` are mapped to odometry's clock [s].
-        answer: Mean time from the stamp of the odometry that a command answers to its reception,
-            by odometry's clock [s]; None where the bag does not say what commands answer.
-        stamped: Whether commands were TwistStamped.
+        times: When commands were received, less the median of `ages`, ``(C,)`` [s].
+        commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
+        answer: Median of `times` minus the stamp of the odometry that the command answers [s]; None
+            if the bag does not have it.
     """
 
     label: str
+    stamped: bool
     stamps: Array
     steps: Array
+    ages: Array
     times: Array
     commands: Array
-    ages: Array
-    age: float
     answer: float | None
-    stamped: bool
-
-    def changes(self, axis: int, timeout: float) -> tuple[Array, Array]:
-        """Times and values of the changes of a command, of a robot that stops after a timeout [s].
-
-        The first one, at the first command, is the steady speed at which odometry begins.
-        """
-        ends = np.append(self.times[1:], np.inf)
-        expired = self.times + timeout < ends
-        times = np.concatenate([self.times, self.times[expired] + timeout])
-        values = np.append(self.commands[:, axis], np.zeros(expired.sum()))
-        order = np.argsort(times, kind='stable')
-        times, values = times[order], values[order]
-        differs = np.append(True, np.diff(values) != 0.0)
-        begin = times[0] - 1e-3
-        return np.append(begin, times[differs]), np.append(self._first[axis], values[differs])
 
     @property
-    def _first(self) -> Array:
-        """Speeds before the first command, if there was odometry then; else 0, ``(2,)``."""
-        before = self.stamps[1:] < self.times[0]
-        if not before.any():
-            return np.zeros(2)
-        speeds: Array = self.steps[before].sum(axis=0) / self.stamps[1:][before][-1]
-        return np.where(np.abs(speeds) > _MOVING, speeds, 0.0)
+    def age(self) -> float:
+        """Median age of odometry [s]."""
+        return float(np.median(self.ages))
 
+    @property
+    def pauses(self) -> bool:
+        """Whether a robot may have stopped between two commands by itself."""
+        return bool((self.commands[:-1].any(axis=1) & (np.diff(self.times) > TIMEOUTS[1])).any())
 
-_MOVING: Final = np.array([0.05, 0.1])
-"""Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
+    def series(self, axis: int, timeout: float) -> Series:
+        """Steps along an axis, of a robot that stops so long after a command [s]."""
+        expired = self.times + timeout < np.append(self.times[1:], np.inf)
+        times = np.append(self.times, self.times[expired] + timeout)
+        values = np.append(self.commands[:, axis], np.zeros(expired.sum()))
+        order = np.argsort(times, kind='stable')
+        # The first change is to the speed at which odometry begins.
+        before = self.stamps[1:] < times.min()
+        speed = self.steps[before, axis].sum() / max(self.stamps[1:][before], default=1.0)
+        first = speed if abs(speed) > _MOVING[axis] else 0.0
+        times = np.append(times.min() - 1e-3, times[order])
+        values = np.append(first, values[order])
+        differs = np.append(True, np.diff(values) != 0.0)
+        return Series(axis, self.stamps, self.steps[:, axis], times[differs], values[differs])
 
 
 def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, Any]]:
@@ -96,116 +130,95 @@ def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, An
         BagError: Not a bag, no odometry or no commands, those of several robots, or too short.
     """
     with Bag(path) as bag:
-        odom, cmd_vel = topics_in(bag, sources)
-        odometry = read_odometry(bag, odom, None)
-        commands = read_commands(bag, cmd_vel)
+        odom = _topic(bag, sources.odom, (_ODOMETRY,), 'odom', sources.namespace)
+        space = odom.rpartition('/')[0] if sources.namespace is None else sources.namespace
+        cmd_vel = _topic(bag, sources.cmd_vel, (_TWIST, _STAMPED), 'cmd_vel', space)
+        odometry, commands = read_odometry(bag, odom, None), read_commands(bag, cmd_vel)
         names = Names.under(cmd_vel.rpartition('/')[0])
         answered = _answered(bag, names, commands, odometry)
-        parameters = bag.parameters.get(names.node, {})
+        label = f'{path}: {odom}, {cmd_vel}'
         stamped = bag.topics[cmd_vel].msgtype == _STAMPED
-    label = f'{path}: {odom}, {cmd_vel}'
-    legs = odometry.legs(_BACKWARDS)
-    drives = list(_drives(label, legs, commands, stamped, answered))
-    if not drives:
-        longest = max(float(np.ptp(each.stamps)) for each in legs) / NANOSECONDS
-        raise BagError(
-            f'{path}: found {longest:.1f} s of {odom} with {len(commands.stamps)} commands of'
-            f' {cmd_vel}, wanted {_SHORTEST:g} s or more with two or more commands'
-        )
-    return drives, parameters
-
-
-def topics_in(bag: Bag, sources: Sources) -> tuple[str, str]:
-    """Odometry and commands of a bag: those that are named, or the only ones there are."""
-    odom = _topic(bag, sources.odom, _ODOMETRY, 'odom', '--odom', sources.namespace)
-    space = odom.rpartition('/')[0] if sources.namespace is None else sources.namespace
-    return odom, _topic(bag, sources.cmd_vel, _COMMANDS, 'cmd_vel', '--cmd-vel', space)
+        drives = list(_drives(label, stamped, odometry, commands, answered))
+        if not drives:
+            raise BagError(
+                f'{path}: found {np.ptp(odometry.stamps) / NANOSECONDS:.1f} s of {odom} and'
+                f' {len(commands.stamps)} commands of {cmd_vel}, wanted {_SHORTEST:g} s or more,'
+                ' with two commands or more'
+            )
+        return drives, bag.parameters.get(names.node, {})
 
 
 def _topic(
-    bag: Bag, name: str | None, types: frozenset[str], usual: str, option: str, space: str | None
+    bag: Bag, name: str | None, types: tuple[str, ...], usual: str, space: str | None
 ) -> str:
-    there = {
-        topic: each.msgtype
-        for topic, each in bag.topics.items()
-        # The truth of a simulator is what no robot knows.
+    """The topic that is named, or the only one of these types, or the one of the usual name."""
+    # The truth of a simulator is what no robot knows.
+    there = [
+        topic
+        for topic, each in sorted(bag.topics.items())
         if each.count and each.msgtype in types and not topic.endswith('/sim/truth')
-    }
-    if name is not None and name in there:
-        return name
-    listed = ', '.join(sorted(there)) or 'none in it'
-    kinds = ' or '.join(sorted(types))
+    ]
+    option, kinds = f'--{usual.replace("_", "-")}', ' or '.join(types)
     if name is not None or not there:
-        found = f'no message of {kinds}' + (f' in {name}' if name else '')
-        raise BagError(
-            f'{bag.path}: found {found}, wanted a topic of that type: {listed} ({option})'
-        )
-    for candidates in (
-        [each for each in there if space is not None and each == f'{space.rstrip("/")}/{usual}'],
-        [each for each in there if each.rpartition('/')[2] == usual],
-        list(there),
-    ):
+        if name in there:
+            return str(name)
+        found = f'in {name}' if name else 'in any topic'
+        wanted = f'wanted one of {", ".join(there)}' if there else 'wanted a drive'
+        raise BagError(f'{bag.path}: found no {kinds} {found}, {wanted} ({option})')
+    exact = [each for each in there if space is not None and each == f'{space.rstrip("/")}/{usual}']
+    alike = [each for each in there if each.rpartition('/')[2] == usual]
+    for candidates in (exact, alike, there):
         if len(candidates) == 1:
             return candidates[0]
-    raise BagError(
-        f'{bag.path}: found {listed}, wanted one robot: choose it by its topic ({option})'
-    )
+    raise BagError(f'{bag.path}: found {", ".join(there)}, wanted those of one robot ({option})')
 
 
 def _answered(
     bag: Bag, names: Names, commands: Commands, odometry: OdometrySeries
-) -> NDArray[np.int64] | None:
-    """Stamp of the odometry that each command answers [ns]; None if the bag does not say."""
+) -> Stamps | None:
+    """Stamp of the odometry that each command answers [ns]; None if the bag does not have it."""
     if commands.stamped and np.isin(commands.stamps, odometry.stamps).mean() > 0.9:
         return commands.stamps
     decisions = [each for each in read_decisions(bag, names.decision) if not each.late]
     if not decisions:
         return None
     received = np.array([each.received for each in decisions], dtype=np.int64)
-    middles = received[:-1] + np.diff(received) // 2
-    nearest = np.searchsorted(middles, commands.received)
+    nearest = np.searchsorted(received[:-1] + np.diff(received) // 2, commands.received)
     return np.array([each.stamp for each in decisions], dtype=np.int64)[nearest]
 
 
 def _drives(
     label: str,
-    legs: Sequence[OdometrySeries],
-    commands: Commands,
     stamped: bool,
-    answered: NDArray[np.int64] | None,
+    odometry: OdometrySeries,
+    commands: Commands,
+    answered: Stamps | None,
 ) -> Iterator[Drive]:
-    begins = [int(leg.received[0]) for leg in legs]
-    for leg, begin, end in zip(legs, begins, [*begins[1:], None], strict=True):
-        inside = commands.received >= (begin if begin != begins[0] else 0)
-        if end is not None:
-            inside &= commands.received < end
+    legs = odometry.legs(_BACKWARDS)
+    begins = [0, *(int(leg.received[0]) for leg in legs[1:])]
+    for leg, begin, end in zip(legs, begins, [*begins[1:], 1 << 62], strict=True):
+        inside = (commands.received >= begin) & (commands.received < end)
         kept = np.append(True, np.diff(leg.stamps) > 0)
-        stamps, poses = leg.stamps[kept], leg.poses[kept]
+        stamps, poses, ages = leg.stamps[kept], leg.poses[kept], leg.received - leg.stamps
         if inside.sum() < 2 or np.ptp(stamps) < _SHORTEST * NANOSECONDS:
             continue
-        ages = leg.received - leg.stamps
-        age = int(np.median(ages))
-        times = (commands.received[inside] - age - stamps[0]) / NANOSECONDS
-        twists = with_side(commands.twists[inside])
-        answer = None
-        if answered is not None:
-            answer = float((commands.received - answered)[inside].mean() - age) / NANOSECONDS
+        received = commands.received[inside] - int(np.median(ages))
+        answer = None if answered is None else float(np.median(received - answered[inside]))
         yield Drive(
             label,
+            stamped,
             (stamps - stamps[0]) / NANOSECONDS,
             _steps(poses),
-            times,
-            twists[:, [0, 2]],
             ages / NANOSECONDS,
-            age / NANOSECONDS,
-            answer,
-            stamped,
+            (received - stamps[0]) / NANOSECONDS,
+            with_side(commands.twists[inside])[:, [0, 2]],
+            None if answer is None else answer / NANOSECONDS,
         )
 
 
 def _steps(poses: Array) -> Array:
     """Distance ahead and turn between poses, along arcs, ``(N, 2)`` [m, rad]."""
-    (dx, dy, turn) = np.diff(poses, axis=0).T
+    dx, dy, turn = np.diff(poses, axis=0).T
     turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
     along = poses[:-1, 2] + turn / 2.0
     chord = dx * np.cos(along) + dy * np.sin(along)

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.robots.arcs import arc_ends
 
 Array = NDArray[np.float64]
@@ -35,9 +36,6 @@ _PHASES: Final = np.array(
     ]
 )  # fmt: skip
 
-DURATION: Final = float(_PHASES[:, 0].sum())
-"""Length of a drive [s]."""
-
 
 def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
     """Commands of a drive.
@@ -50,7 +48,7 @@ def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
         When each phase ends, ``(P,)`` [s], and its twist, ``(P, 2)`` [m/s, rad/s].
 
     Raises:
-        ValueError: A robot that follows these commands would come too near to the circle.
+        BagError: A robot that follows these commands would come too near to the circle.
     """
     twists = _PHASES[:, 1:] * (max_speed, max_turn)
     pose, farthest = np.zeros((1, 3)), 0.0
@@ -60,8 +58,8 @@ def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
         )
         pose, farthest = path[-1:], max(farthest, float(np.hypot(*path[:, :2].T).max()))
     if farthest > _PLANNED * RADIUS:
-        raise ValueError(
-            f'found a way of {farthest:.2f} m from the start at {max_speed:g} m/s and'
-            f' {max_turn:g} rad/s, wanted {_PLANNED * RADIUS:g} m or less'
+        raise BagError(
+            f'--max-speed, --max-turn: found a way of {farthest:.2f} m from the start at'
+            f' {max_speed:g} m/s and {max_turn:g} rad/s, wanted {_PLANNED * RADIUS:g} m or less'
         )
     return np.cumsum(_PHASES[:, 0]), twists

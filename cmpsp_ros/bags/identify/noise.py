@@ -1,11 +1,8 @@
 """Noise of odometry along one axis, from what a model leaves of its steps.
 
 From one message to the next there is the noise of both poses, and what is added on the way. With
-the variance ``s^2`` of a pose and ``q`` of a random walk the covariance of the steps is
-
-    C = tridiag(-s^2, 2 s^2 + q dt, -s^2),
-
-and both are those of maximum likelihood.
+the variance ``s^2`` of a pose and ``q`` of a random walk, both of maximum likelihood, the
+covariance of the steps is ``C = tridiag(-s^2, 2 s^2 + q dt, -s^2)``.
 """
 
 from __future__ import annotations
@@ -28,18 +25,13 @@ Steps = Sequence[tuple[Array, Array, Flags]]
 _FLOOR: Final = 1e-5
 """Standard deviation of a pose that is always allowed for [m] or [rad]."""
 
-_UNKNOWN: Final = 1e6
-"""Variance of a jump [m^2] or [rad^2]."""
+_JUMP: Final = 1e6
+"""Variance of a jump, which thereby does not count [m^2] or [rad^2]."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of odometry along one axis.
-
-    Attributes:
-        pose: Standard deviation of a pose [m] or [rad].
-        walk: Of what is added in a second [m/s^0.5] or [rad/s^0.5].
-    """
+    """Standard deviations of a pose [m] or [rad], and of what a second adds to it."""
 
     pose: float
     walk: float
@@ -47,9 +39,8 @@ class Noise:
     def factor(self, durations: Array, jumps: Flags) -> Array:
         """Cholesky factor of the covariance of steps, in bands ``(2, N)``."""
         variance = self.pose**2 + _FLOOR**2
-        bands = np.empty((2, len(durations)))
-        bands[0] = 2.0 * variance + self.walk**2 * durations + _UNKNOWN * jumps
-        bands[1] = -variance
+        bands = np.full((2, len(durations)), -variance)
+        bands[0] = 2.0 * variance + self.walk**2 * durations + _JUMP * jumps
         factor: Array = dpbtrf(bands, lower=1)[0]
         return factor
 
@@ -58,25 +49,26 @@ class Noise:
         total = 0.0
         for left, durations, jumps in steps:
             factor = self.factor(durations, jumps)
-            white = whitened(factor, left)
-            total += float(white @ white) + volume(factor)
+            total += float(np.sum(whitened(factor, left) ** 2)) + volume(factor)
         return total
 
     def fitted(self, steps: Steps) -> Noise:
-        """The noise that steps have, looked for from here."""
-        starts = [self, _moments(steps)]
-        return min((each.nearest(steps) for each in starts), key=lambda one: one.cost(steps))
-
-    def nearest(self, steps: Steps) -> Noise:
-        """The local maximum of the likelihood that is reached from here."""
-        start = np.log([max(self.pose, _FLOOR), max(self.walk, _FLOOR)])
-        found = minimize(
-            lambda logs: Noise(*np.exp(logs)).cost(steps),
-            start,
-            method='Nelder-Mead',
-            options={'xatol': 0.02},
-        )
-        return Noise(*np.exp(found.x).tolist())
+        """The noise that steps have, looked for from here and from their correlation."""
+        kept = [left[~jumps] for left, _, jumps in steps]
+        own = float(np.mean(np.concatenate(kept) ** 2))
+        beside = float(np.mean(np.concatenate([each[1:] * each[:-1] for each in kept])))
+        walk = max(own + 2.0 * beside, 0.01 * own) / float(np.mean(steps[0][1]))
+        starts = (self.pose, self.walk), (math.sqrt(max(-beside, 0.01 * own)), math.sqrt(walk))
+        found = [
+            minimize(
+                lambda logs: Noise(*np.exp(logs)).cost(steps),
+                np.log(np.maximum(start, _FLOOR)),
+                method='Nelder-Mead',
+                options={'xatol': 0.02},
+            )
+            for start in starts
+        ]
+        return Noise(*np.exp(min(found, key=lambda one: one.fun).x).tolist())
 
     def possible(self, steps: Steps, quantile: float) -> tuple[float, float]:
         """Standard deviations of a pose between which it is, by their likelihood."""
@@ -85,15 +77,6 @@ class Noise:
         costs = [min(Noise(pose, walk).cost(steps) for walk in walks) for pose in poses]
         possible = poses[np.array(costs) - min(costs) <= quantile**2]
         return max(float(possible[0]) - 2.0 * _FLOOR, 0.0), float(possible[-1]) + 2.0 * _FLOOR
-
-
-def _moments(steps: Steps) -> Noise:
-    """Noise by the correlation of neighbouring steps."""
-    kept = [(left[~jumps], durations.mean()) for left, durations, jumps in steps]
-    own = float(np.mean(np.concatenate([left**2 for left, _ in kept])))
-    next_to = float(np.mean(np.concatenate([left[1:] * left[:-1] for left, _ in kept])))
-    walk = max(own + 2.0 * next_to, 0.01 * own) / kept[0][1]
-    return Noise(math.sqrt(max(-next_to, 0.01 * own)), math.sqrt(walk))
 
 
 def whitened(factor: Array, steps: Array) -> Array:
@@ -108,6 +91,6 @@ def volume(factor: Array) -> float:
 
 
 def are_jumps(factor: Array) -> Flags:
-    """Which steps were taken for jumps in a covariance."""
-    jumps: Flags = factor[0] ** 2 > _UNKNOWN / 2.0
+    """Which steps count as jumps in a covariance."""
+    jumps: Flags = factor[0] ** 2 > _JUMP / 2.0
     return jumps

@@ -1,13 +1,12 @@
-"""Response of a robot to velocity commands: a delay, a lag, a scale and limits.
+"""Response of a robot to velocity commands along one axis, ahead or turning.
 
-Along one axis, ahead or turning, the speed ``v`` follows the command ``u`` as
+With a delay ``D``, a scale ``k`` and limits, the speed ``v`` follows the command ``u`` as
 
     T1 dy/dt = clip(k u(t - D), -v_max, v_max) - y,    |dy/dt| <= a_max
     T2 dv/dt = y - v,                                  T1 + T2 = lag,  T2 < T1
 
-Between two changes of the command all of this has a closed form, so that the delay is continuous
-and nothing is integrated in steps. ``T2`` is a motor behind the lag: a robot with both that is
-taken for one of first order seems to have a longer delay.
+Between two changes of the command this has a closed form: the delay is continuous, and nothing is
+integrated in steps. ``T2`` is a motor behind the lag, without which the delay would seem longer.
 """
 
 from __future__ import annotations
@@ -31,16 +30,7 @@ _BEFORE: Final = 1e6
 
 @dataclass(frozen=True)
 class Response:
-    """Response along one axis; without lag or limits by default.
-
-    Attributes:
-        delay: ``D`` [s].
-        lag: ``T1 + T2`` [s].
-        ratio: ``T2 / T1``, below 1.
-        scale: ``k``.
-        max_speed: ``v_max`` [m/s] or [rad/s].
-        max_acceleration: ``a_max`` [m/s^2] or [rad/s^2].
-    """
+    """Parameters of a response: ``D``, ``T1 + T2``, ``T2 / T1``, ``k``, ``v_max`` and ``a_max``."""
 
     delay: float = 0.0
     lag: float = 0.0
@@ -50,16 +40,13 @@ class Response:
     max_acceleration: float = math.inf
 
     def travel(self, changes: Array, commands: Array, stamps: Array) -> tuple[Array, Array]:
-        """Distance since the first change, and speed, at some instants.
+        """Distance since the first change, and speed, at some instants, both ``(N,)``.
 
         Args:
             changes: Times of the changes of the command, ascending, ``(C,)`` [s].
-            commands: Commands from then on, ``(C,)`` [m/s] or [rad/s]; the robot moves steadily at
-                the first one before.
+            commands: Commands from then on, ``(C,)`` [m/s] or [rad/s]; before the first change the
+                robot moves steadily at the first one.
             stamps: Instants, ``(N,)`` [s].
-
-        Returns:
-            Distance and speed, both ``(N,)``.
         """
         first = max(self.lag / (1.0 + self.ratio), _SHORTEST)
         second = max(self.ratio * first, 0.1 * _SHORTEST)
@@ -79,14 +66,14 @@ class Response:
         pieces: list[tuple[float, ...]] = [(begins[0] - _BEFORE, y, 0.0, 0.0, -_BEFORE * y, y)]
         for now, command, after in zip(begins, commands, [*begins[1:], math.inf], strict=True):
             target = self._target(command)
-            y, *at = self._at(pieces[-1], now, first, second)
+            y, *at = _at(pieces[-1], now, first, second)
             gap, reach = target - y, self.max_acceleration * first
             if abs(gap) > reach:
                 # The limit holds until the lag alone closes the gap no faster.
                 slope = math.copysign(self.max_acceleration, gap)
                 pieces.append((now, y, slope, 0.0, *at))
                 now += (abs(gap) - reach) / self.max_acceleration  # noqa: PLW2901
-                y, *at = self._at(pieces[-1], now, first, second)
+                y, *at = _at(pieces[-1], now, first, second)
             if now < after:
                 pieces.append((now, target, 0.0, y - target, *at))
         return pieces
@@ -94,13 +81,13 @@ class Response:
     def _target(self, command: float) -> float:
         return min(max(self.scale * command, -self.max_speed), self.max_speed)
 
-    @staticmethod
-    def _at(piece: tuple[float, ...], now: float, first: float, second: float) -> list[float]:
-        begin, c, b, g, *_ = piece
-        since = now - begin
-        slow, fast = math.exp(-since / first), math.exp(-since / second)
-        at = _advance(since, slow, fast, piece[1:], first, second)
-        return [c + b * since + g * slow, *at]
+
+def _at(piece: tuple[float, ...], now: float, first: float, second: float) -> list[float]:
+    """``y``, distance and speed at an instant of a piece."""
+    begin, c, b, g, *_ = piece
+    since = now - begin
+    slow, fast = math.exp(-since / first), math.exp(-since / second)
+    return [c + b * since + g * slow, *_advance(since, slow, fast, piece[1:], first, second)]
 
 
 def _advance(

@@ -102,6 +102,8 @@ class Excitation(Node):
             self._finish(f'found no odometry on {self._odom} for {age:.2f} s')
         elif self.count_publishers(self._cmd_vel) > 1:
             self._finish(f'found another publisher of {self._cmd_vel}, wanted none')
+        elif (robots := self.count_publishers(self._odom)) > 1:
+            self._finish(f'found {robots} publishers of {self._odom}, wanted one robot')
         else:
             phase = next((k for k, end in enumerate(self._ends) if since < end), None)
             self._command(*((0.0, 0.0) if phase is None else self._twists[phase]))

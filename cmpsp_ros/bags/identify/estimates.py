@@ -127,8 +127,10 @@ def _judged(name: str, unit: str, interval: Interval, problem: str, remark: str)
 
 def _odometry(found: Fit, drives: Sequence[Drive]) -> Iterator[tuple[str, Estimate]]:
     durations = np.concatenate([np.diff(each.stamps) for each in drives])
-    period = _median(durations)
-    rate = Interval(1.0 / period.value, 1.0 / period.high, 1.0 / period.low)
+    # Gaps are no part of the rate, but jitter is.
+    periods = durations[durations < 1.5 * np.median(durations)]
+    mean, spread = periods.mean(), _RANK * periods.std() / math.sqrt(len(periods))
+    rate = Interval(*(float(1.0 / each) for each in (mean, mean + spread, mean - spread)))
     said = f'longest gap {1e3 * durations.max():.0f} ms'
     yield 'rate', Estimate('odometry rate', 'Hz', rate, said)
     ages = np.concatenate([each.ages for each in drives])

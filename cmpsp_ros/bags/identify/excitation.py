@@ -19,7 +19,7 @@ _PLANNED: Final = 0.7
 """Part of the circle that the commands keep to without delay or lag."""
 
 # Duration [s], and speed and turn rate as parts of their limits. No two are alike, so that no delay
-# looks like another, and every axis moves alone before both move together.
+# looks like another. Only one axis changes at a time: the limits of wheels hold for both together.
 _PHASES: Final = np.array(
     [
         (0.50, 0.0, 0.0),
@@ -29,10 +29,10 @@ _PHASES: Final = np.array(
         (0.85, 0.0, 1.0), (0.50, 0.0, 0.0), (0.75, 0.0, -1.0), (0.40, 0.0, 0.5),
         (0.60, 0.0, -0.5), (0.30, 0.0, 1.0), (0.45, 0.0, -1.0), (0.65, 0.0, 0.5),
         (0.70, 0.0, 0.0),
-        (0.80, 0.6, 0.8), (0.55, -0.6, 0.4), (0.75, 0.4, -0.8), (0.50, -0.8, -0.4),
-        (0.35, 0.8, 0.0), (0.60, -0.4, 0.8), (0.90, 0.5, -0.6), (0.40, -0.7, 0.0),
-        (0.75, 0.3, 0.3), (0.60, -0.3, 0.7), (0.50, 0.6, -0.3),
-        (0.40, -0.6, 0.0), (1.45, 0.0, 0.0),
+        (0.60, 0.5, 0.0), (0.55, 0.5, 0.6), (0.50, 0.5, -0.4), (0.45, 0.0, -0.4), (0.60, 0.0, 0.5),
+        (0.65, -0.5, 0.5), (0.55, -0.5, -0.5), (0.45, -0.5, 0.0), (0.40, 0.0, 0.0),
+        (0.50, 0.7, 0.0), (0.35, 0.7, -0.5), (0.55, 0.0, -0.5), (0.40, 0.0, 0.4), (0.50, -0.7, 0.4),
+        (0.35, -0.7, 0.0), (1.15, 0.0, 0.0),
     ]
 )  # fmt: skip
 

@@ -34,6 +34,8 @@ def _lines(robot: Identification) -> Iterator[str]:
         yield from (f'    # {hint}' for hint in hints.get(key, ()))
         if key in values:
             yield dump({values[key][0]: round(values[key][1], 4)}).splitlines()[-1]
+    yield "    # The paper's constant wheel speeds are another robot's."
+    yield dump({'initial_guess.type': 'road'}).splitlines()[-1]
     yield dump({'enable_stamped_cmd_vel': robot.drives[0].stamped}).splitlines()[-1]
 
 

@@ -65,7 +65,7 @@ def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_pa
     speed = found['linear_speed'].interval
     assert speed.low < 0.2 < speed.high < 0.21
     assert found['linear_acceleration'].interval is None
-    assert 'not identifiable: not reached, up to 1.' in found['linear_acceleration'].remark
+    assert 'not identifiable: not reached, up to 2.8' in found['linear_acceleration'].remark
     assert found['linear_scale'].interval.low < 1.0 < found['linear_scale'].interval.high
 
 
@@ -167,7 +167,10 @@ def test_the_parameter_file_is_a_robot_for_the_demo(tmp_path):
 def test_what_is_unknown_is_a_comment_in_the_file(tmp_path):
     found = identify([write_bag(tmp_path / 'bag', Hidden(), constant(0.0, 0.0))])
     write_parameters(tmp_path / 'robot.yaml', found)
-    assert load_robot(str(tmp_path / 'robot.yaml')) == {'enable_stamped_cmd_vel': False}
+    assert load_robot(str(tmp_path / 'robot.yaml')) == {
+        'initial_guess.type': 'road',
+        'enable_stamped_cmd_vel': False,
+    }
     assert 'not identifiable' in (tmp_path / 'robot.yaml').read_text(encoding='utf-8')
 
 

@@ -89,7 +89,7 @@ class Runaway:
         self.odometry.publish(message)
 
 
-@pytest.mark.parametrize('fault', ['circle', 'silence', 'signal', 'rival'])
+@pytest.mark.parametrize('fault', ['circle', 'silence', 'signal', 'rival', 'twin'])
 def test_the_robot_is_stopped_when_something_is_wrong(spawn, ros, tmp_path, fault):
     robot = Runaway(ros.node, 10.0 if fault == 'circle' else 0.1)
     done = spawn([*IDENTIFY, tmp_path / 'out'])
@@ -100,12 +100,15 @@ def test_the_robot_is_stopped_when_something_is_wrong(spawn, ros, tmp_path, faul
         done.signal(signal.SIGINT)
     elif fault == 'rival':
         ros.node.create_publisher(Twist, 'cmd_vel', 10)
+    elif fault == 'twin':
+        ros.node.create_publisher(Odometry, 'odom', 10)
     ros.spin_until(lambda: done.process.poll() is not None, 60.0)
     said = {
         'circle': 'from its start, wanted 1 m',
         'silence': 'found no odometry on /odom for 0.5',
         'signal': 'interrupted, and the robot was stopped',
         'rival': 'found another publisher of /cmd_vel',
+        'twin': 'found 2 publishers of /odom, wanted one robot',
     }
     assert done.wait() == 2
     assert said[fault] in done.stderr

@@ -37,6 +37,9 @@ _SHORTEST: Final = 3.0
 _BACKWARDS: Final = 1.0
 """Smallest step back of odometry's clock that begins another drive [s]."""
 
+_FASTEST: Final = 1e3
+"""What is not commanded to any robot, and NaN, does not count [m/s] or [rad/s]."""
+
 _MOVING: Final = (0.05, 0.1)
 """Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
 
@@ -196,8 +199,9 @@ def _drives(
 ) -> Iterator[Drive]:
     legs = odometry.legs(_BACKWARDS)
     begins = [0, *(int(leg.received[0]) for leg in legs[1:])]
+    possible = (np.abs(commands.twists) < _FASTEST).all(axis=1)
     for leg, begin, end in zip(legs, begins, [*begins[1:], 1 << 62], strict=True):
-        inside = (commands.received >= begin) & (commands.received < end)
+        inside = possible & (commands.received >= begin) & (commands.received < end)
         kept = np.append(True, np.diff(leg.stamps) > 0)
         stamps, poses, ages = leg.stamps[kept], leg.poses[kept], leg.received - leg.stamps
         if inside.sum() < 2 or np.ptp(stamps) < _SHORTEST * NANOSECONDS:

@@ -173,7 +173,7 @@ def fit(drives: Sequence[Drive]) -> Fit:
     best = min(fits, key=lambda one: one.misfit + sum(map(volume, one.factors)))
     for limit in [(axis, name) for axis in best.axes for name in _BELOW]:
         reached, limits = best.reached(*limit), (*best.limits, limit)
-        starts = [np.append(best.p, part * reached + 1e-2) for part in (0.9, 0.6, 0.35)]
+        starts = [np.append(best.p, part * reached + 1e-2) for part in (0.8, 0.4)]
         tried = [replace(best, limits=limits).solved(each) for each in starts]
         limited = min(tried, key=lambda one: one.misfit)
         is_seen = limited.p[-1] < _BELOW[limit[1]] * reached

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.robots.differential_drive import DifferentialDrive
 from cmpsp_ros.simulator.measurement import OdometryErrors
 from cmpsp_ros.simulator.physics import Physics
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.simulator.plant import Plant, PlantSettings, TwistError
 
 RADIUS, HALF_TRACK = 0.035, 0.055
 START = 1_000 * SECOND
@@ -152,7 +153,8 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
         while waiting and waiting[0][0] <= stamp:
             received, speed, turn = waiting.pop(0)
             plant.advance(received)
-            plant.command(received, hidden.scales[0] * speed, hidden.scales[1] * turn)
+            with suppress(TwistError):
+                plant.command(received, hidden.scales[0] * speed, hidden.scales[1] * turn)
             message = twist(speed, turn)
             if hidden.stamped:
                 message = make(STAMPED, header(received, 'base_link'), message)

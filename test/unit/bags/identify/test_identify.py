@@ -92,6 +92,14 @@ def test_a_jump_of_odometry_does_not_count(tmp_path):
     assert check(identify([bag]), hidden) == []
 
 
+def test_a_command_that_is_no_number_does_not_count(tmp_path):
+    hidden = Hidden()
+    commands = commands_of(hidden)
+    broken = [(at + 1_000_000, math.nan, 0.0) for at, _, _ in commands[::40]]
+    bag = write_bag(tmp_path / 'bag', hidden, sorted([*commands, *broken]))
+    assert check(identify([bag]), hidden) == []
+
+
 def test_several_bags_of_one_robot_are_one_identification(tmp_path):
     hidden = Hidden(noise=(0.004, 0.004))
     bags = [write_bag(tmp_path / f'{seed}', replace(hidden, seed=seed)) for seed in (1, 2)]

@@ -12,7 +12,7 @@ from typing import Final
 
 import typer
 
-from cmpsp_ros.cli import demo, inspecting, recording, replaying, studies, viewing
+from cmpsp_ros.cli import demo, identifying, inspecting, recording, replaying, studies, viewing
 from cmpsp_ros.quick_exit import quick_exit
 
 __all__ = ['app', 'main']
@@ -36,6 +36,7 @@ for _command in (
     studies.study,
     inspecting.export,
     inspecting.film,
+    identifying.identify,
     recording.record,
     recording.recover,
     replaying.replay,

@@ -18,7 +18,7 @@ _OURS: Final = ('guidance', 'sim')
 _DEFAULTS: Final = 'defaults'
 _SECTION_OF_ROBOT: Final = re.compile(rf'/?((?:/\w+)+)/(?:\*\*?|{"|".join(_OURS)})')
 _KEYS_OF_ROBOT: Final = ('robot.', 'initial_guess.')
-_ALSO_OF_ROBOT: Final = ('command_delay', 'enable_stamped_cmd_vel')
+_ALSO_OF_ROBOT: Final = ('command_delay', 'max_wheel_lag', 'enable_stamped_cmd_vel')
 
 
 def config_directory() -> Path:

@@ -80,8 +80,8 @@ def test_help_names_every_command_and_option(invoke):
 def test_help_lists_the_commands_in_the_order_of_their_use(invoke):
     listed = re.findall(r'^  ([a-z]+)  ', invoke('--help').stdout, re.MULTILINE)
     assert listed == [
-        'demo', 'audit', 'bench', 'paper', 'study', 'export', 'film', 'record', 'recover',
-        'replay', 'report', 'play', 'view', 'warmup',
+        'demo', 'audit', 'bench', 'paper', 'study', 'export', 'film', 'identify', 'record',
+        'recover', 'replay', 'report', 'play', 'view', 'warmup',
     ]  # fmt: skip
 
 

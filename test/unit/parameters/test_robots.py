@@ -90,6 +90,8 @@ def test_a_robot_of_the_user(tmp_path):
     path = tmp_path / 'mine.yaml'
     path.write_text('/**:\n  ros__parameters:\n    robot: {wheel_radius: 0.05}\n')
     assert load_robot(str(path)) == {'robot.wheel_radius': 0.05}
+    path.write_text('/**:\n  ros__parameters:\n    command_delay: 0.1\n    max_wheel_lag: 0.2\n')
+    assert load_robot(str(path)) == {'command_delay': 0.1, 'max_wheel_lag': 0.2}
     path.write_text('/**:\n  ros__parameters:\n    robot: {radius: 0.1}\n    final_time: 3.0\n')
     assert 'found final_time in the file of a robot, wanted only robot.*' in refusal(path)
     assert 'No such file' in refusal(tmp_path / 'none.yaml')

@@ -1,0 +1,229 @@
+"""Commands and odometry of a recorded drive, whoever recorded it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.audit.commands import Commands, read_commands
+from cmpsp_ros.bags.audit.odometry import OdometrySeries, read_odometry
+from cmpsp_ros.bags.audit.sources import Sources
+from cmpsp_ros.bags.decision_record import read_decisions
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.names import Names
+from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.robots.arcs import with_side
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+
+TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
+"""Usual times after which robots stop without a command [s]."""
+
+_ODOMETRY: Final = 'nav_msgs/msg/Odometry'
+_TWIST: Final = 'geometry_msgs/msg/Twist'
+_STAMPED: Final = 'geometry_msgs/msg/TwistStamped'
+
+_SHORTEST: Final = 3.0
+"""Shortest drive that is used [s]."""
+
+_BACKWARDS: Final = 1.0
+"""Smallest step back of odometry's clock that begins another drive [s]."""
+
+_FASTEST: Final = 1e3
+"""What is not commanded to any robot, and NaN, does not count [m/s] or [rad/s]."""
+
+_MOVING: Final = (0.05, 0.1)
+"""Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """Steps of a drive along one axis, 0 ahead or 1 turning, and the command there.
+
+    Attributes:
+        axis: The axis.
+        stamps: Of odometry, ``(N + 1,)`` [s].
+        steps: From one message to the next, ``(N,)`` [m] or [rad].
+        changes: Times of the changes of the command, ``(C,)`` [s].
+        commands: Commands from then on, ``(C,)`` [m/s] or [rad/s].
+    """
+
+    axis: int
+    stamps: Array
+    steps: Array
+    changes: Array
+    commands: Array
+
+    @property
+    def command(self) -> tuple[Array, Array]:
+        """Changes and commands."""
+        return self.changes, self.commands
+
+    @property
+    def leaps(self) -> NDArray[np.bool_]:
+        """Steps that no command explains: odometry has jumped."""
+        fastest = np.abs(self.commands).max()
+        leaps: NDArray[np.bool_] = np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1
+        return leaps
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive without a jump in time; all times are odometry's stamps since its first one.
+
+    Attributes:
+        label: Bag and topics.
+        stamped: Whether commands were TwistStamped.
+        stamps: Of odometry, ``(N + 1,)`` [s].
+        steps: From one message to the next: distance ahead and turn, ``(N, 2)`` [m, rad].
+        ages: Time of reception of each odometry message minus its stamp, ``(N + 1,)`` [s].
+        times: When commands were received, less the median of `ages`, ``(C,)`` [s].
+        commands: Speed and turn rate, ``(C, 2)`` [m/s, rad/s].
+        answer: Median of `times` minus the stamp of the odometry that the command answers [s]; None
+            if the bag does not have it.
+    """
+
+    label: str
+    stamped: bool
+    stamps: Array
+    steps: Array
+    ages: Array
+    times: Array
+    commands: Array
+    answer: float | None
+
+    @property
+    def age(self) -> float:
+        """Median age of odometry [s]."""
+        return float(np.median(self.ages))
+
+    @property
+    def pauses(self) -> bool:
+        """Whether a robot may have stopped between two commands by itself."""
+        return bool((self.commands[:-1].any(axis=1) & (np.diff(self.times) > TIMEOUTS[1])).any())
+
+    def series(self, axis: int, timeout: float) -> Series:
+        """Steps along an axis, of a robot that stops so long after a command [s]."""
+        expired = self.times + timeout < np.append(self.times[1:], np.inf)
+        times = np.append(self.times, self.times[expired] + timeout)
+        values = np.append(self.commands[:, axis], np.zeros(expired.sum()))
+        order = np.argsort(times, kind='stable')
+        # The first change is to the speed at which odometry begins.
+        before = self.stamps[1:] < times.min()
+        speed = self.steps[before, axis].sum() / max(self.stamps[1:][before], default=1.0)
+        first = speed if abs(speed) > _MOVING[axis] else 0.0
+        times = np.append(times.min() - 1e-3, times[order])
+        values = np.append(first, values[order])
+        differs = np.append(True, np.diff(values) != 0.0)
+        return Series(axis, self.stamps, self.steps[:, axis], times[differs], values[differs])
+
+
+def read_drives(path: Path, sources: Sources) -> tuple[list[Drive], dict[str, Any]]:
+    """Read all drives of a bag, and the parameters of a guidance node if it has them.
+
+    Raises:
+        BagError: Not a bag, no odometry or no commands, those of several robots, or too short.
+    """
+    with Bag(path) as bag:
+        odom = _topic(bag, sources.odom, (_ODOMETRY,), 'odom', sources.namespace)
+        space = odom.rpartition('/')[0] if sources.namespace is None else sources.namespace
+        cmd_vel = _topic(bag, sources.cmd_vel, (_TWIST, _STAMPED), 'cmd_vel', space)
+        odometry, commands = read_odometry(bag, odom, None), read_commands(bag, cmd_vel)
+        names = Names.under(cmd_vel.rpartition('/')[0])
+        answered = _answered(bag, names, commands, odometry)
+        label = f'{path}: {odom}, {cmd_vel}'
+        stamped = bag.topics[cmd_vel].msgtype == _STAMPED
+        drives = list(_drives(label, stamped, odometry, commands, answered))
+        if not drives:
+            raise BagError(
+                f'{path}: found {np.ptp(odometry.stamps) / NANOSECONDS:.1f} s of {odom} and'
+                f' {len(commands.stamps)} commands of {cmd_vel}, wanted {_SHORTEST:g} s or more,'
+                ' with two commands or more'
+            )
+        return drives, bag.parameters.get(names.node, {})
+
+
+def _topic(
+    bag: Bag, name: str | None, types: tuple[str, ...], usual: str, space: str | None
+) -> str:
+    """The topic that is named, or the only one of these types, or the one of the usual name."""
+    # The truth of a simulator is what no robot knows.
+    there = [
+        topic
+        for topic, each in sorted(bag.topics.items())
+        if each.count and each.msgtype in types and not topic.endswith('/sim/truth')
+    ]
+    option, kinds = f'--{usual.replace("_", "-")}', ' or '.join(types)
+    if name is not None or not there:
+        if name in there:
+            return str(name)
+        found = f'in {name}' if name else 'in any topic'
+        wanted = f'wanted one of {", ".join(there)}' if there else 'wanted a drive'
+        raise BagError(f'{bag.path}: found no {kinds} {found}, {wanted} ({option})')
+    exact = [each for each in there if space is not None and each == f'{space.rstrip("/")}/{usual}']
+    alike = [each for each in there if each.rpartition('/')[2] == usual]
+    for candidates in (exact, alike, there):
+        if len(candidates) == 1:
+            return candidates[0]
+    raise BagError(f'{bag.path}: found {", ".join(there)}, wanted those of one robot ({option})')
+
+
+def _answered(
+    bag: Bag, names: Names, commands: Commands, odometry: OdometrySeries
+) -> Stamps | None:
+    """Stamp of the odometry that each command answers [ns]; None if the bag does not have it."""
+    if commands.stamped and np.isin(commands.stamps, odometry.stamps).mean() > 0.9:
+        return commands.stamps
+    decisions = [each for each in read_decisions(bag, names.decision) if not each.late]
+    if not decisions:
+        return None
+    received = np.array([each.received for each in decisions], dtype=np.int64)
+    nearest = np.searchsorted(received[:-1] + np.diff(received) // 2, commands.received)
+    return np.array([each.stamp for each in decisions], dtype=np.int64)[nearest]
+
+
+def _drives(
+    label: str,
+    stamped: bool,
+    odometry: OdometrySeries,
+    commands: Commands,
+    answered: Stamps | None,
+) -> Iterator[Drive]:
+    legs = odometry.legs(_BACKWARDS)
+    begins = [0, *(int(leg.received[0]) for leg in legs[1:])]
+    possible = (np.abs(commands.twists) < _FASTEST).all(axis=1)
+    for leg, begin, end in zip(legs, begins, [*begins[1:], 1 << 62], strict=True):
+        inside = possible & (commands.received >= begin) & (commands.received < end)
+        kept = np.append(True, np.diff(leg.stamps) > 0)
+        stamps, poses, ages = leg.stamps[kept], leg.poses[kept], leg.received - leg.stamps
+        if inside.sum() < 2 or np.ptp(stamps) < _SHORTEST * NANOSECONDS:
+            continue
+        received = commands.received[inside] - int(np.median(ages))
+        answer = None if answered is None else float(np.median(received - answered[inside]))
+        yield Drive(
+            label,
+            stamped,
+            (stamps - stamps[0]) / NANOSECONDS,
+            _steps(poses),
+            ages / NANOSECONDS,
+            (received - stamps[0]) / NANOSECONDS,
+            with_side(commands.twists[inside])[:, [0, 2]],
+            None if answer is None else answer / NANOSECONDS,
+        )
+
+
+def _steps(poses: Array) -> Array:
+    """Distance ahead and turn between poses, along arcs, ``(N, 2)`` [m, rad]."""
+    dx, dy, turn = np.diff(poses, axis=0).T
+    turn = np.remainder(turn + np.pi, 2.0 * np.pi) - np.pi
+    along = poses[:-1, 2] + turn / 2.0
+    chord = dx * np.cos(along) + dy * np.sin(along)
+    return np.column_stack([chord / np.sinc(turn / (2.0 * np.pi)), turn])

@@ -1,0 +1,154 @@
+"""Everything that is said about a robot after a drive: figures, intervals, and what is unknown."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.identify.drives import Drive
+from cmpsp_ros.bags.identify.fit import LIMIT, SCALE, Fit, fit
+from cmpsp_ros.bags.identify.intervals import QUANTILE, Interval, interval_of, times_of
+
+Array = NDArray[np.float64]
+
+AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))
+"""Names of the axes with units of their speeds, and of their poses."""
+
+_RANK: Final = 3.0
+"""Standard deviations of a median's rank: more than elsewhere, for neighbours are late together."""
+
+_WIDEST: Final = 0.3
+"""Width of an interval above which a figure is unknown: of times [s], and of scales by value."""
+
+
+_STEADY: Final = 0.2
+"""Part of the highest acceleration below which noise is measured."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One figure.
+
+    Attributes:
+        name: Name for a reader.
+        unit: Unit.
+        interval: Value and interval; None if it is not identifiable.
+        remark: Why it is not, or what has to be known of it.
+    """
+
+    name: str
+    unit: str
+    interval: Interval | None
+    remark: str = ''
+
+
+@dataclass(frozen=True)
+class Identification:
+    """A robot that was identified.
+
+    Attributes:
+        drives: What was recorded.
+        fit: The model that fits best.
+        estimates: By key, in order of the table.
+        nominal: Parameters that were known before.
+    """
+
+    drives: Sequence[Drive]
+    fit: Fit
+    estimates: Mapping[str, Estimate]
+    nominal: Mapping[str, Any]
+
+
+def identification(drives: Sequence[Drive], nominal: Mapping[str, Any]) -> Identification:
+    """Identify one robot from all drives."""
+    found, *times = times_of(fit(drives))
+    rows = dict([*_response(found, drives, times), *_odometry(found, drives)])
+    return Identification(drives, found, rows, nominal)
+
+
+def _response(
+    found: Fit, drives: Sequence[Drive], times: Sequence[Interval]
+) -> Iterator[tuple[str, Estimate]]:
+    problem = _problem(found)
+    delay, lag, together = times
+    age = float(np.mean([each.age for each in drives]))
+    answers = [each.answer for each in drives if each.answer is not None]
+    answered = together.shifted(float(np.mean(answers)) if answers else 0.0)
+    remark = 'lag and age of odometry included'
+    for key, name, interval, said in (
+        ('delay', 'delay of a command', delay.shifted(-age), 'by the clocks of bag and robot'),
+        ('lag', 'wheel lag', lag, 'time constant, first order'),
+        ('together', 'delay and lag together', together.shifted(-age), ''),
+        ('command_delay', 'command_delay', answered, remark if answers else f'{remark}, not'
+         ' the time of a control step'),
+    ):  # fmt: skip
+        yield key, _judged(name, 's', interval, problem, said)
+    fitted = {limit: LIMIT + place for place, limit in enumerate(found.limits)}
+    for axis, (name, unit, _, _) in enumerate(AXES):
+        why = problem if axis in found.axes else f'there was no {name} command'
+        scale = interval_of(found, SCALE + axis)
+        yield f'{name}_scale', _judged(f'{name} scale', '', scale, why, 'driven by commanded')
+        for kind, units in (('speed', unit), ('acceleration', f'{unit}^2')):
+            limit = axis, f'max_{kind}'
+            reached = f'not reached, up to {found.reached(*limit):.3g} {units}'
+            found_limit = interval_of(found, fitted[limit]) if limit in fitted else None
+            said = 'was reached' if found_limit else f'not identifiable: {why or reached}'
+            yield f'{name}_{kind}', Estimate(f'{name} {kind} limit', units, found_limit, said)
+    if math.isfinite(found.timeout):
+        timeout = Interval(found.timeout, found.timeout, found.timeout)
+        yield 'timeout', Estimate('command timeout', 's', timeout, 'nearest of usual ones')
+
+
+def _problem(found: Fit) -> str:
+    """Why no parameter of the response is identifiable; empty if it may be."""
+    if not found.axes:
+        return 'the commands were 0 throughout'
+    if all(len(each.changes) < 3 for each in found.series):
+        return 'the commands never changed'
+    if all(interval_of(found, SCALE + axis).low <= 0.0 for axis in found.axes):
+        return 'the robot did not follow the commands'
+    return ''
+
+
+def _judged(name: str, unit: str, interval: Interval, problem: str, remark: str) -> Estimate:
+    if problem:
+        return Estimate(name, unit, None, f'not identifiable: {problem}')
+    if interval.high - interval.low > _WIDEST * (1.0 if unit else abs(interval.value)):
+        between = f'{interval.low:.3g} to {interval.high:.3g} {unit}'.rstrip()
+        said = f'not identifiable: too little excitation, anything from {between}'
+        return Estimate(name, unit, None, said)
+    return Estimate(name, unit, interval, remark)
+
+
+def _odometry(found: Fit, drives: Sequence[Drive]) -> Iterator[tuple[str, Estimate]]:
+    durations = np.concatenate([np.diff(each.stamps) for each in drives])
+    # Gaps are no part of the rate, but jitter is.
+    periods = durations[durations < 1.5 * np.median(durations)]
+    mean, spread = periods.mean(), _RANK * periods.std() / math.sqrt(len(periods))
+    rate = Interval(*(float(1.0 / each) for each in (mean, mean + spread, mean - spread)))
+    said = f'longest gap {1e3 * durations.max():.0f} ms'
+    yield 'rate', Estimate('odometry rate', 'Hz', rate, said)
+    ages = np.concatenate([each.ages for each in drives])
+    said = f'{1e3 * ages.min():.1f} to {1e3 * ages.max():.1f} ms'
+    if ages.min() < 0.0:
+        said += f': the clock of the robot is ahead by {-1e3 * ages.min():.1f} ms or more'
+    yield 'age', Estimate('odometry age when received', 's', _median(ages), said)
+    for axis, (_, _, kind, unit) in enumerate(AXES):
+        # Where a robot speeds up, what no model explains looks like noise.
+        steps = found.steps(axis, _STEADY)
+        noise = found.noises[axis].fitted(steps)
+        interval = Interval(noise.pose, *noise.possible(steps, QUANTILE))
+        yield kind, Estimate(f'{kind} noise', unit, interval, 'standard deviation')
+
+
+def _median(values: Array) -> Interval:
+    """The median, with an interval by its rank."""
+    ordered, middle = np.sort(values), len(values) / 2.0
+    away = _RANK * math.sqrt(middle / 2.0)
+    low, high = max(math.floor(middle - away), 0), min(math.ceil(middle + away), len(values) - 1)
+    return Interval(float(np.median(ordered)), float(ordered[low]), float(ordered[high]))

@@ -1,0 +1,65 @@
+"""Commands that show how a robot responds, on little space."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.robots.arcs import arc_ends
+
+Array = NDArray[np.float64]
+
+RADIUS: Final = 1.0
+"""Radius of the circle around the start that is never left [m]."""
+
+_PLANNED: Final = 0.7
+"""Part of the circle that the commands keep to without delay or lag."""
+
+# Duration [s], and speed and turn rate as parts of their limits. No two are alike, so that no delay
+# looks like another. Only one axis changes at a time: the limits of wheels hold for both together.
+_PHASES: Final = np.array(
+    [
+        (0.50, 0.0, 0.0),
+        (0.95, 1.0, 0.0), (0.60, 0.0, 0.0), (0.80, -1.0, 0.0), (0.35, 0.5, 0.0),
+        (0.55, -0.5, 0.0), (0.30, 1.0, 0.0), (0.45, -1.0, 0.0), (0.70, 0.5, 0.0),
+        (0.40, -0.5, 0.0), (0.65, 0.0, 0.0),
+        (0.85, 0.0, 1.0), (0.50, 0.0, 0.0), (0.75, 0.0, -1.0), (0.40, 0.0, 0.5),
+        (0.60, 0.0, -0.5), (0.30, 0.0, 1.0), (0.45, 0.0, -1.0), (0.65, 0.0, 0.5),
+        (0.70, 0.0, 0.0),
+        (0.60, 0.5, 0.0), (0.55, 0.5, 0.6), (0.50, 0.5, -0.4), (0.45, 0.0, -0.4), (0.60, 0.0, 0.5),
+        (0.65, -0.5, 0.5), (0.55, -0.5, -0.5), (0.45, -0.5, 0.0), (0.40, 0.0, 0.0),
+        (0.50, 0.7, 0.0), (0.35, 0.7, -0.5), (0.55, 0.0, -0.5), (0.40, 0.0, 0.4), (0.50, -0.7, 0.4),
+        (0.35, -0.7, 0.0), (1.15, 0.0, 0.0),
+    ]
+)  # fmt: skip
+
+
+def excitation(max_speed: float, max_turn: float) -> tuple[Array, Array]:
+    """Commands of a drive.
+
+    Args:
+        max_speed: Limit of the speed [m/s].
+        max_turn: Limit of the turn rate [rad/s].
+
+    Returns:
+        When each phase ends, ``(P,)`` [s], and its twist, ``(P, 2)`` [m/s, rad/s].
+
+    Raises:
+        BagError: A robot that follows these commands would come too near to the circle.
+    """
+    twists = _PHASES[:, 1:] * (max_speed, max_turn)
+    pose, farthest = np.zeros((1, 3)), 0.0
+    for twist, duration in zip(twists, _PHASES[:, 0], strict=True):
+        path = arc_ends(
+            np.repeat(pose, 9, axis=0), np.tile(twist, (9, 1)), np.linspace(0.0, duration, 9)
+        )
+        pose, farthest = path[-1:], max(farthest, float(np.hypot(*path[:, :2].T).max()))
+    if farthest > _PLANNED * RADIUS:
+        raise BagError(
+            f'--max-speed, --max-turn: found a way of {farthest:.2f} m from the start at'
+            f' {max_speed:g} m/s and {max_turn:g} rad/s, wanted {_PLANNED * RADIUS:g} m or less'
+        )
+    return np.cumsum(_PHASES[:, 0]), twists

@@ -1,0 +1,172 @@
+"""The drive that shows how a robot responds: commands in the open loop, with a guard around it."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from typing import TYPE_CHECKING
+
+from geometry_msgs.msg import Twist, TwistStamped
+from nav_msgs.msg import Odometry
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.identify.excitation import RADIUS
+from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of
+from cmpsp_ros.nodes.common.runtime import StartupError, run
+from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+    from rclpy.publisher import Publisher
+
+    Commands = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+PERIOD = 0.05
+"""Time between two commands [s]."""
+
+ODOMETRY_TIMEOUT = 0.5
+"""Age of odometry at which the robot is stopped [s]."""
+
+WAIT = 10.0
+"""Longest wait for odometry and for somebody who hears commands [s]."""
+
+REST = 1.0
+"""Time for which the robot is recorded before and after the drive [s]."""
+
+_TYPES = {'geometry_msgs/msg/Twist': Twist, 'geometry_msgs/msg/TwistStamped': TwistStamped}
+
+
+class Excitation(Node):
+    """Drives once, records itself, and ends its process; its last command is a zero twist.
+
+    Attributes:
+        problem: Why the drive was cut short; empty if it was not.
+    """
+
+    def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
+        """As `drive`.
+
+        Raises:
+            StartupError: The bag cannot be created.
+        """
+        super().__init__('excitation')
+        self.problem = 'interrupted, and the robot was stopped'
+        self._ends, self._twists = (each.tolist() for each in commands)
+        self._odom, self._cmd_vel = map(self.resolve_topic_name, (odom, cmd_vel))
+        try:
+            self._bag = BagWriter(bag)
+            self._bag.topic(self._odom, 'nav_msgs/msg/Odometry')
+        except BagError as error:
+            raise StartupError(str(error)) from error
+        self._output: Publisher | None = None
+        self._made, self._begun, self._heard = time.monotonic(), math.inf, -math.inf
+        self._place, self._start = (math.nan, math.nan), (math.nan, math.nan)
+        quality = GUIDANCE_ODOM.qos
+        self.create_subscription(Odometry, self._odom, self._on_odometry, quality, raw=True)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._timer = self.create_timer(PERIOD, self._tick, clock=steady)
+
+    def stop(self) -> None:
+        """Stop the robot, and close the bag."""
+        try:
+            self._command(0.0, 0.0)
+        finally:
+            self._bag.close()
+
+    def _on_odometry(self, raw: bytes) -> None:
+        self._bag.write(self._odom, time.time_ns(), raw)
+        message = deserialize_message(raw, Odometry)
+        try:
+            x, y, _ = pose_of(message, message.header.frame_id).tolist()
+        except OdometryError as error:
+            self._finish(str(error))
+            return
+        self._heard, self._place = time.monotonic(), (x, y)
+        if (away := math.dist(self._place, self._start)) > RADIUS:
+            self._finish(f'found the robot {away:.2f} m from its start, wanted {RADIUS:g} m')
+
+    def _tick(self) -> None:
+        now = time.monotonic()
+        age, since = now - self._heard, now - self._begun
+        if self._output is None:
+            self._look(now)
+        elif age > ODOMETRY_TIMEOUT:
+            self._finish(f'found no odometry on {self._odom} for {age:.2f} s')
+        elif self.count_publishers(self._cmd_vel) > 1:
+            self._finish(f'found another publisher of {self._cmd_vel}, wanted none')
+        elif (robots := self.count_publishers(self._odom)) > 1:
+            self._finish(f'found {robots} publishers of {self._odom}, wanted one robot')
+        else:
+            phase = next((k for k, end in enumerate(self._ends) if since < end), None)
+            self._command(*((0.0, 0.0) if phase is None else self._twists[phase]))
+            if since > self._ends[-1] + REST:
+                self._finish('')
+
+    def _look(self, now: float) -> None:
+        """Begin once there is odometry, and a robot that hears commands."""
+        kinds = {each.topic_type for each in self.get_subscriptions_info_by_topic(self._cmd_vel)}
+        has_odometry = self._heard > -math.inf
+        if has_odometry and len(kinds) == 1 and kinds <= _TYPES.keys():
+            (kind,) = kinds
+            self._bag.topic(self._cmd_vel, kind)
+            self._output = self.create_publisher(_TYPES[kind], self._cmd_vel, COMMAND.qos)
+            self._start, self._begun = self._place, now + REST
+        elif now - self._made > WAIT:
+            odometry = 'odometry' if has_odometry else 'no odometry'
+            self._finish(
+                f'found {odometry} on {self._odom}, and {", ".join(sorted(kinds)) or "nobody"} to'
+                f' hear {self._cmd_vel}, wanted both, and one type of {" or ".join(_TYPES)}'
+            )
+
+    def _command(self, speed: float, turn: float) -> None:
+        if self._output is None:
+            return
+        stamped = TwistStamped()
+        stamped.header.stamp = self.get_clock().now().to_msg()
+        stamped.twist.linear.x, stamped.twist.angular.z = float(speed), float(turn)
+        is_stamped = self._output.msg_type is TwistStamped
+        raw = serialize_message(stamped if is_stamped else stamped.twist)
+        self._output.publish(raw)
+        self._bag.write(self._cmd_vel, time.time_ns(), raw)
+
+    def _finish(self, problem: str) -> None:
+        if not self._timer.is_canceled():
+            self._timer.cancel()
+            self.problem = problem
+            self._command(0.0, 0.0)
+            # The way out that delivers what was published last.
+            signal.raise_signal(signal.SIGINT)
+
+
+def drive(bag: Path, odom: str, cmd_vel: str, commands: Commands) -> str:
+    """Wait for odometry and a robot, drive it, and record it.
+
+    Args:
+        bag: New bag.
+        odom: Topic of odometry.
+        cmd_vel: Topic of commands.
+        commands: When each phase ends [s], and its twist [m/s, rad/s].
+
+    Returns:
+        Why the drive was cut short; empty if it was not.
+    """
+    nodes: list[Excitation] = []
+
+    def make() -> Excitation:
+        nodes.append(Excitation(bag, odom, cmd_vel, commands))
+        return nodes[0]
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    failed = run(make, name='excitation', args=[])
+    for number, handler in before.items():
+        signal.signal(number, handler)
+    problem = nodes[0].problem if nodes else 'the drive could not begin'
+    return problem or ('the drive did not end well' if failed else '')

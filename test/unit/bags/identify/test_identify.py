@@ -1,0 +1,247 @@
+"""Parameters of hidden robots, from bags of their drives."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bag_messages import SECOND
+from hidden_robots import START, Hidden, commands_of, drawn, truth_of, write_bag
+
+from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags.identify import Sources, identify, write_parameters
+from cmpsp_ros.demo.scenario import load_scenario
+from cmpsp_ros.parameters.presets import load_robot
+
+RECORDED = Path(__file__).parents[1] / 'recorded'
+RESPONSE = 'delay', 'lag', 'together', 'command_delay', 'linear_scale', 'angular_scale'
+
+
+def check(found, hidden):
+    """Estimates whose interval does not have the true value; the sum is within 10 ms."""
+    missed = []
+    for key, (low, high) in truth_of(hidden).items():
+        interval = found.estimates[key].interval
+        assert interval is not None, found.estimates[key].remark
+        # Stamps are in whole nanoseconds.
+        if interval.low > high * (1.0 + 1e-6) or interval.high < low * (1.0 - 1e-6):
+            missed.append(f'{key}: {interval}, truly {low:.5g} to {high:.5g}')
+    together = found.estimates['together'].interval.value
+    assert together == pytest.approx(hidden.delay + hidden.clock + hidden.lag, abs=0.01)
+    return missed
+
+
+@pytest.mark.parametrize('seed', [1, 4, 13])
+def test_parameters_of_hidden_robots_are_in_their_intervals(tmp_path, seed):
+    hidden = drawn(seed)
+    assert check(identify([write_bag(tmp_path / 'bag', hidden)]), hidden) == []
+
+
+@pytest.mark.timeout(600)
+def test_of_50_hidden_robots_95_percent_of_each_parameter_are_in_their_intervals(tmp_path):
+    missed = Counter()
+    for seed in range(100, 150):
+        hidden = drawn(seed)
+        found = identify([write_bag(tmp_path / f'{seed}', hidden)])
+        missed.update(each.partition(':')[0] for each in check(found, hidden))
+    assert max(missed.values(), default=0) <= 2, missed
+
+
+def test_the_picture_before_is_worse_than_the_one_after(tmp_path):
+    hidden = Hidden(delay=0.2, lag=0.15, scales=(0.9, 1.1))
+    found = identify([write_bag(tmp_path / 'bag', hidden)])
+    response = found.fit.response(0)
+    assert (response.delay + response.lag) == pytest.approx(0.35 + 0.012, abs=0.01)
+    assert response.scale == pytest.approx(0.9, abs=0.01)
+
+
+def test_limits_that_were_reached_are_found_and_others_are_said_not_to_be(tmp_path):
+    straight = [(at, speed, 0.0) for at, speed, _ in commands_of(Hidden())]
+    found = identify([write_bag(tmp_path / 'bag', Hidden(max_speed=0.2), straight)]).estimates
+    speed = found['linear_speed'].interval
+    assert speed.low < 0.2 < speed.high < 0.21
+    assert found['linear_acceleration'].interval is None
+    assert 'not identifiable: not reached, up to 2.8' in found['linear_acceleration'].remark
+    assert found['linear_scale'].interval.low < 1.0 < found['linear_scale'].interval.high
+
+
+def test_clocks_that_differ_shift_delay_and_age_but_not_the_parameter(tmp_path):
+    hidden = Hidden(clock=0.25)
+    found = identify([write_bag(tmp_path / 'bag', hidden)]).estimates
+    assert found['age'].interval.high < 0.0
+    assert 'clock of the robot is ahead by 2' in found['age'].remark
+    assert found['delay'].interval.low < 0.35 < found['delay'].interval.high
+    assert found['command_delay'].interval.value == pytest.approx(0.212, abs=0.005)
+
+
+def test_a_robot_that_stops_by_itself_between_commands_is_told_from_a_slow_one(tmp_path):
+    commands = [each for each in commands_of(Hidden()) if (each[0] - START) // SECOND % 3 != 1]
+    hidden = Hidden()
+    found = identify([write_bag(tmp_path / 'bag', hidden, commands)])
+    assert found.estimates['timeout'].interval.value == 0.5
+    assert check(found, hidden) == []
+
+
+def test_a_jump_of_odometry_does_not_count(tmp_path):
+    hidden = Hidden()
+    bag = write_bag(tmp_path / 'bag', hidden, jump=(0.3, -0.2))
+    assert check(identify([bag]), hidden) == []
+
+
+def test_a_command_that_is_no_number_does_not_count(tmp_path):
+    hidden = Hidden()
+    commands = commands_of(hidden)
+    broken = [(at + 1_000_000, math.nan, 0.0) for at, _, _ in commands[::40]]
+    bag = write_bag(tmp_path / 'bag', hidden, sorted([*commands, *broken]))
+    assert check(identify([bag]), hidden) == []
+
+
+def test_several_bags_of_one_robot_are_one_identification(tmp_path):
+    hidden = Hidden(noise=(0.004, 0.004))
+    bags = [write_bag(tmp_path / f'{seed}', replace(hidden, seed=seed)) for seed in (1, 2)]
+    one, both = identify(bags[:1]), identify(bags)
+    assert len(both.drives) == 2
+    widths = [each.estimates['together'].interval for each in (one, both)]
+    assert widths[1].high - widths[1].low < widths[0].high - widths[0].low
+    assert check(both, hidden) == []
+
+
+def test_decisions_say_what_a_command_answers(tmp_path):
+    found = identify([RECORDED / 'case3'])
+    assert found.drives[0].answer == pytest.approx(0.0, abs=1e-3)
+    delay = found.estimates['command_delay']
+    # In lockstep nothing is late, and the robot obeys at once.
+    assert delay.interval.low <= 0.0 <= delay.interval.high
+    assert 'control step' not in delay.remark
+    assert found.nominal['robot.wheel_radius'] == 0.035
+
+
+def constant(speed, turn):
+    return [(each[0], speed, turn) for each in commands_of(Hidden())]
+
+
+def test_without_excitation_nothing_is_said_of_the_response(tmp_path):
+    still = identify([write_bag(tmp_path / 'still', Hidden(), constant(0.0, 0.0))]).estimates
+    for key in RESPONSE:
+        assert still[key].interval is None
+        assert 'not identifiable: ' in still[key].remark
+    assert 'the commands were 0 throughout' in still['delay'].remark
+    assert still['rate'].interval.value == pytest.approx(30.0, rel=1e-6)
+
+
+def test_an_axis_without_commands_is_said_to_be_unknown(tmp_path):
+    straight = [(at, speed, 0.0) for at, speed, _ in commands_of(Hidden())]
+    found = identify([write_bag(tmp_path / 'bag', Hidden(), straight)]).estimates
+    assert found['angular_scale'].remark == 'not identifiable: there was no angular command'
+    assert found['linear_scale'].interval.low < 1.0 < found['linear_scale'].interval.high
+    assert found['together'].interval.value == pytest.approx(0.2, abs=0.01)
+
+
+def test_a_steady_drive_says_the_scale_alone(tmp_path):
+    bag = write_bag(tmp_path / 'bag', Hidden(scales=(0.9, 1.0)), constant(0.2, 0.0), moving=True)
+    found = identify([bag]).estimates
+    assert found['delay'].remark == 'not identifiable: the commands never changed'
+
+
+def test_a_robot_that_stands_still_is_not_identified(tmp_path):
+    bag = write_bag(tmp_path / 'bag', Hidden(scales=(0.0, 0.0)))
+    found = identify([bag]).estimates
+    assert 'the robot did not follow the commands' in found['lag'].remark
+
+
+def test_the_parameter_file_is_a_robot_for_the_demo(tmp_path):
+    hidden = Hidden(scales=(0.9, 1.1), stamped=True, max_speed=0.2)
+    found = identify([write_bag(tmp_path / 'bag', hidden)], robot='turtlebot4')
+    path = tmp_path / 'robot.yaml'
+    write_parameters(path, found)
+    given = load_robot(str(path))
+    radius = 0.03575 * 0.9
+    assert given['command_delay'] == pytest.approx(0.212, abs=0.005)
+    assert given['robot.wheel_radius'] == pytest.approx(radius, rel=0.05)
+    assert given['robot.half_track'] == pytest.approx(0.1165 * 0.9 / 1.1, rel=0.05)
+    assert given['robot.max_wheel_speed'] == pytest.approx(0.2 / radius, rel=0.05)
+    assert given['enable_stamped_cmd_vel'] is True
+    scenario = load_scenario('case3', [], lockstep=True, robot=str(path))
+    assert scenario.values['command_delay'] == given['command_delay']
+    text = path.read_text(encoding='utf-8')
+    assert '    # max_wheel_lag: 0.1' in text
+    assert f'{tmp_path / "bag"}: /odom, /cmd_vel' in text
+
+
+def test_what_is_unknown_is_a_comment_in_the_file(tmp_path):
+    found = identify([write_bag(tmp_path / 'bag', Hidden(), constant(0.0, 0.0))])
+    write_parameters(tmp_path / 'robot.yaml', found)
+    assert load_robot(str(tmp_path / 'robot.yaml')) == {
+        'initial_guess.type': 'road',
+        'enable_stamped_cmd_vel': False,
+    }
+    assert 'not identifiable' in (tmp_path / 'robot.yaml').read_text(encoding='utf-8')
+
+
+SHORT = [(START, 0.1, 0.0)]
+
+
+@pytest.mark.parametrize(
+    ('names', 'commands', 'sources', 'message'),
+    [
+        (('/odom', '/cmd_vel'), SHORT, Sources(), r'found 3\.. s of /odom and 1 commands of'),
+        (
+            ('/odom', '/cmd_vel'),
+            None,
+            Sources('/wheels'),
+            r'Odometry in /wheels, .* /odom \(--odom',
+        ),
+        (
+            ('/odom', '/cmd_vel'),
+            None,
+            Sources(None, '/c'),
+            r'in /c, wanted one of /cmd_vel \(--cmd',
+        ),
+        (('/r1/odom', '/r1/cmd_vel'), None, Sources(namespace='/r2'), ''),
+    ],
+)
+def test_a_bag_that_cannot_be_used_is_refused(tmp_path, names, commands, sources, message):
+    bag = write_bag(tmp_path / 'bag', Hidden(), commands, names)
+    if message:
+        with pytest.raises(BagError, match=message):
+            identify([bag], sources)
+    else:
+        assert identify([bag], sources).drives
+
+
+def test_several_robots_need_a_choice(tmp_path):
+    robots = {f'/r{k}': Hidden(delay=0.1 * k) for k in (1, 2)}
+    bag = write_bag(tmp_path / 'bag', robots['/r1'], others={'/r2': robots['/r2']})
+    with pytest.raises(BagError, match=r'found /r1/odom, /r2/odom, wanted those of one robot'):
+        identify([bag])
+    for space, hidden in robots.items():
+        found = identify([bag], Sources(f'{space}/odom'))
+        assert found.drives[0].label.endswith(f'{space}/odom, {space}/cmd_vel')
+        assert check(found, hidden) == []
+
+
+def test_a_drive_may_begin_on_the_move_and_be_of_a_bag_without_commands(tmp_path):
+    commands = [each for each in commands_of(Hidden()) if each[0] > START + 12 * SECOND]
+    assert math.isfinite(commands[0][1])
+    hidden = Hidden()
+    found = identify([write_bag(tmp_path / 'bag', hidden, commands, moving=True)])
+    assert check(found, hidden) == []
+    with pytest.raises(BagError, match=r'found no geometry_msgs/msg/Twist or .* in any topic'):
+        identify([write_bag(tmp_path / 'other', hidden, commands, names=('/odom', ''))])
+
+
+def test_steps_between_poses_are_those_along_arcs():
+    from cmpsp_ros.bags.identify.drives import _steps
+
+    headings = np.array([3.0, 3.4, 3.2]) % math.tau
+    poses = np.zeros((3, 3))
+    for k, (turn, length) in enumerate(((0.4, 0.1), (-0.2, -0.05))):
+        radius, heading = length / turn, headings[k]
+        poses[k + 1, 0] = poses[k, 0] + radius * (math.sin(heading + turn) - math.sin(heading))
+        poses[k + 1, 1] = poses[k, 1] - radius * (math.cos(heading + turn) - math.cos(heading))
+    poses[:, 2] = [math.remainder(each, math.tau) for each in headings]
+    assert _steps(poses) == pytest.approx(np.array([[0.1, 0.4], [-0.05, -0.2]]))

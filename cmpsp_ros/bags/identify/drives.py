@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.bags.audit.commands import Commands, read_commands
-from cmpsp_ros.bags.audit.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.decision_record import read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.robots.arcs import with_side
 

@@ -181,11 +181,9 @@ def commanded(record: AuditRecord) -> Verdict:
 
 def _effect_delay(settings: GuidanceSettings, decision: DecisionRecord | None) -> float:
     """Delay from a command to its effect, as it was estimated when the command was decided [s]."""
-    if decision is None:
-        return settings.command_delay
-    if decision.response_delay is not None:
+    if decision is not None and decision.response_delay is not None:
         return decision.response_delay
-    return settings.command_delay + decision.wheel_lag
+    return settings.command_delay + (0.0 if decision is None else decision.wheel_lag)
 
 
 def jumps(record: AuditRecord) -> Verdict:

@@ -81,14 +81,9 @@ class GuidanceLoop:
         self.road = RoadInput(node, values, self._transforms)
         self.map = MapInput(node, values, self._transforms)
         self._odometry = OdometryInput(node, self._on_odometry)
-        self._goals = GoalInput(
-            node,
-            self._law,
-            self._transforms,
-            self.road,
-            lambda: self.active,
-            waits=values['goal.wait'],
-        )
+        sources = self._transforms, self.road
+        waits = values['goal.wait']
+        self._goals = GoalInput(node, self._law, *sources, lambda: self.active, waits=waits)
         self._timer = node.create_timer(_WATCH_PERIOD, self._watch)
         self._end_timer = node.create_timer(_WATCH_PERIOD, self._on_end)
         self._end_timer.cancel()
@@ -265,14 +260,12 @@ class GuidanceLoop:
         self._use_slack(period - (time.perf_counter_ns() - began) / 1e9)
 
     def _expect_end(self, decision: Decision, now: int) -> None:
-        """See to it that the robot stops in time where odometry does not come just then.
-
-        Counted from this odometry, whose clock need not be that of this computer. In lockstep it
-        always comes; whether clock or odometry came first would be chance.
-        """
+        """See to it that the robot stops in time where odometry does not come just then."""
         end = self._law.ends_at
+        # In lockstep it comes; whether clock or odometry came first would be chance.
         if decision.finished or end is None or self._in_lockstep:
             return
+        # The clock of odometry need not be that of this computer.
         self._over_at = now + end - decision.stamp
         self._end_timer.timer_period_ns = max(1, self._over_at - self._now()) + _LATEST_ODOMETRY
         self._end_timer.reset()
@@ -317,11 +310,7 @@ class GuidanceLoop:
             self._halt_for_odometry()
 
     def _halt_for_odometry(self) -> None:
-        """Stop for a fault of odometry.
-
-        With a limit of acceleration the braking path that was audited with the last command is
-        driven, unless that command has been held for too long.
-        """
+        """Stop for a fault of odometry, along the braking path that is known to be clear."""
         held = self._held
         if not 0.0 <= held < 1.0:
             self._halt_for(self.gate.reason(self._settings), braking=held <= _LATEST_RAMP)

@@ -1,7 +1,8 @@
 """A robot of somebody else: it shares no code with this package, and knows ROS topics alone.
 
 It hears TwistStamped commands, publishes odometry of `base_footprint` at 30 Hz, best effort; its
-wheels lag by 0.1 s and speed up by 1 m/s^2 at most. Usage: foreign_robot.py X Y HEADING PATH_FILE
+wheels lag by 0.1 s and speed up by 1 m/s^2 at most, or by what the last argument says. Usage:
+foreign_robot.py X Y HEADING PATH_FILE [ACCELERATION]
 """
 
 import math
@@ -17,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
-HALF_TRACK, LAG, ACCELERATION = 0.055, 0.1, 1.0
+HALF_TRACK, LAG = 0.055, 0.1
 STEP, MESSAGE_PERIOD, TIMEOUT = 0.005, 1.0 / 30.0, 0.5
 BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 
@@ -25,8 +26,9 @@ BEST_EFFORT = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 class ForeignRobot(Node):
     """Drives in small steps of real time."""
 
-    def __init__(self, x, y, heading):
+    def __init__(self, x, y, heading, acceleration=1.0):
         super().__init__('base')
+        self.acceleration = acceleration
         self.x, self.y, self.heading = x, y, heading
         self.wanted, self.wheels, self.path = (0.0, 0.0), [0.0, 0.0], []
         self.heard = self.driven_to = self.seconds()
@@ -48,7 +50,7 @@ class ForeignRobot(Node):
             stays_out = self.driven_to - self.heard > TIMEOUT
             for side, wanted in enumerate((0.0, 0.0) if stays_out else self.wanted):
                 change = (wanted - self.wheels[side]) * -math.expm1(-STEP / LAG)
-                most = ACCELERATION * STEP
+                most = self.acceleration * STEP
                 self.wheels[side] += min(max(change, -most), most)
             right, left = self.wheels
             turned = (right - left) / (2.0 * HALF_TRACK) * STEP
@@ -77,7 +79,7 @@ def main():
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopping.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    robot = ForeignRobot(*map(float, sys.argv[1:4]))
+    robot = ForeignRobot(*map(float, sys.argv[1:4]), *map(float, sys.argv[5:]))
     while not stopping.is_set():
         rclpy.spin_once(robot, timeout_sec=0.1)
     rows = (f'{t!r} {x!r} {y!r} {heading!r}\n' for t, x, y, heading in robot.path)

@@ -84,7 +84,8 @@ def study(
         str,
         typer.Argument(
             metavar='NAME',
-            help='nominal, disturbed, realtime, heavy, corridors, floor, sight, mapped or clutter.',
+            help='nominal, disturbed, realtime, heavy, told_wrong, corridors, floor, sight, mapped '
+            'or clutter.',
         ),
     ],
     runs: Annotated[int, typer.Option(min=1, help='Number of runs, from run 0 on.')] = 200,

@@ -139,3 +139,24 @@ def test_a_computer_that_is_late_touches_nothing_and_its_late_commands_are_not_s
         arrived += made.miss < study.tolerance
     assert late > 100
     assert arrived > 10
+
+
+@pytest.mark.parametrize('number', [1, 10, 12])
+def test_a_robot_whose_delay_is_told_wrong_arrives(number):
+    """Without correction it touches an obstacle or leaves the road."""
+    study = Study('told_wrong')
+    made = outcome(drive(study.run(number)))
+    assert made.verdict(study.tolerance) is Verdict.ARRIVED
+    assert made.clearance > 0.02
+    assert abs(made.told_error) > 0.03
+    believing = Study('told_wrong', assignments=('command_delay_tolerance=0.0',))
+    assert outcome(drive(believing.run(number))).clearance < 0.0
+
+
+def test_a_foreign_robot_is_the_same_each_time_and_another_in_each_run():
+    study = Study('told_wrong')
+    one, same, other = (drive(study.run(number)) for number in (2, 2, 3))
+    assert outcome(one) == outcome(same)
+    assert one.task.foreign == same.task.foreign != other.task.foreign
+    poses = np.array([each.pose for each in one.motions])
+    assert np.array_equal(poses, np.array([each.pose for each in same.motions]))

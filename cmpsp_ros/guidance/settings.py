@@ -55,7 +55,7 @@ class Safety:
     margin: float = 0.0
     between_samples: bool = True
     stopping_time: float = 0.5
-    max_prediction_error: float = 0.3
+    max_prediction_error: float = 0.5
     stop_within_sight: bool = True
     max_odom_jump: float = 0.1
 

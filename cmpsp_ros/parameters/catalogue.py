@@ -292,7 +292,7 @@ def _parameters() -> Iterator[Parameter]:
         'Delay of a stop, in addition to the modelled one, that is assumed where no plan passes '
         'an obstacle: the robot approaches it slowly enough to stop before it.',
         range=_NOT_NEGATIVE)
-    yield safety('safety.max_prediction_error', _DOUBLE, 0.3, 'm',
+    yield safety('safety.max_prediction_error', _DOUBLE, 0.5, 'm',
         'Distance of odometry from its prediction one control step before at which the robot '
         'stops. 0: it never stops for it.', range=_NOT_NEGATIVE)
     yield safety('safety.stop_within_sight', _BOOL, True, '',

@@ -9,10 +9,10 @@ and the squared distances sum up to a misfit ``S`` of each. With ``n`` periods a
 
     S - min S <= (5 sigma)^2,   sigma^2 = max(min S, n (2 mm)^2) / (n - 1)
 
-which is the likelihood-ratio interval of five standard deviations. The response in use is replaced
-by the likeliest one when it is beyond three. What no response explains, as slip or a push, makes
-``sigma`` larger and the interval wider. How far the delay varies from command to command (jitter)
-is taken from the periods one by one.
+which is the likelihood-ratio interval of five standard deviations. The settings are replaced by the
+likeliest response when they are beyond three and it leaves at most a tenth of their misfit: slip, a
+push, or wheels that speed up slowly are no delay. How far the delay varies from command to command
+(jitter) is taken from the periods one by one.
 """
 
 from __future__ import annotations
@@ -36,8 +36,14 @@ Array = NDArray[np.float64]
 _UNNOTICED: Final = 0.002
 """Error of a prediction that is always allowed for [m]."""
 
-_WELL_EXPLAINED: Final = 0.01
-"""Error that the best response may leave in a period that counts at least half [m]."""
+_EXPLAINS: Final = 0.1
+"""Part of the misfit of the settings that the likeliest response may leave, to replace them."""
+
+_STAYS: Final = 0.4
+"""The same once they have been replaced."""
+
+_SLOWS: Final = 0.05
+"""Error of predictions that slows the robot down where no response explains it [m]."""
 
 _POSSIBLE: Final = 5.0
 """Standard deviations up to which a response is possible."""
@@ -104,8 +110,9 @@ class ResponseEstimate:
         self._as_told = np.abs(grid_offsets[chosen]) < _STEP / 2.0
         self._misfits, self._periods = np.zeros(len(self._delays)), 0.0
         self._found = np.zeros(len(self._delays))
-        self.delay, self.lag = to_nanoseconds(told), 0.0
-        self._told, self._jitter = self.delay, 0.0
+        self._told = int(np.flatnonzero(self._as_told & (self._lags == 0.0))[0])
+        self._use(self._told)
+        self._jitter = 0.0
         self._possible = self._as_told
         self.lose()
 
@@ -116,7 +123,8 @@ class ResponseEstimate:
     @property
     def is_corrected(self) -> bool:
         """Whether odometry has contradicted what the settings say."""
-        return self.delay != self._told or (self.lag > 0.0 and not self._with_lag)
+        as_told = self.delay == to_nanoseconds(self._bounds[0])
+        return not as_told or (self.lag > 0.0 and not self._with_lag)
 
     @property
     def lag_interval(self) -> tuple[float, float, float] | None:
@@ -158,7 +166,9 @@ class ResponseEstimate:
             commands: Those given before.
         """
         if not (self._with_lag or self.is_corrected):
-            return _AS_TOLD
+            if self.error <= _SLOWS:
+                return _AS_TOLD
+            return Risk([self.in_use(stamp, commands)], self.error, self._remark)
         numbers = self._chosen()
         delays, lags = self._delays[numbers], self._lags[numbers]
         if len(numbers):
@@ -167,10 +177,12 @@ class ResponseEstimate:
             self.response(stamp, commands, delay, lag)
             for delay, lag in zip(delays.tolist(), lags.tolist(), strict=True)
         ]
-        remark = 'its wheels may lag.'
-        if self.is_corrected:
-            remark = f'predictions have been wrong by {self.error:.2g} m.'
+        remark = self._remark if self.is_corrected else 'its wheels may lag.'
         return Risk(responses, self.error, remark)
+
+    @property
+    def _remark(self) -> str:
+        return f'predictions have been wrong by {self.error:.2g} m.'
 
     def reason_to_stop(self, settings: GuidanceSettings) -> str:
         """Why the robot must not drive on, in a sentence; empty where predictions are good."""
@@ -207,7 +219,12 @@ class ResponseEstimate:
     def warnings(self) -> list[str]:
         """Parameters to be set otherwise, in sentences; none while odometry agrees with them."""
         if self.delay_interval is None:
-            return []
+            if self.error <= _SLOWS:
+                return []
+            return [
+                f'Odometry is up to {self.error:.2g} m from its predictions, and no delay explains'
+                ' it: is it robot.max_wheel_acceleration, robot.wheel_radius or slip?'
+            ]
         found, least, longest = self.delay_interval
         told, tolerance, max_lag = self._bounds
         bounded = '' if found < told + tolerance + max_lag - _STEP / 2.0 else ', its upper bound'
@@ -271,10 +288,8 @@ class ResponseEstimate:
         put_misfits(*arguments)
         # Where all responses lead to the same place, it says nothing about them.
         if float(found.max() - found.min()) > _UNNOTICED**2:
-            # What no response explains says little about any.
-            weight = 1.0 / (1.0 + float(found.min()) / _WELL_EXPLAINED**2)
-            self._misfits = _FORGETTING * self._misfits + weight * found
-            self._periods = _FORGETTING * self._periods + weight
+            self._misfits = _FORGETTING * self._misfits + found
+            self._periods = _FORGETTING * self._periods + 1.0
             if self._periods > 1.0:
                 least = max(float(self._misfits.min()), self._periods * _UNNOTICED**2)
                 variance = least / (self._periods - 1.0)
@@ -285,17 +300,24 @@ class ResponseEstimate:
     def _choose(self, variance: float) -> None:
         """Replace the response in use by the likeliest one where odometry contradicts it."""
         misfits = self._misfits
-        least = float(misfits.min())
-        as_told = float(misfits[self._as_told].min()) - least
-        if as_told <= _IN_USE**2 * variance and not self.is_corrected:
-            # What the settings say of the delay is likely enough.
-            misfits = np.where(self._as_told, misfits, math.inf)
-            least = float(misfits.min())
+        least, as_told = float(misfits.min()), float(misfits[self._as_told].min())
+        explained = _STAYS if self.is_corrected else _EXPLAINS
+        enough = explained * float(misfits[self._told])
+        allowed = (1.0 if self.is_corrected else _IN_USE) ** 2 * variance
+        if least > enough or as_told - least <= _IN_USE**2 * variance:
+            # The settings are likely, or nothing is much likelier: slip, say, is no delay.
+            misfits, least = np.where(self._as_told, misfits, math.inf), as_told
+            if least > enough and not self._with_lag:
+                self._use(self._told)
+                self._possible = self._as_told
+                return
         self._possible = misfits - least <= _POSSIBLE**2 * variance
-        if float(misfits[self._nearest()]) - least > _IN_USE**2 * variance:
-            best = int(misfits.argmin())
-            self.delay = to_nanoseconds(float(self._delays[best]))
-            self.lag = float(self._lags[best])
+        if float(misfits[self._nearest()]) - least > allowed:
+            self._use(int(misfits.argmin()))
+
+    def _use(self, number: int) -> None:
+        self.delay = to_nanoseconds(float(self._delays[number]))
+        self.lag = float(self._lags[number])
 
     def _deviation(self, found: Array, variance: float) -> float:
         """By how much the delay in use must change to explain one control period by itself [s]."""

@@ -74,21 +74,24 @@ def damaged(course, random):
 
 def with_sensors(number, random):
     """Drives past what only a scanner shows."""
-    course = drive(seen_course(number))
+    count = 1 if random is None else 2
+    course = drive(seen_course(number, count))
     yield 'clean', course, truly(course)
     if random is not None:
         yield from damaged(course, random)
-    biased = drive(seen_course(number, **{'noise.bias': [0.0, 0.1, 0.0], 'goal.tolerance': 0.2}))
+    biased = drive(
+        seen_course(number, count, **{'noise.bias': [0.0, 0.1, 0.0], 'goal.tolerance': 0.2})
+    )
     yield 'biased odometry', biased, truly(biased)
     unknown = replace(course, sim=None)
     yield 'sensors alone', unknown, truly(course)
     yield 'scans alone', without(unknown, SIGHTING), truly(course)
     yield 'sightings alone', without(unknown, '/scan'), truly(course)
     yield 'nothing seen', without(unknown, SIGHTING, '/scan'), {NOT_JUDGED}
-    blind = drive(seen_course(number, **{'sim.scan.missed_return': 1.0}))
+    blind = drive(seen_course(number, count, **{'sim.scan.missed_return': 1.0}))
     yield 'blind', blind, truly(blind)
     yield 'blind, no simulator', replace(blind, sim=None), {NOT_JUDGED}
-    heedless = drive(seen_course(number), sees=False)
+    heedless = drive(seen_course(number, count), sees=False)
     least = heedless.clearance().min()
     said = {FAILED} if least < CERTAIN else NOT_CLEAN if least < TOUCHES else NOT_FAILED
     yield 'heedless', heedless, truly(heedless)

@@ -145,7 +145,7 @@ def test_a_bag_of_each_kind_is_judged_as_it_is(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_of_a_thousand_bags_none_is_judged_wrongly(tmp_path):
     counts, wrong = judged(islice(bags(29, 17), 1000), tmp_path)
     for (kind, said), count in sorted(counts.items()):

@@ -150,6 +150,16 @@ def test_a_bad_run_says_why_and_whether_it_was_judged(
     assert said not in words(done.stdout)
 
 
+def test_a_run_that_is_not_recorded_is_exit_code_3(invoke, outcome, tmp_path):
+    lacking = {'not_judged': 'the path is not recorded from 3.00 to 6.00 s (3.00 s)'}
+    outcome(summary(**lacking))
+    done = invoke('demo', '--output', tmp_path / 'run')
+    assert done.exit_code == 3
+    assert 'not judged: the path is not recorded from 3.00 to 6.00 s' in words(done.stderr)
+    outcome(summary(clearance=-0.1, **lacking))
+    assert invoke('demo', '--output', tmp_path / 'other').exit_code == 1
+
+
 def test_a_view_is_announced_with_its_address(invoke, outcome, tmp_path):
     asked = outcome(summary())
     result = invoke('demo', '--view', '--port', '8123', '--output', tmp_path / 'run')

@@ -24,7 +24,7 @@ from cmpsp_ros.bags.runs.encounters import Encounter, encounters, read_others, r
 from cmpsp_ros.bags.runs.holes import Hole, holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.bags.runs.run import Driven, truth_topic
-from cmpsp_ros.bags.runs.seen import Knowledge, Seen, by_scans, by_sightings, sightings
+from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
 from cmpsp_ros.bags.runs.tracks import read_tracks, seen_at
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.messages.tracks import Track
@@ -88,19 +88,15 @@ class AuditRecord:
     @cached_property
     def seen(self) -> tuple[tuple[Seen, ...], ...]:
         """What sensors saw beside the path of each leg; of those who saw anything."""
-        settings, topic = self.settings, self.places.sighting
-        if not settings.sight.sensors:
+        if not self.settings.sight.sensors:
             return ()
         found = []
         with Bag(self.path) as bag:
             for leg in self.legs:
-                rest = self._moving_at, leg.window
                 best = next((each.pieces for each in leg.known if each.pieces), ())
-                heard = leg.by_odometry.pieces
-                each = [by_scans(bag, topic, settings, best, *rest)] if best else []
-                # The grid is in the frame of odometry, with all its errors.
-                each += [by_sightings(bag, topic, settings, heard, *rest)] if heard else []
-                found.append(tuple(one for one in each if len(one.looks)))
+                paths = best, leg.by_odometry.pieces
+                around = self.places.sighting, self.settings, paths, self._moving_at, leg.window
+                found.append(tuple(each for each in look(bag, *around) if len(each.looks)))
         return tuple(found)
 
     @cached_property

@@ -27,7 +27,6 @@ from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
-Moving = Callable[[int], Array]
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
@@ -41,6 +40,9 @@ _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
 _RESTS: Final = 0.01
 """How far a robot at rest may move [m, rad]."""
+
+_AROUND: Final = 20.0
+"""Side of the square around the robot in which spots are kept, at most [m]."""
 
 _BLOCK: Final = 600
 """Scans that are held at once, to be looked at in both directions of time."""
@@ -108,63 +110,54 @@ def sightings(bag: Bag, topic: str, window: Window) -> Iterator[tuple[int, Occup
                     yield stamp_of(message), grid_of(message, message.header.frame_id)
 
 
-def by_scans(
+def look(
     bag: Bag,
     topic: str,
     settings: GuidanceSettings,
-    paths: Sequence[Driven],
-    moving: Moving,
+    paths: tuple[Sequence[Driven], Sequence[Driven]],
+    moving: Callable[[int], Array],
     window: Window,
-) -> Seen:
-    """What scans and clouds showed beside a path.
+) -> Iterator[Seen]:
+    """What scans and clouds showed beside a path, and what `~/sighting` showed.
 
     Args:
         bag: An open bag.
         topic: Full name of `~/sighting`; scans are in the namespace of its node.
         settings: With the sensors and the robot's outline.
-        paths: Parts of the path, in order, without holes.
+        paths: Parts without holes, in order: of the best path known, and of that by odometry, in
+            whose frame the grid is with all its errors.
         moving: Discs ``(x, y, radius)`` of all that is known to move at a time [ns], ``(D, 3)``.
         window: Reception of the first message that counts, and of the first that does not [ns].
     """
-    judge, looks = _Judge(settings, paths), []
-    scans = _scans(bag, topic, settings, paths, window)
-    while block := list(islice(scans, _BLOCK)):
-        block.sort(key=lambda each: each.stamp)
-        # Beams that end at what moves have met nothing that stays.
-        block = [
-            replace(each, hits=each.hits & ~_in_discs(each.ends, moving(each.stamp)))
-            for each in block
-        ]
-        looks += [each.stamp for each in block if each.hits.any()]
-        judge.look(block, 1)
-        # A cloud never shows that something has gone, nor that it came.
-        sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
-        judge.look(sweeps[::-1], -1)
-    return judge.seen(looks, EXACT)
-
-
-def by_sightings(
-    bag: Bag,
-    topic: str,
-    settings: GuidanceSettings,
-    paths: Sequence[Driven],
-    moving: Moving,
-    window: Window,
-) -> Seen:
-    """What `~/sighting` showed beside a path by odometry; arguments as of `by_scans`."""
-    judge, looks, tolerance = _Judge(settings, paths), list[int](), EXACT
-    before, last = int(paths[0].stamps[0]), int(paths[-1].stamps[-1])
-    spots = np.empty((0, 2))
-    for stamp, grid in sightings(bag, topic, window):
-        if before <= stamp <= last:
-            judge.near(spots, before, stamp)
-            spots = grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
-            spots = spots[~_in_discs(spots, moving(stamp))]
-            judge.near(spots, before, stamp)
-            before, tolerance = stamp, max(tolerance, 0.75 * grid.resolution)
-            looks += [stamp] if len(spots) else []
-    judge.near(spots, before, last)
-    return judge.seen(looks, tolerance)
+    best, heard = paths
+    if best:
+        judge, looks = _Judge(settings, best), list[int]()
+        scans = _scans(bag, topic, settings, best, window)
+        while block := list(islice(scans, _BLOCK)):
+            # Beams that end at what moves have met nothing that stays.
+            block = [
+                replace(each, hits=each.hits & ~_in_discs(each.ends, moving(each.stamp)))
+                for each in sorted(block, key=lambda each: each.stamp)
+            ]
+            looks += [each.stamp for each in block if each.hits.any()]
+            judge.look(block, 1)
+            # A cloud never shows that something has gone, nor that it came.
+            sweeps = [replace(each, stamp=-each.stamp) for each in block if each.is_sweep]
+            judge.look(sweeps[::-1], -1)
+        yield judge.seen(looks, EXACT)
+    if heard:
+        judge, looks, tolerance = _Judge(settings, heard), [], EXACT
+        before, last, spots = judge.begin, judge.end, np.empty((0, 2))
+        for stamp, grid in sightings(bag, topic, window):
+            if before <= stamp <= last:
+                judge.near(spots, before, stamp)
+                spots = grid.centers(*np.nonzero(grid.cells == Cell.OCCUPIED))
+                spots = spots[~_in_discs(spots, moving(stamp))]
+                judge.near(spots, before, stamp)
+                before, tolerance = stamp, max(tolerance, 0.75 * grid.resolution)
+                looks += [stamp] if len(spots) else []
+        judge.near(spots, before, last)
+        yield judge.seen(looks, tolerance)
 
 
 class _Judge:
@@ -175,6 +168,7 @@ class _Judge:
         self._stamps = np.concatenate([each.stamps for each in paths])
         self._poses = np.concatenate([each.poses for each in paths])
         self._clearance = np.full(len(self._stamps), math.inf)
+        self.begin, self.end = int(self._stamps[0]), int(self._stamps[-1])
 
     def seen(self, looks: Sequence[int], tolerance: float) -> Seen:
         """The distances, and when anything was seen."""
@@ -184,7 +178,7 @@ class _Judge:
     def look(self, scans: Iterable[Beams], direction: int) -> None:
         """Go through scans in order of time, or backwards with negative stamps."""
         sight = self._settings.sight
-        grid = LocalGrid(sight.size, sight.resolution, sight.memory)
+        grid = LocalGrid(min(sight.size, _AROUND), sight.resolution, sight.memory)
         spots, before = np.empty((0, 2)), 0
         for each in scans:
             stamp = direction * each.stamp

@@ -225,16 +225,17 @@ def random_course(number, **changes):
     return {**given, **_named('obstacles', drawn.obstacles), 'initial_pose': list(drawn.pose)}
 
 
-def seen_course(number, **changes):
-    """Parameters of a drive down a corridor with random discs, which only a scanner shows."""
+def seen_course(number, count=2, **changes):
+    """Parameters of a drive down a corridor with one or two random discs, which a scanner shows."""
     random = np.random.default_rng([11, number])
     given = load_parameter_file('unknown')
     for key in [each for each in given if each.startswith('sim.obstacles.')]:
         del given[key]
     radii, sides = random.uniform(0.15, 0.35, 2), random.choice([-1.0, 1.0], 2)
     places = zip((3.0, 5.5), sides * random.uniform(0.0, 0.4, 2), radii, strict=True)
-    discs = [Obstacle(f'o{k}', (x, y), radius) for k, (x, y, radius) in enumerate(places)]
-    goal = {'goal.position': [8.0, 0.0], 'final_time': 20.0, 'sim.scan.count': 241}
+    discs = [Obstacle(f'o{k}', (x, y), radius) for k, (x, y, radius) in enumerate(places)][:count]
+    goal = {'goal.position': [3.0 + 2.5 * count, 0.0], 'final_time': 8.0 + 6.0 * count}
+    given |= {'sim.scan.count': 241}
     return {**given, **goal, **_named('sim.obstacles', discs), **changes}
 
 

@@ -170,8 +170,8 @@ class Recorder(Node):
         self._try(self._take)
         self._try(self._flush)
         self._health.publish()
-        count = self._bag.message_count
-        response.success, response.message = True, f'{count} messages are in the bag.'
+        said = self.failure or f'{self._bag.message_count} messages are in the bag.'
+        response.success, response.message = self.failure is None, str(said)
         return response
 
     def _discover(self) -> None:

@@ -134,6 +134,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
             'solve_ms',
             'audit_ms',
             'step_ms',
+            'odometry_to_command_ms',
         }
         assert decision['finished'] == 'false'
 

@@ -95,11 +95,10 @@ def quantities(views: Sequence[View]) -> list[str]:
 def limits(views: Sequence[View], quantity: str) -> dict[float, str]:
     """Limits of a quantity with their names; negative ones only where it became negative."""
     found = [each for view in views for each in view.commands[1] if each.axis == quantity]
-    unit = quantity.partition(' [')[2].rstrip(']')
     most = {each.limit for each in found if math.isfinite(each.limit)}
     if any((each.values < 0.0).any() for each in found):
         most |= {-each for each in most}
-    return {each: f'limit {each:.4g} {unit}'.rstrip() for each in sorted(most)}
+    return {each: f'limit {each:.4g} {found[0].unit}'.rstrip() for each in sorted(most)}
 
 
 def clearance(views: Sequence[View]) -> Figure:

@@ -85,7 +85,7 @@ class Part:
 
     @property
     def look(self) -> Look:
-        """Its appearance."""
+        """Appearance of its kind."""
         return LOOKS[self.kind]
 
     @property
@@ -101,7 +101,7 @@ def course(
 
     Args:
         roads: Roads.
-        obstacles: Those that guidance was told of.
+        obstacles: Those that guidance knows.
         hidden: Those that only the simulator knows.
     """
     parts = [part for road in roads for part in _road(road)]

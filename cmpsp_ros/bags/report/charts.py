@@ -248,7 +248,7 @@ def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str])
 
 
 def suffix(index: int) -> str:
-    """How plotly counts axes: none, 2, 3."""
+    """Suffix of an axis as plotly counts them: none, 2, 3."""
     return str(index + 1) if index else ''
 
 

@@ -8,20 +8,14 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Patch, Polygon
-from numpy.typing import NDArray
 
 from cmpsp_ros.bags.runs.run import Driven, Run
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.view.drawing import along, draw
-from cmpsp_ros.view.scene import bodies, body, course
+from cmpsp_ros.view.scene import bodies, body, course, disc
 from cmpsp_ros.view.traces import ends, traces
-
-Array = NDArray[np.float64]
 
 _GRID = 20_000_000
 _SMALLEST = 0.06
@@ -46,7 +40,9 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Fi
         # Hollow: one robot's goal is another one's start.
         axes.plot(*each.settings.goal, '*', mec=color, mfc='none', ms=16, zorder=5)
         if nearest is not None:
-            _draw_robot(axes, each.settings, driven.at(nearest), color)
+            outline = (body(each.settings) or disc(_SMALLEST))[:1]
+            (there,) = bodies(outline, [driven.at(nearest)]).lines
+            axes.fill(*there.T, color=color, alpha=0.6, lw=0, zorder=6)
     axes.set(xlabel='x [m]', ylabel='y [m]')
     if nearest is not None:
         seconds = (nearest - min(first for first, _ in windows)) / 1e9
@@ -56,15 +52,6 @@ def draw_fleet(fleet: Sequence[Scenario], runs: Sequence[Run], path: Path) -> Fi
     axes.legend(loc='best')
     figure.savefig(path, dpi=120)
     return figure
-
-
-def _draw_robot(axes: Axes, settings: GuidanceSettings, pose: Array, color: Array) -> None:
-    radius, footprint = max(settings.robot_radius, _SMALLEST), settings.footprint
-    shape: Patch = Circle(pose[:2].tolist(), radius)
-    if footprint.corners:
-        shape = Polygon(footprint.at(pose))
-    shape.set(color=color, alpha=0.6, lw=0, zorder=6)
-    axes.add_patch(shape)
 
 
 def _nearest(paths: Sequence[Driven]) -> int | None:

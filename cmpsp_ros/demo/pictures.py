@@ -48,7 +48,7 @@ def draw_trajectory(
 
     Args:
         run: The run.
-        settings: What guidance was told of.
+        settings: Settings of guidance.
         path: New picture.
         hidden: Obstacles that only the simulator knows.
     """

@@ -33,6 +33,11 @@ class Signal(NamedTuple):
     values: Array
     limit: float
 
+    @property
+    def unit(self) -> str:
+        """Unit of the quantity; empty where none is known."""
+        return self.axis.partition(' [')[2].rstrip(']')
+
 
 @dataclass(frozen=True, kw_only=True)
 class Robot(ABC):

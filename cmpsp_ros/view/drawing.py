@@ -96,10 +96,12 @@ def _draw_markers(axes: Axes, marker: Look, points: Array, kept: Look) -> None:
     symbol, color = marker.get('symbol', 'circle'), marker['color']
     edge = {'mfc': 'none' if symbol.endswith('open') else color, 'ms': _POINT * marker['size']}
     edge['mec'] = 'white' if symbol == 'triangle-up' else color
-    angles = marker.get('angle', [0.0] * len(points))
-    for point, angle in zip(points, angles, strict=True):
-        shape = (3, 0, -angle) if symbol == 'triangle-up' else _SYMBOLS[symbol.split('-')[0]]
-        axes.plot(*point, marker=shape, ls='', **edge, **kept)
+    shapes: list[tuple[Any, Array]] = [(_SYMBOLS.get(symbol.split('-')[0]), points)]
+    if symbol == 'triangle-up':
+        angles = zip(marker['angle'], points, strict=True)
+        shapes = [((3, 0, -angle), point[None]) for angle, point in angles]
+    for shape, some in shapes:
+        axes.plot(*some.T, marker=shape, ls='', **edge, **kept)
         kept = {**kept, 'label': None}
 
 

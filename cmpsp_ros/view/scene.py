@@ -85,7 +85,7 @@ class Part:
 
     @property
     def look(self) -> Look:
-        """Its appearance."""
+        """Appearance of its kind."""
         return LOOKS[self.kind]
 
     @property
@@ -101,7 +101,7 @@ def course(
 
     Args:
         roads: Roads.
-        obstacles: Those that guidance was told of.
+        obstacles: Those that guidance knows.
         hidden: Those that only the simulator knows.
     """
     parts = [part for road in roads for part in _road(road)]
@@ -173,7 +173,7 @@ def frame(points: Sequence[Array], shapes: Iterable[Shape], room: float) -> tupl
     while True:
         met = boxes[((boxes[:, 0] < high) & (boxes[:, 1] > low)).all(axis=1)].reshape(-1, 2)
         corners = np.vstack([low, high, met])
-        if (corners >= low).all() and (corners <= high).all():
+        if not ((corners < low) | (corners > high)).any():
             return low, high
         low, high = corners.min(axis=0), corners.max(axis=0)
 

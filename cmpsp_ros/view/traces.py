@@ -72,7 +72,7 @@ def trace(name: str, mode: str, x: Array = _NONE, y: Array = _NONE) -> Trace:
 
 
 def hover(texts: Sequence[str]) -> Trace:
-    """What is shown of a point, with a text for each."""
+    """Hover texts, one for each point."""
     shown = {'hovertemplate': '%{text}: %{x:.3f}, %{y:.3f} m<extra></extra>', 'hoverinfo': 'all'}
     return {'text': list(texts), **shown}
 

@@ -104,7 +104,7 @@ def hidden_obstacles(bag: Bag, node: str) -> tuple[Shape, ...]:
         ParameterError: One of the obstacles cannot be made.
     """
     sim = f'{node.rpartition("/")[0]}/sim'
-    if sim not in bag.parameters:
+    if f'{OWN_OBSTACLES}.names' not in bag.parameters.get(sim, {}):
         return ()
     return shapes_of(NodeParameters(bag, sim).values, OWN_OBSTACLES)
 

@@ -95,11 +95,10 @@ def quantities(views: Sequence[View]) -> list[str]:
 def limits(views: Sequence[View], quantity: str) -> dict[float, str]:
     """Limits of a quantity with their names; negative ones only where it became negative."""
     found = [each for view in views for each in view.commands[1] if each.axis == quantity]
-    unit = quantity.partition(' [')[2].rstrip(']')
     most = {each.limit for each in found if math.isfinite(each.limit)}
     if any((each.values < 0.0).any() for each in found):
         most |= {-each for each in most}
-    return {each: f'limit {each:.4g} {unit}'.rstrip() for each in sorted(most)}
+    return {each: f'limit {each:.4g} {found[0].unit}'.rstrip() for each in sorted(most)}
 
 
 def clearance(views: Sequence[View]) -> Figure:
@@ -253,7 +252,7 @@ def _stacked(views: Sequence[View], traces: list[Figure], titles: Sequence[str])
 
 
 def suffix(index: int) -> str:
-    """How plotly counts axes: none, 2, 3."""
+    """Suffix of an axis as plotly counts them: none, 2, 3."""
     return str(index + 1) if index else ''
 
 

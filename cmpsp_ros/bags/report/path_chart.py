@@ -62,7 +62,7 @@ def panels(views: Sequence[View]) -> list[list[int]]:
 
 
 def frame_of(views: Sequence[View]) -> list[tuple[float, float]]:
-    """What happened on a course, with room around it: ends in x and in y [m]."""
+    """Ends in x and in y of a picture of all runs on a course [m]."""
     points = [np.array([goal.position for goal in goals_of(view)]) for view in views]
     points = [view.poses[:, :2] for view in views] + [each for each in points if len(each)]
     points += [map_corners(view.settings) for view in views]

@@ -12,6 +12,7 @@ from cmpsp_ros.bags.audit import CheckOutcome, overall
 from cmpsp_ros.bags.report.view import View
 from cmpsp_ros.parameters.catalogue import TABLE
 from cmpsp_ros.parameters.errors import describe
+from cmpsp_ros.robots.robot import Signal
 from cmpsp_ros.view.palette import LEVEL_COLORS, bag_color
 
 _MOST_BANDS = 200
@@ -99,8 +100,8 @@ def verdicts(views: Sequence[View]) -> str:
     return ''.join(words)
 
 
-def _unit(quantity: str) -> str:
-    return quantity.partition(' [')[2].rstrip(']')
+def _largest(signal: Signal) -> str:
+    return f'{np.abs(signal.values).max(initial=0.0):.4g} {signal.unit}'.rstrip()
 
 
 def _figures(view: View) -> dict[str, str]:
@@ -115,10 +116,7 @@ def _figures(view: View) -> dict[str, str]:
     return {
         'miss at the final time': by_check['goal'].worst_text or 'unknown',
         'least clearance': f'{min(known):.4g} m' if known else 'unknown',
-        **{
-            f'largest {each.name}': f'{np.abs(each.values).max():.4g} {_unit(each.axis)}'.rstrip()
-            for each in view.commands[1]
-        },
+        **{f'largest {each.name}': _largest(each) for each in view.commands[1]},
         'step time p50 / p99 / max': ' / '.join(f'{each:.2f}' for each in quantiles) + ' ms'
         if len(taken)
         else 'unknown',

@@ -94,16 +94,13 @@ class View:
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
-        """All obstacles that guidance was told of."""
+        """All static obstacles that guidance knew."""
         epochs = self.record.history.epochs
         return tuple(dict.fromkeys(shape for each in epochs for shape in each.settings.obstacles))
 
     @cached_property
     def course(self) -> tuple[Part, ...]:
-        """Each road that was driven on, and all obstacles, those that only the simulator knows too.
-
-        Not the robot, nor its task.
-        """
+        """Each road that was driven on, and all static obstacles."""
         epochs = self.record.history.epochs
         later = (each.settings.road for each in epochs if each.since > self.record.start)
         roads = dict.fromkeys((self.settings.road, *later))
@@ -111,7 +108,7 @@ class View:
 
     @cached_property
     def run(self) -> tuple[Part, ...]:
-        """What is drawn of the robot, of what it kept away from, and of what moved; body last."""
+        """Margins, moving obstacles, other robots, and last the robot itself at both ends."""
         return (
             kept_clear(self.settings),
             *(_moving(each) for each in self.tracks),

@@ -310,7 +310,7 @@ function drawStrips() {
   const marks = limit ? [limit] : [];
   drawStrip('wheels', lines, parts.length ? [1, -1] : marks);
   say('controls', parts.length
-    ? 'Speed (blue) and steering angle (red) commanded, as parts of their limits'
+    ? 'Speed (blue) and steering angle (orange) commanded, as parts of their limits'
     : 'Wheel speeds commanded [rad/s]');
   drawStrip('clearance', [[column(-2), '#009e73']], [0]);
 }

@@ -84,6 +84,30 @@ def test_it_shows_what_was_seen_by_then(drive, tmp_path, open_page):
     assert pictures[1] != pictures[2]
 
 
+def test_each_course_has_a_panel_in_which_its_robot_moves(drive, tmp_path, open_page):
+    other = drive.copy()
+    other.parameters['obstacles.b.center'] = [10.0, -2.5]
+    bags = []
+    for name, each in (('one', drive), ('two', other)):
+        each.parameters['robot.radius'] = 0.05
+        bags.append(each.write(tmp_path / name))
+    page, _ = write_report(bags, tmp_path / 'report.html')
+
+    def noses(seconds):
+        """Lines from the centre of each robot to its front, and other strokes of two points."""
+        dom, complaints = open_page(page, seconds)
+        assert complaints == []
+        chart = dom[dom.index('id="path"') : dom.index('class="slider"')]
+        assert {'subplot xy', 'subplot x2y2'} <= set(re.findall(r'class="(subplot \w+)"', chart))
+        lines = re.findall(r'class="js-line" d="([^"]*)"', chart)
+        return {line for line in lines if line.count('L') == 1}
+
+    early, late = noses(2.0), noses(8.0)
+    # One robot in each panel goes with the slider; those at start and end stay.
+    assert len(early & late) == 4
+    assert len(early - late) == len(late - early) == 2
+
+
 def test_texts_of_a_bag_do_not_run(hostile, tmp_path, open_page):
     page, _ = write_report([hostile.write(tmp_path / 'bag')], tmp_path / 'report.html')
     dom, complaints = open_page(page, 3.0)

@@ -120,6 +120,14 @@ def test_decisions_say_what_a_command_answers(tmp_path):
     assert found.nominal['robot.wheel_radius'] == 0.035
 
 
+def test_stamps_of_commands_say_what_they_answer(tmp_path):
+    # Each command is 50 ms later than the odometry that it has the stamp of.
+    hidden = Hidden(rate=20.0, stamped=True, clock=-0.05)
+    found = identify([write_bag(tmp_path / 'bag', hidden, answering=True)]).estimates
+    assert found['command_delay'].interval.value == pytest.approx(0.25, abs=0.005)
+    assert 'control step' not in found['command_delay'].remark
+
+
 def constant(speed, turn):
     return [(each[0], speed, turn) for each in commands_of(Hidden())]
 

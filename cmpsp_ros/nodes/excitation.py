@@ -52,7 +52,7 @@ class Excitation(Node):
     """
 
     def __init__(self, bag: Path, odom: str, cmd_vel: str, commands: Commands) -> None:
-        """As `drive`.
+        """Create the node; the arguments are those of `drive`.
 
         Raises:
             StartupError: The bag cannot be created.
@@ -122,7 +122,7 @@ class Excitation(Node):
         elif now - self._made > WAIT:
             odometry = 'odometry' if has_odometry else 'no odometry'
             self._finish(
-                f'found {odometry} on {self._odom}, and {", ".join(sorted(kinds)) or "nobody"} to'
+                f'found {odometry} on {self._odom}, and {", ".join(sorted(kinds)) or "no robot"} to'
                 f' hear {self._cmd_vel}, wanted both, and one type of {" or ".join(_TYPES)}'
             )
 

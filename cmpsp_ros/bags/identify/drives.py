@@ -38,7 +38,7 @@ _BACKWARDS: Final = 1.0
 """Smallest step back of odometry's clock that begins another drive [s]."""
 
 _FASTEST: Final = 1e3
-"""What is not commanded to any robot, and NaN, does not count [m/s] or [rad/s]."""
+"""Commands above it are ignored, as NaN is [m/s] or [rad/s]."""
 
 _MOVING: Final = (0.05, 0.1)
 """Speeds above which a robot counts as moving before its first command [m/s, rad/s]."""
@@ -107,7 +107,7 @@ class Drive:
 
     @property
     def pauses(self) -> bool:
-        """Whether a robot may have stopped between two commands by itself."""
+        """True if a robot may have stopped by itself between two commands."""
         return bool((self.commands[:-1].any(axis=1) & (np.diff(self.times) > TIMEOUTS[1])).any())
 
     def series(self, axis: int, timeout: float) -> Series:
@@ -155,7 +155,7 @@ def _topic(
     bag: Bag, name: str | None, types: tuple[str, ...], usual: str, space: str | None
 ) -> str:
     """The topic that is named, or the only one of these types, or the one of the usual name."""
-    # The truth of a simulator is what no robot knows.
+    # No robot knows the truth of a simulator.
     there = [
         topic
         for topic, each in sorted(bag.topics.items())

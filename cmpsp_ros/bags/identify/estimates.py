@@ -1,4 +1,4 @@
-"""Everything that is said about a robot after a drive: figures, intervals, and what is unknown."""
+"""Estimates for a robot after a drive, with intervals or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cmpsp_ros.bags.identify.drives import Drive
 from cmpsp_ros.bags.identify.fit import LIMIT, SCALE, Fit, fit
-from cmpsp_ros.bags.identify.intervals import QUANTILE, Interval, interval_of, times_of
+from cmpsp_ros.bags.identify.intervals import QUANTILE, Interval, delay_and_lag, parameter_interval
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Identification:
 
 def identification(drives: Sequence[Drive], nominal: Mapping[str, Any]) -> Identification:
     """Identify one robot from all drives."""
-    found, *times = times_of(fit(drives))
+    found, *times = delay_and_lag(fit(drives))
     rows = dict([*_response(found, drives, times), *_odometry(found, drives)])
     return Identification(drives, found, rows, nominal)
 
@@ -87,16 +87,16 @@ def _response(
         ('command_delay', 'command_delay', answered, remark if answers else f'{remark}, not'
          ' the time of a control step'),
     ):  # fmt: skip
-        yield key, _judged(name, 's', interval, problem, said)
+        yield key, _estimate(name, 's', interval, problem, said)
     fitted = {limit: LIMIT + place for place, limit in enumerate(found.limits)}
     for axis, (name, unit, _, _) in enumerate(AXES):
         why = problem if axis in found.axes else f'there was no {name} command'
-        scale = interval_of(found, SCALE + axis)
-        yield f'{name}_scale', _judged(f'{name} scale', '', scale, why, 'driven by commanded')
+        scale = parameter_interval(found, SCALE + axis)
+        yield f'{name}_scale', _estimate(f'{name} scale', '', scale, why, 'driven by commanded')
         for kind, units in (('speed', unit), ('acceleration', f'{unit}^2')):
             limit = axis, f'max_{kind}'
             reached = f'not reached, up to {found.reached(*limit):.3g} {units}'
-            found_limit = interval_of(found, fitted[limit]) if limit in fitted else None
+            found_limit = parameter_interval(found, fitted[limit]) if limit in fitted else None
             said = 'was reached' if found_limit else f'not identifiable: {why or reached}'
             yield f'{name}_{kind}', Estimate(f'{name} {kind} limit', units, found_limit, said)
     if math.isfinite(found.timeout):
@@ -105,17 +105,17 @@ def _response(
 
 
 def _problem(found: Fit) -> str:
-    """Why no parameter of the response is identifiable; empty if it may be."""
+    """Reason why no parameter of the response is identifiable; empty if there is none."""
     if not found.axes:
         return 'the commands were 0 throughout'
     if all(len(each.changes) < 3 for each in found.series):
         return 'the commands never changed'
-    if all(interval_of(found, SCALE + axis).low <= 0.0 for axis in found.axes):
+    if all(parameter_interval(found, SCALE + axis).low <= 0.0 for axis in found.axes):
         return 'the robot did not follow the commands'
     return ''
 
 
-def _judged(name: str, unit: str, interval: Interval, problem: str, remark: str) -> Estimate:
+def _estimate(name: str, unit: str, interval: Interval, problem: str, remark: str) -> Estimate:
     if problem:
         return Estimate(name, unit, None, f'not identifiable: {problem}')
     if interval.high - interval.low > _WIDEST * (1.0 if unit else abs(interval.value)):
@@ -139,10 +139,10 @@ def _odometry(found: Fit, drives: Sequence[Drive]) -> Iterator[tuple[str, Estima
         said += f': the clock of the robot is ahead by {-1e3 * ages.min():.1f} ms or more'
     yield 'age', Estimate('odometry age when received', 's', _median(ages), said)
     for axis, (_, _, kind, unit) in enumerate(AXES):
-        # Where a robot speeds up, what no model explains looks like noise.
+        # Where a robot speeds up, errors of the model look like noise.
         steps = found.steps(axis, _STEADY)
         noise = found.noises[axis].fitted(steps)
-        interval = Interval(noise.pose, *noise.possible(steps, QUANTILE))
+        interval = Interval(noise.pose, *noise.interval(steps, QUANTILE))
         yield kind, Estimate(f'{kind} noise', unit, interval, 'standard deviation')
 
 

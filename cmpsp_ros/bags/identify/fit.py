@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from cmpsp_ros.bags.identify.drives import TIMEOUTS, Drive, Series
-from cmpsp_ros.bags.identify.noise import Noise, Steps, are_jumps, volume, whitened
+from cmpsp_ros.bags.identify.noise import Noise, Steps, jumps_in, log_determinant, whitened
 from cmpsp_ros.bags.identify.response import Response
 
 Array = NDArray[np.float64]
@@ -32,16 +32,16 @@ _JUMP: Final = 6.0
 """Standard deviations beyond which a step is a jump of odometry, and does not count."""
 
 _MOTOR: Final = 0.02
-"""Time constant of a motor behind the lag: standard deviation of what is expected [s]."""
+"""Time constant of a motor behind the lag: standard deviation of its prior [s]."""
 
 _LONGEST: Final = 1.2
 """Longest delay that is looked for [s]."""
 
 _EVIDENCE: Final = 30.0
-"""Fall of the sum of squares by which a limit must prove itself, and more than a little below what
-is reached without it."""
+"""Least fall of the sum of squares for which a limit is accepted."""
 
 _BELOW: Final = {'max_acceleration': 0.8, 'max_speed': 0.97}
+"""Part of what is reached without a limit, below which the limit must be."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class Fit:
         noises: Noise of odometry ahead and turning.
         factors: Of the covariance of the steps of each series.
         limits: Limits that are among the parameters: axis, and field of `Response`.
-        residuals: Whitened, and what is expected of motors.
+        residuals: Whitened, and that of the prior of a motor.
         jacobian: Their derivatives.
     """
 
@@ -86,8 +86,8 @@ class Fit:
             found = replace(found, **{name: value}) if limited == axis else found
         return found
 
-    def left(self, p: Array | None = None) -> list[Array]:
-        """What the model leaves of the steps of each series."""
+    def step_residuals(self, p: Array | None = None) -> list[Array]:
+        """Residuals of the steps of each series: measured minus predicted."""
         responses = [self.response(axis, p) for axis in (0, 1)]
         return [
             each.steps - np.diff(responses[each.axis].travel(*each.command, each.stamps)[0])
@@ -103,7 +103,7 @@ class Fit:
         def residuals(values: Array) -> Array:
             p[free] = values
             motor = p[RATIO] * p[LAG] / (1.0 + p[RATIO])
-            white = map(whitened, self.factors, self.left(p))
+            white = map(whitened, self.factors, self.step_residuals(p))
             return np.concatenate([*white, [motor / _MOTOR]])
 
         lower, upper = np.full(len(p), 1e-3), np.full(len(p), np.inf)
@@ -135,22 +135,24 @@ class Fit:
         return found
 
     def steps(self, axis: int, steady: float = 1.0) -> Steps:
-        """What the model leaves of the steps along an axis, with what seems to be jumps.
+        """Residuals of the steps along an axis, with flags of what seems to be jumps.
 
         Args:
             axis: The axis.
             steady: Part of the highest acceleration above which steps count as jumps, too.
         """
         found = []
-        for each, left, factor in zip(self.series, self.left(), self.factors, strict=True):
+        for each, residuals, factor in zip(
+            self.series, self.step_residuals(), self.factors, strict=True
+        ):
             if each.axis == axis:
-                jumps = are_jumps(factor)
-                off = np.abs(whitened(factor, left)) > _JUMP
+                jumps = jumps_in(factor)
+                off = np.abs(whitened(factor, residuals)) > _JUMP
                 # What follows a jump seems to be one as long as the jump counts.
                 jumps[off.argmax()] |= off.any()
                 rates = np.abs(self._rates(each))
                 jumps |= rates > steady * rates.max()
-                found.append((left, np.diff(each.stamps), jumps))
+                found.append((residuals, np.diff(each.stamps), jumps))
         return found
 
     def reached(self, axis: int, name: str) -> float:
@@ -169,8 +171,8 @@ class Fit:
 def fit(drives: Sequence[Drive]) -> Fit:
     """Fit one robot to all drives."""
     timeouts = TIMEOUTS if any(each.pauses for each in drives) else TIMEOUTS[:1]
-    fits = [_begun(drives, each).converged() for each in timeouts]
-    best = min(fits, key=lambda one: one.misfit + sum(map(volume, one.factors)))
+    fits = [_initial(drives, each).converged() for each in timeouts]
+    best = min(fits, key=lambda one: one.misfit + sum(map(log_determinant, one.factors)))
     for limit in [(axis, name) for axis in best.axes for name in _BELOW]:
         reached, limits = best.reached(*limit), (*best.limits, limit)
         starts = [np.append(best.p, part * reached + 1e-2) for part in (0.8, 0.4)]
@@ -182,7 +184,7 @@ def fit(drives: Sequence[Drive]) -> Fit:
     return best
 
 
-def _begun(drives: Sequence[Drive], timeout: float) -> Fit:
+def _initial(drives: Sequence[Drive], timeout: float) -> Fit:
     """A start: the best of many delays, at a lag between them."""
     series = [each.series(axis, timeout) for each in drives for axis in (0, 1)]
     noise, least, best = Noise(3e-3, 1e-2), math.inf, np.empty(0)
@@ -192,7 +194,7 @@ def _begun(drives: Sequence[Drive], timeout: float) -> Fit:
     for together in np.arange(-0.1, _LONGEST, 0.04):
         p = begun.p.copy()
         p[SUM], off = together, 0.0
-        white = list(map(whitened, factors, begun.left(p)))
+        white = list(map(whitened, factors, begun.step_residuals(p)))
         for axis in begun.axes:
             own = [k for k, each in enumerate(series) if each.axis == axis]
             measured = np.concatenate([seen[k] for k in own])

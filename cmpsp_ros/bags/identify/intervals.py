@@ -24,14 +24,14 @@ from cmpsp_ros.bags.identify.fit import LAG, RATIO, SUM, Fit
 Array = NDArray[np.float64]
 
 QUANTILE: Final = 2.58
-"""Of 99 %, so that 95 % is kept although noise is estimated, and no robot is quite the model."""
+"""Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model."""
 
 _BLOCK: Final = 0.5
 _BISECTIONS: Final = 5
 _BETTER: Final = 0.1
 
 _TICK, _TRADE, _CALIBRATION = 1e-3, 2e-3, 2e-3
-"""What is never known better: delay with lag [s], either by itself [s], and scales."""
+"""Least half widths: of delay with lag [s], of either by itself [s], and of scales."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Interval:
         return f'{self.value:.4g} ({self.low:.4g} to {self.high:.4g})'
 
 
-def times_of(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
+def delay_and_lag(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
     """Intervals of delay, lag and both together [s], after the fit where they were found.
 
     The profile may come upon a better fit.
@@ -58,7 +58,7 @@ def times_of(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
     points = _profile(found)
     better = min(points, key=lambda one: one.misfit)
     if better.misfit < found.misfit - _BETTER:
-        return times_of(better.solved(better.p))
+        return delay_and_lag(better.solved(better.p))
     points.sort(key=lambda one: one.p[LAG])
     lags, sums, rises = np.array([(*one.p[[LAG, SUM]], one.misfit) for one in points]).T
     lag = np.linspace(lags[0], lags[-1], 2001)
@@ -78,11 +78,11 @@ def times_of(found: Fit) -> tuple[Fit, Interval, Interval, Interval]:
     return found, delay, alone, interval(total, together, spread, _TICK)
 
 
-def interval_of(found: Fit, place: int) -> Interval:
+def parameter_interval(found: Fit, place: int) -> Interval:
     """Interval of a scale or of a limit, by the place of the parameter."""
     others = [each for each in range(len(found.p)) if each not in {RATIO, LAG}]
     value, at = float(found.p[place]), others.index(place)
-    half = QUANTILE * (_deviations(found, others) * np.sqrt(_widening(found, others)))[at]
+    half = QUANTILE * (_deviations(found, others) * np.sqrt(_inflation(found, others)))[at]
     half = math.hypot(half, _CALIBRATION * value)
     return Interval(value, value - half, value + half)
 
@@ -114,7 +114,7 @@ def _profile(found: Fit) -> list[Fit]:
 
 def _limit(found: Fit) -> float:
     """Rise of the sum of squares up to which parameters are possible."""
-    return QUANTILE**2 * float(_widening(found, [SUM, LAG]).max())
+    return QUANTILE**2 * float(_inflation(found, [SUM, LAG]).max())
 
 
 def _deviations(found: Fit, places: list[int]) -> Array:
@@ -124,13 +124,13 @@ def _deviations(found: Fit, places: list[int]) -> Array:
     return deviations
 
 
-def _widening(found: Fit, places: list[int]) -> Array:
-    """By how much correlated residuals widen the variances of some parameters; 1 or more."""
+def _inflation(found: Fit, places: list[int]) -> Array:
+    """Factors by which correlated residuals inflate variances of parameters; 1 or more."""
     jacobian = found.jacobian[:, places]
     period = np.median(np.diff(found.series[0].stamps))
     begins = np.arange(0, len(jacobian), max(round(_BLOCK / period), 1))
     scores = np.add.reduceat(jacobian * found.residuals[:, None], begins)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     robust = np.diag(inverse @ (scores.T @ scores) @ inverse)
-    widened: Array = np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0)
-    return widened
+    inflation: Array = np.maximum(robust / np.maximum(np.diag(inverse), 1e-300), 1.0)
+    return inflation

@@ -1,4 +1,4 @@
-"""Noise of odometry along one axis, from what a model leaves of its steps.
+"""Noise of odometry along one axis, from the residuals of its steps.
 
 From one message to the next there is the noise of both poses, and what is added on the way. With
 the variance ``s^2`` of a pose and ``q`` of a random walk, both of maximum likelihood, the
@@ -20,7 +20,7 @@ from scipy.optimize import minimize
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Steps = Sequence[tuple[Array, Array, Flags]]
-"""What a model leaves of the steps of each drive, their durations [s], and which are jumps."""
+"""Residuals of the steps of each drive, durations of the steps [s], and flags of jumps."""
 
 _FLOOR: Final = 1e-5
 """Standard deviation of a pose that is always allowed for [m] or [rad]."""
@@ -47,14 +47,14 @@ class Noise:
     def cost(self, steps: Steps) -> float:
         """Minus twice the logarithm of the likelihood of steps."""
         total = 0.0
-        for left, durations, jumps in steps:
+        for residuals, durations, jumps in steps:
             factor = self.factor(durations, jumps)
-            total += float(np.sum(whitened(factor, left) ** 2)) + volume(factor)
+            total += float(np.sum(whitened(factor, residuals) ** 2)) + log_determinant(factor)
         return total
 
     def fitted(self, steps: Steps) -> Noise:
         """The noise that steps have, looked for from here and from their correlation."""
-        kept = [left[~jumps] for left, _, jumps in steps]
+        kept = [residuals[~jumps] for residuals, _, jumps in steps]
         own = float(np.mean(np.concatenate(kept) ** 2))
         beside = float(np.mean(np.concatenate([each[1:] * each[:-1] for each in kept])))
         walk = max(own + 2.0 * beside, 0.01 * own) / float(np.mean(steps[0][1]))
@@ -70,8 +70,8 @@ class Noise:
         ]
         return Noise(*np.exp(min(found, key=lambda one: one.fun).x).tolist())
 
-    def possible(self, steps: Steps, quantile: float) -> tuple[float, float]:
-        """Standard deviations of a pose between which it is, by their likelihood."""
+    def interval(self, steps: Steps, quantile: float) -> tuple[float, float]:
+        """Interval of the standard deviation of a pose, by the profile of the likelihood."""
         walks = self.walk * np.geomspace(0.1, 10.0, 9)
         poses = np.array([0.0, *self.pose * np.geomspace(0.6, 1.6, 51)])
         costs = [min(Noise(pose, walk).cost(steps) for walk in walks) for pose in poses]
@@ -85,12 +85,12 @@ def whitened(factor: Array, steps: Array) -> Array:
     return white
 
 
-def volume(factor: Array) -> float:
+def log_determinant(factor: Array) -> float:
     """Logarithm of the determinant of a covariance."""
     return 2.0 * float(np.log(factor[0]).sum())
 
 
-def are_jumps(factor: Array) -> Flags:
-    """Which steps count as jumps in a covariance."""
+def jumps_in(factor: Array) -> Flags:
+    """Flags of the steps that count as jumps in a covariance."""
     jumps: Flags = factor[0] ** 2 > _JUMP / 2.0
     return jumps

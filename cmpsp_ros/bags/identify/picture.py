@@ -50,9 +50,9 @@ def draw(robot: Identification, path: Path) -> None:
 
 def _draw_speeds(axes: Axes, robot: Identification, drive: Drive, series: Series) -> None:
     times = np.arange(0.0, series.stamps[-1], 0.005)
-    # What a parameter had to say of the response alone.
-    told = max(robot.nominal.get('command_delay', 0.0) - (drive.answer or 0.0), 0.0)
-    before, after = Response(delay=told), robot.fit.response(series.axis)
+    # The part of the parameter that is the response.
+    nominal = max(robot.nominal.get('command_delay', 0.0) - (drive.answer or 0.0), 0.0)
+    before, after = Response(delay=nominal), robot.fit.response(series.axis)
     every = max(round(_MEAN / float(np.median(np.diff(series.stamps)))), 1)
     stamps = series.stamps[::every]
     travelled = np.append(0.0, np.cumsum(series.steps))[::every]
@@ -60,7 +60,7 @@ def _draw_speeds(axes: Axes, robot: Identification, drive: Drive, series: Series
     axes.step(*series.command, where='post', color=EDGE, lw=1.0, label='commanded')
     axes.plot((stamps[1:] + stamps[:-1]) / 2.0, speeds, '.', color=TEXT, ms=3.0, label='measured')
     for response, color, style, label in (
-        (before, BAGS[1], '--', f'predicted before, delay {1e3 * told:.0f} ms'),
+        (before, BAGS[1], '--', f'predicted before, delay {1e3 * nominal:.0f} ms'),
         (after, BAGS[0], '-', 'predicted after'),
     ):
         predicted = response.travel(*series.command, times)[1]

@@ -21,7 +21,7 @@ START = 1_000 * SECOND
 
 @dataclass(frozen=True)
 class Hidden:
-    """What is to be found.
+    """Parameters to be found.
 
     Attributes:
         delay: From the reception of a command to its effect [s].
@@ -111,7 +111,7 @@ def write_bag(path, hidden: Hidden, commands=None, names=('/odom', '/cmd_vel'), 
     return path
 
 
-def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
+def _driven(hidden: Hidden, commands, jump=None, *, moving=False, answering=False):
     """Messages with the times of their reception; 0 is odometry, 1 a command.
 
     Args:
@@ -119,6 +119,7 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
         commands: What it receives.
         jump: By how much odometry jumps half way (x, y) [m].
         moving: Whether it follows the first command from the start on.
+        answering: Whether stamps of commands are those of the last odometry before.
     """
     robot = DifferentialDrive(
         wheel_radius=RADIUS, half_track=HALF_TRACK, max_wheel_speed=hidden.max_speed / RADIUS
@@ -148,7 +149,7 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
         waiting = [(int(at), *commands[0][1:]) for at in early] + waiting
     else:
         hidden_commands = set()
-    half = (commands[0][0] + commands[-1][0]) // 2
+    said, half = 0, (commands[0][0] + commands[-1][0]) // 2
     for stamp in range(start, commands[-1][0] + 2 * SECOND, period):
         while waiting and waiting[0][0] <= stamp:
             received, speed, turn = waiting.pop(0)
@@ -157,7 +158,7 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
                 plant.command(received, hidden.scales[0] * speed, hidden.scales[1] * turn)
             message = twist(speed, turn)
             if hidden.stamped:
-                message = make(STAMPED, header(received, 'base_link'), message)
+                message = make(STAMPED, header(said if answering else received), message)
             if received not in hidden_commands:
                 yield received, 1, raw(message)
         plant.advance(stamp)
@@ -165,7 +166,8 @@ def _driven(hidden: Hidden, commands, jump=None, *, moving=False):
         if jump is not None and stamp > half:
             pose[:2] += jump
         came = stamp + round((hidden.age + hidden.jitter * random.random()) * SECOND)
-        yield came, 0, raw(odometry(stamp + ahead, pose, plant.twist))
+        said = stamp + ahead
+        yield came, 0, raw(odometry(said, pose, plant.twist))
 
 
 def truth_of(hidden: Hidden) -> dict[str, tuple[float, float]]:
@@ -199,7 +201,7 @@ def truth_of(hidden: Hidden) -> dict[str, tuple[float, float]]:
 
 
 def _settled(hidden: Hidden, axis: int, part: float) -> tuple[float, float]:
-    """How late a robot with physics is after a step of the command [s], and its part of it."""
+    """Lateness of a robot with physics after a step of the command [s], and its scale."""
     robot = DifferentialDrive(wheel_radius=RADIUS, half_track=HALF_TRACK, max_wheel_speed=51.0)
     plant = Plant(
         PlantSettings(robot, cmd_vel_timeout=0.0, wheel_lag=hidden.lag, physics=Physics())

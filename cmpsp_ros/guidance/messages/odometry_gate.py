@@ -43,7 +43,7 @@ class OdometryGate:
         self.fault = ''
         self.newest: int | None = None
         self.counts = {'refused': 0, 'out_of_order': 0, 'repeated': 0}
-        self._pose: tuple[float, float, float] | None = None
+        self._pose: Array | None = None
         self._consistent_since: int | None = None
         self._is_stopped = False
 
@@ -74,7 +74,8 @@ class OdometryGate:
     def take(self, stamp: int, pose: Array, now: int, settings: GuidanceSettings) -> Arrival:
         """Take odometry, unless it is older than the newest.
 
-        Time has jumped back where the newest does not fit the clock any more.
+        Time has jumped back where the newest does not fit the clock any more. After a fault older
+        odometry must be consistent as well.
 
         Args:
             stamp: Its time stamp [ns].
@@ -86,20 +87,24 @@ class OdometryGate:
             OdometryError: It does not fit the clock, or the wheels cannot have moved the robot to
                 its pose; the next is compared with this pose.
         """
-        before, arrival = self.newest, Arrival.TAKEN
-        if before is not None and stamp < before:
+        before = stamp if self.newest is None else self.newest
+        pose_before = pose if self._pose is None else self._pose
+        arrival, duration = Arrival.TAKEN, abs(stamp - before) / NANOSECONDS
+        if stamp < before:
             if before - max(stamp, now) <= to_nanoseconds(settings.odom_timeout):
                 self.counts['out_of_order'] += 1
+                if self.fault:
+                    # Of two sources the one whose stamps are newer is not the more credible.
+                    _check_motion(pose_before, pose, duration, settings)
                 return Arrival.IGNORED
             arrival = Arrival.TIME_JUMPED_BACK
         check_age(stamp, now, settings.odom_timeout)
-        pose_before, self._pose = self._pose, (float(pose[0]), float(pose[1]), float(pose[2]))
-        self.newest = stamp
+        self.counts['repeated'] += stamp == self.newest
+        self.newest, self._pose = stamp, pose
         if arrival is Arrival.TIME_JUMPED_BACK:
             self.fault = ''
-        elif before is not None and pose_before is not None:
-            self.counts['repeated'] += stamp == before
-            _check_motion(pose_before, self._pose, (stamp - before) / NANOSECONDS, settings)
+        else:
+            _check_motion(pose_before, pose, duration, settings)
         if self.fault:
             since = stamp if self._consistent_since is None else self._consistent_since
             self._consistent_since = since
@@ -120,17 +125,12 @@ def motion_limits(robot: Robot, duration: Any, max_jump: float) -> tuple[Any, An
     return distance + max_jump, distance / robot.half_track + _TURN_PER_METER * max_jump
 
 
-def _check_motion(
-    before: tuple[float, float, float],
-    after: tuple[float, float, float],
-    duration: float,
-    settings: GuidanceSettings,
-) -> None:
+def _check_motion(before: Array, after: Array, duration: float, settings: GuidanceSettings) -> None:
     max_jump, robot = settings.safety.max_odom_jump, settings.robot
     if not max_jump or not math.isfinite(robot.max_speed):
         return
     moved = math.dist(before[:2], after[:2])
-    turned = abs(math.remainder(after[2] - before[2], math.tau))
+    turned = abs(math.remainder(float(after[2] - before[2]), math.tau))
     limits = motion_limits(robot, duration, max_jump)
     for found, limit, unit in zip((moved, turned), limits, ('m', 'rad'), strict=True):
         if found > limit:

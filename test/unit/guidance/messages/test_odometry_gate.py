@@ -98,6 +98,22 @@ def test_two_sources_in_turn_are_never_consistent(stream):
     assert not {'go on', 'stand'} & set(found)
 
 
+def test_a_second_source_whose_stamps_are_newer_is_no_better(stream):
+    """The robot's odometry is then older than the newest, each time."""
+    stream.hear(age=15 * MS)
+    found = []
+    for _ in range(100):
+        found.append(stream.hear(moved(10.0), after=TICK // 2))
+        found.append(stream.hear(age=15 * MS, after=TICK // 2))
+    assert 'go on' not in found
+    # What is as old and where the robot is, or older by a long time, does no harm.
+    for _ in range(10):
+        stream.hear(moved(10.0))
+        assert stream.hear(moved(10.0), after=0, age=TICK // 2) == 'ignored'
+        assert stream.hear(after=0, age=100_000 * MS) == 'ignored'
+    assert stream.hear(moved(10.0)) == 'go on'
+
+
 def test_a_second_source_of_the_same_stamps_is_a_jump(stream):
     stream.hear()
     assert 'jumps by 10 m within 0.000 s' in stream.hear(moved(10.0), after=0)

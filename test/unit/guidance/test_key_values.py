@@ -53,6 +53,7 @@ def test_every_field_of_a_decision_is_told_or_sent_in_another_way():
         'skipped',
         'pose',
         'cancelled',
+        'braking',
     }
     told = set(decision_to_key_values(decision(phases={'solve': 1.0})))
     named = {'wheel_speed_right', 'wheel_speed_left', 'solve_ms', 'fallback_level'}

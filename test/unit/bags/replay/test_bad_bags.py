@@ -167,7 +167,8 @@ def test_what_a_command_does_not_need_may_be_missing(make, kind):
     needless = {'no decisions': ['audit', 'report', 'export'], 'no commands': ['replay', 'export']}
     for name in needless[kind]:
         done = command(*COMMANDS[name])
-        assert done.exit_code in {0, 1}, (name, done.output)
+        # Without decisions an audit cannot judge them.
+        assert done.exit_code in {0, 1, 3}, (name, done.output)
         assert done.stderr == '', name
 
 

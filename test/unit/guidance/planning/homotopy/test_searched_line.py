@@ -34,7 +34,7 @@ def test_the_law_drives_towards_a_goal_that_no_time_is_enough_for(distance):
     law, pose = GuidanceLaw(settings), np.zeros(3)
     decision = law.update(0, pose)
     law.foretell(decision, pose)
-    assert 'final_time would have to be' in law.foretold[0]
+    assert 'final_time would have to be' in law.warnings[0]
     assert decision.plan is not None
     assert math.dist(decision.plan.poses[-1][:2], settings.goal) < abs(distance) * math.hypot(
         1, 1 / 3

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import to_nanoseconds
+from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.horizon_functions import remaining
 from cmpsp_ros.guidance.law import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.free_gaps import fill_blocked
@@ -20,7 +20,9 @@ from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
+from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
 from cmpsp_ros.mpsp.problem import Hessian
@@ -47,6 +49,7 @@ Array = NDArray[np.float64]
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2
 _POST = 0.1
+_OFF = 1e-11
 # Corridors have the same code, and need scipy, which takes a third of a second to import.
 _A_ROAD = Annulus()
 _A_GRID = OccupancyGrid((50.0, 50.0, 0.0), 0.1, np.eye(8, dtype=np.uint8))
@@ -108,6 +111,11 @@ def run_kernels(settings: GuidanceSettings) -> None:
     on_road = replace(settings, road=_A_ROAD, goal=(0.0, 10.0), obstacles=())
     on_road.robot.roll_out(pose, controls, durations)
     with_lag(controls[0].copy(), controls, np.ones(2), 1.0, 1)
+    commands, response = PendingCommands(len(controls[0])), ResponseEstimate(on_road)
+    for stamp in (0, NANOSECONDS):
+        # Off by what the wheels could have done.
+        response.update(stamp, pose + stamp * _OFF, commands, on_road.robot, 0.0)
+    response.response(0, commands, 0.0, 1.0)
     space = FreeSpace.of(_A_ROAD, (), 0.0)
     space.at(pose[None])
     line = searched_line(space, pose[:2], np.array(on_road.goal))

@@ -50,8 +50,8 @@ def _parameters() -> Iterator[Parameter]:
         'predictions, the delay that explains it is estimated within that and used instead. '
         '0: not corrected.', range=Range(0.0, 0.5), **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
-        "Largest time constant of the wheels' response. It is estimated from odometry, without "
-        '`command_delay`, and compensated. Each command, and a stop after it, must be clear by a '
+        "Largest time constant of the wheels' response, apart from `command_delay`. It is "
+        'estimated from odometry and compensated. Each command, and a stop after it, must be clear by a '
         'fifth of `safety.margin` with the largest lag still possible and two smaller ones; '
         'otherwise it is slowed down. 0: lag is not considered.',
         range=_NOT_NEGATIVE, **guidance_only)

@@ -51,7 +51,7 @@ def _parameters(
     lag = robot.estimates['lag'].interval
     if lag is not None:
         hints['lag'] = (
-            'Guidance estimates a lag by itself where there is no command_delay:',
+            'Included in command_delay. Apart from it, with command_delay less the lag:',
             f'max_wheel_lag: {lag.high:.4g}',
         )
     linear, angular = known.get('linear_scale'), known.get('angular_scale')

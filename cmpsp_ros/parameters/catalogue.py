@@ -51,9 +51,9 @@ def _parameters() -> Iterator[Parameter]:
         '0: not corrected.', range=Range(0.0, 0.5), **guidance_only)
     yield task('max_wheel_lag', _DOUBLE, 0.0, 's',
         "Largest time constant of the wheels' response, apart from `command_delay`. It is "
-        'estimated from odometry and compensated. Each command, and a stop after it, must be clear by a '
-        'fifth of `safety.margin` with the largest lag still possible and two smaller ones; '
-        'otherwise it is slowed down. 0: lag is not considered.',
+        'estimated from odometry and compensated. Each command, and a stop after it, must be '
+        'clear by a fifth of `safety.margin` with the largest lag still possible and two smaller '
+        'ones; otherwise it is slowed down. 0: lag is not considered.',
         range=_NOT_NEGATIVE, **guidance_only)
     yield task('max_wheel_slip', _DOUBLE, 0.0, '',
         'Maximum wheel-slip ratio that is estimated from odometry and compensated; 0: slip is not '
@@ -294,7 +294,8 @@ def _parameters() -> Iterator[Parameter]:
         range=_NOT_NEGATIVE)
     yield safety('safety.max_prediction_error', _DOUBLE, 0.5, 'm',
         'Distance of odometry from its prediction one control step before at which the robot '
-        'stops. 0: it never stops for it.', range=_NOT_NEGATIVE)
+        'stops. 0: predictions are not checked, and the response is not corrected.',
+        range=_NOT_NEGATIVE)
     yield safety('safety.stop_within_sight', _BOOL, True, '',
         'Whether a robot with sensors drives slowly enough to stop before space that they have '
         'not seen.')

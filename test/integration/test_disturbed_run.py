@@ -151,7 +151,7 @@ def test_a_run_is_judged_by_the_truth(run_demo):
 
 def test_told_of_its_delay_a_run_arrives_as_one_without(run_demo):
     delayed = {'actuation_delay': '0.06'}
-    untold, _ = run_demo('untold', delayed)
+    untold, _ = run_demo('untold', {**delayed, 'command_delay_tolerance': '0.0'})
     told, code = run_demo('told', {**delayed, 'command_delay': '0.06'})
     assert judged(untold)['miss_m'] > 1e-3
     assert code == 0

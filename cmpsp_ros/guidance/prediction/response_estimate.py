@@ -90,6 +90,7 @@ class ResponseEstimate:
 
     def reconfigure(self, settings: GuidanceSettings) -> None:
         """Begin again with other bounds, if they are others."""
+        self._is_checked = settings.safety.max_prediction_error > 0.0 or settings.max_lag > 0.0
         told, tolerance = settings.command_delay, settings.delay_tolerance
         bounds = told, tolerance, settings.max_lag
         if bounds == getattr(self, '_bounds', None):
@@ -246,7 +247,7 @@ class ResponseEstimate:
             slip: Of its wheels, a fraction.
         """
         began, self._began = self._began, (stamp, pose)
-        if began is None:
+        if began is None or not self._is_checked:
             return
         predicted = commands.pose_after(began[1], began[0], stamp, self.delay, 1.0 - slip)
         error = _distance(predicted, pose.tolist(), robot.half_track)

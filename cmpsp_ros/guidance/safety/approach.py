@@ -259,6 +259,8 @@ class Approach:
         """
         if not risk.responses:
             return plan, verdict
+        # The margin is there for errors: plans keep it, and nothing asks for more.
+        error = min(risk.error, (1.0 - _OF_MARGIN) * self._settings.safety.margin)
         for fraction in _SPEEDS:
             slower, checked = plan, verdict
             if fraction < 1.0:
@@ -266,9 +268,7 @@ class Approach:
                 durations = plan.horizon.durations
                 checked = self._audit.check(start, slower.controls, durations, pending)
             if checked.passed and all(
-                self._lag_audit.is_clear_with(
-                    each, here, slower, checked.ramp, fraction * risk.error
-                )
+                self._lag_audit.is_clear_with(each, here, slower, checked.ramp, fraction * error)
                 for each in risk.responses
             ):
                 return slower, checked

@@ -34,7 +34,6 @@ _SEEN: Final = f'obstacle {SEEN}'
 
 _TO_REST: Final = 4.0
 """Time constants for which a lagging wheel is watched after the last command."""
-
 CHANGE_ROUNDING: Final = 1e-6
 """What a solver may leave over of a limit on the change of a wheel's speed [rad/s]."""
 
@@ -217,21 +216,22 @@ class Audit:
     ) -> bool:
         """Whether a robot that responds so stays clear under a plan's first command and a stop.
 
-        The clearance wanted is `error` [m], or the present one; `ramp` ``(K, r)`` is the stop.
+        The clearance wanted is `error` [m], or that at rest; `ramp` ``(K, r)`` is the stop.
         """
         ramp = ramp.reshape(-1, plan.controls.shape[1])
-        commands = np.vstack([response.pending, plan.controls[:1], ramp])
-        commands = np.vstack([commands, here.robot.stopped(commands[-1])])
-        first = len(response.durations)
-        held = np.full(len(commands), self._period)
-        held[:first] = response.durations
-        held[first], held[-1] = plan.horizon.durations[0], _TO_REST * response.lag
-        path = driven(response.effective.copy(), commands, held, response.lag)
+        last = here.robot.stopped(np.vstack([plan.controls[:1], ramp])[-1])
+        commands = np.vstack([response.pending, plan.controls[:1], ramp, last])
+        held = [plan.horizon.durations[0], *[self._period] * len(ramp), _TO_REST * response.lag]
+        durations = np.append(response.durations, held)
+        lasting = durations > 0.0
+        effective = response.effective.copy()
+        path = driven(effective, commands[lasting], durations[lasting], response.lag)
         found = self._swept(here, *path, len(path[1]))
         if found[4] > _ROUNDING:
             return False
-        now = self.clearance_at(here.pose, here.moving, here.progress)
-        return bool(found[1] >= min(error, float(now.min()) - _ROUNDING))
+        if found[1] < error:
+            error = self._swept(here, commands[-1:], durations.sum(keepdims=True))[1] - _ROUNDING
+        return found[1] >= error
 
     def check_pending(self, start: PlanStart, controls: Array, durations: Array) -> Verdict:
         """Say whether the path is clear along which commands given before will lead.

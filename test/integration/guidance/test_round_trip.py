@@ -19,7 +19,7 @@ pytestmark = pytest.mark.integration
 LIMIT = 100.0
 NAMES = Names.under('')
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']
-CHARTS = {'path', 'levels', 'wheels', 'clearance', 'position', 'steps', 'histogram'}
+CHARTS = {'path', 'levels', 'controls', 'clearance', 'position', 'steps', 'histogram'}
 WRONG = 20
 
 

@@ -28,7 +28,7 @@ def test_any_parameters_are_refused_or_answered_safely(program, tmp_path):
     ('path', 'seed', 'outcomes'),
     [
         ('guidance/fuzz.py', 3, {'nominal', 'elastic', 'stop', 'refused', 'not due'}),
-        ('parameters/fuzz.py', 6, {'nominal', 'elastic', 'refused'}),
+        ('parameters/fuzz.py', 9, {'nominal', 'elastic', 'refused'}),
     ],
 )
 def test_any_input_is_refused_or_answered_safely(path, seed, outcomes):

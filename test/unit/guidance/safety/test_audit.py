@@ -12,6 +12,7 @@ from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.prediction.response import Response
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
 from cmpsp_ros.world.obstacles.shapes import Obstacle
 
 HERE = np.array([0.0, -10.0, 0.0])
@@ -233,3 +234,15 @@ def test_a_stop_that_wheels_which_lag_come_to_too_late(lag, clear):
     assert verdict.passed
     response = Response(0.0, lag, held, np.empty((0, 2)), np.empty(0))
     assert Audit(given).is_clear_with(response, start, plan, verdict.ramp, 0.0) == clear
+
+
+def test_a_response_without_a_lag_is_clear_beside_what_moves():
+    given = accelerating(60.0, ())
+    away = MovingDiscs(
+        ('disc',), np.array([[4.0, -4.0, 0.5, 0.0, 0.2]]), 0.0, np.zeros(1, np.int64)
+    )
+    start = start_of(given, HERE)._replace(moving=away)
+    plan = Plan(Horizon.between([k * PERIOD for k in range(6)]), controls(20, 20), np.zeros((6, 3)))
+    ramp = Audit(given).check(start, plan.controls, TIMES).ramp
+    response = Response(0.0, 0.0, np.zeros(2), np.empty((0, 2)), np.empty(0))
+    assert Audit(given).is_clear_with(response, start, plan, ramp, 0.1)

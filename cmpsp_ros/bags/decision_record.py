@@ -211,7 +211,7 @@ class DecisionRecord:
 
     @property
     def arrived(self) -> bool:
-        """Whether the final time has passed and odometry showed the robot at its goal then."""
+        """True once the final time has passed and odometry showed the robot at its goal then."""
         return self.finished and not (self.missed or self.halted)
 
     @property
@@ -231,12 +231,12 @@ class DecisionRecord:
         return Goal(position, self.goal_time, self.goal_heading, self.goal_name)
 
     def response_ms(self, command_delay: float) -> float:
-        """Its response time, as in `cmpsp_ros.guidance.key_values.response_ms` [ms]."""
+        """Response time, as in `cmpsp_ros.guidance.key_values.response_ms` [ms]."""
         answered = self.odometry_to_command_ms or 0.0
         return response_ms(self.step_ms or 0.0, answered, command_delay)
 
     def misses_deadline(self, period: float, command_delay: float) -> bool:
-        """Whether its command was sent too late, or not at all for that reason.
+        """True if its command was sent too late, or not at all for that reason.
 
         Args:
             period: Control period [s].

@@ -49,7 +49,7 @@ class Names:
 
     @property
     def namespace(self) -> str:
-        """Of the node, as in `/r1`."""
+        """Namespace of the node, as in `/r1`."""
         return self.node.rpartition('/')[0]
 
     def others(self, namespaces: Iterable[str]) -> dict[str, str]:

@@ -40,7 +40,7 @@ class Robot:
 
     @property
     def has_failed(self) -> bool:
-        """Whether it did for certain."""
+        """True if it failed for certain."""
         return self.summary.has_failed or self.apart < 0.0
 
     @property

@@ -180,7 +180,7 @@ class Child:
         return True
 
     def warnings(self) -> list[str]:
-        """What its log warns of."""
+        """Warnings of its log."""
         lines = self.log.read_text(errors='replace').splitlines()
         return [each.partition(']: ')[2] for each in lines if each.startswith('[WARN]')]
 

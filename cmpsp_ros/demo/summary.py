@@ -64,7 +64,7 @@ class Summary:
 
     @property
     def has_failed(self) -> bool:
-        """Whether it did for certain."""
+        """True if it failed for certain."""
         missed = not self.reached and (self.speed is not None or self.miss is not None)
         return missed or self.clearance < 0.0
 

@@ -194,7 +194,7 @@ class GuidanceLaw:
 
     @property
     def warnings(self) -> list[str]:
-        """What no plan of the run can do, and parameters that odometry contradicts."""
+        """Tasks that no plan of the run can fulfil, and parameters that odometry contradicts."""
         return [*self._state.foretold, *self._state.response.warnings()]
 
     @property

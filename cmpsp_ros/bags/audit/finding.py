@@ -9,7 +9,7 @@ from typing import Any
 
 
 class CheckOutcome(Enum):
-    """How a check ended.
+    """Outcome of a check.
 
     A check is skipped where it does not apply, and not judged where it applies and data that it
     needs are missing.

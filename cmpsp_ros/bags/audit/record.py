@@ -87,7 +87,7 @@ class AuditRecord:
 
     @cached_property
     def seen(self) -> tuple[tuple[Seen, ...], ...]:
-        """What sensors saw beside the path of each leg; of those who saw anything."""
+        """Sightings beside the path of each leg, of sensors that saw anything."""
         if not self.settings.sight.sensors:
             return ()
         found = []
@@ -149,7 +149,7 @@ class AuditRecord:
 
     @cached_property
     def others_sentence(self) -> str:
-        """Which paths of other robots are not recorded, in a sentence; empty if all are."""
+        """Paths of other robots that are not recorded, in a sentence; empty if all are."""
         named, known = self.settings.moving_obstacles.others, self.others
         lacking = [each for each in named if each not in {*known, self.places.namespace}]
         words = [f'that of {each} is not in the bag' for each in lacking]

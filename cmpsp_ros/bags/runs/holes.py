@@ -52,12 +52,12 @@ def holes(stamps: Stamps, begin: int, end: int, longest: int) -> tuple[Hole, ...
 
 
 def is_within(stamp: int, found: Iterable[Hole]) -> bool:
-    """Whether nothing is known at an instant [ns]."""
+    """True if nothing is known at an instant [ns]."""
     return any(each.begin < stamp < each.end for each in found)
 
 
 def overlaps(span: tuple[int, int], found: Iterable[Hole]) -> bool:
-    """Whether a time between two instants [ns] has a part in a hole."""
+    """True if a time between two instants [ns] has a part in a hole."""
     return any(span[0] < each.end and each.begin < span[1] for each in found)
 
 

@@ -51,7 +51,7 @@ class OdometrySeries:
         return legs
 
     def received_within(self, begin: float, end: float) -> OdometrySeries | None:
-        """What was received between two times [ns], by ascending stamps; None for nothing."""
+        """Messages received between two times [ns], by ascending stamps; None for nothing."""
         inside = np.flatnonzero((self.received >= begin) & (self.received < end))
         ordered = inside[np.argsort(self.stamps[inside], kind='stable')]
         return self._part(ordered) if len(ordered) else None

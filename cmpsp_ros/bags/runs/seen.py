@@ -1,4 +1,4 @@
-"""What sensors saw beside a driven path, before the robot came there and after it was there."""
+"""Sightings beside a driven path, from before the robot came there and after it was there."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Stamps = NDArray[np.int64]
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
-"""What ranges, odometry and cells together may be off by [m]."""
+"""Error of ranges, odometry and cells together [m]."""
 
 _READERS: Final = {
     ('scan', 'sensor_msgs/msg/LaserScan'): laser_scan.sight_of,
@@ -39,7 +39,7 @@ _READERS: Final = {
 _GRID: Final = 'nav_msgs/msg/OccupancyGrid'
 
 _RESTS: Final = 0.01
-"""How far a robot at rest may move [m, rad]."""
+"""Largest motion of a robot at rest [m, rad]."""
 
 _AROUND: Final = 20.0
 """Side of the square around the robot in which spots are kept, at most [m]."""
@@ -85,7 +85,7 @@ class Seen:
 
 
 class Knowledge:
-    """What sensors had shown by a time, as `~/sighting` has it."""
+    """Grid that sensors had shown by a time, as `~/sighting` has it."""
 
     def __init__(self, grids: Iterator[tuple[int, OccupancyGrid]]) -> None:
         """Take grids with their stamps [ns], in order."""
@@ -118,7 +118,7 @@ def look(
     moving: Callable[[int], Array],
     window: Window,
 ) -> Iterator[Seen]:
-    """What scans and clouds showed beside a path, and what `~/sighting` showed.
+    """Obstacles beside a path in scans, clouds and `~/sighting`.
 
     Args:
         bag: An open bag.

@@ -1,4 +1,4 @@
-"""Which odometry is used: in order of time, and only where wheels can have brought the robot."""
+"""Choice of the odometry that is used: in order of time, and only where wheels can lead."""
 
 from __future__ import annotations
 

@@ -100,11 +100,12 @@ test-all: WHICH :=
 test-all: setup  ## run all tests: studies, fuzzers, all real nodes, colcon (doc/reference/testing.md)
 	$(RUN_TESTS)
 
-lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, and who may import whom
+lint: check-ros $(DEVELOPMENT) $(PACKAGE)  ## ruff, mypy, who may import whom, and through which door
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python -m mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/house_rules.py
 
 setup: check-ros $(DEVELOPMENT) $(KERNELS)  ## make .venv, with ROS 2 Jazzy from wheels unless one is sourced
 

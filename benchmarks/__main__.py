@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from cmpsp_ros.cli.console import console, errors, exit_on, progress_bar
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.cli import console, errors, exit_on, progress_bar
+from cmpsp_ros.mpsp import ProblemError
+from cmpsp_ros.parameters import ParameterError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -73,7 +73,7 @@ def bench(
         console().print(seeing.table(seeing.measure(runs)).rich())
         return
     if verify is not None or verify_case is not None:
-        from cmpsp_ros.guidance.solver_settings import SolverSettings  # noqa: PLC0415 (loads kernels)
+        from cmpsp_ros.guidance import SolverSettings  # noqa: PLC0415 (loads kernels)
 
         _verify(verify or verify_case or '', qp or SolverSettings().qp, workers, output)
         return

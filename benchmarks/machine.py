@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 import psutil
 
 from benchmarks.errors import BenchError
-from cmpsp_ros.studies.processor import cpu_model
+from cmpsp_ros.studies import cpu_model
 
 _PACKAGES = ('numpy', 'numba', 'daqp', 'qpsolvers', 'casadi', 'acados_template', 'rclpy')
 

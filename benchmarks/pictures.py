@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from benchmarks.results import Results
-from cmpsp_ros.studies.plot_style import WIDTH
+from cmpsp_ros.studies import WIDTH
 
 if TYPE_CHECKING:
     from benchmarks.over_dds.latency import Latency
 
-Array = NDArray[np.float64]
 
 _BINS = 60
 _HEIGHT = 3.6

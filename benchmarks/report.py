@@ -15,7 +15,7 @@ from benchmarks.pictures import pictures
 from benchmarks.results import Results
 from benchmarks.tables import tables
 from benchmarks.targets import targets
-from cmpsp_ros.studies.plot_style import journal
+from cmpsp_ros.studies import journal
 
 _DPI = 160
 _SUFFIX = '.json'

@@ -16,7 +16,7 @@ from rosbags.interfaces import (
 )
 
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.guidance.messages.tracks import FLOATS
+from cmpsp_ros.guidance.messages import FLOATS
 
 SECOND = 1_000_000_000
 ODOMETRY, JOINTS = 'nav_msgs/msg/Odometry', 'sensor_msgs/msg/JointState'

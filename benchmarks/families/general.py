@@ -7,17 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.quiet import collector_off
-from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, solve_qp
-from cmpsp_ros.mpsp.qp.riccati_backend import solve
-from cmpsp_ros.mpsp.qp.solution import QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus, Subproblem, solve, solve_qp
 
 SIZES = ((3, 2), (6, 2), (12, 4))
 """States and controls; the first are the robot's."""

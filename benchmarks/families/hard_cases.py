@@ -10,14 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.presets import Preset, of_tables
 from benchmarks.families.task import Task
 from benchmarks.families.timing import close_loop
 from benchmarks.methods.guidance_methods import FullStep
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 
 @dataclass(frozen=True)

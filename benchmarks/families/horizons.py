@@ -7,14 +7,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import Method
 from benchmarks.quiet import collector_off, unheard
-
-Array = NDArray[np.float64]
 
 HORIZONS = (10, 25, 50, 100, 200, 400)
 

@@ -8,20 +8,16 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.presets import Preset
 from benchmarks.families.task import Task
 from benchmarks.methods.peers import peers
 from benchmarks.quiet import collector_off, unheard
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import remaining, to_nanoseconds
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, PlanningContext
 
 LONG_HORIZONS = (50, 100, 200, 400)
 

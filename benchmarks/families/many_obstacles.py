@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.presets import Preset, drive
 from benchmarks.table import Table
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.world.obstacles import Obstacle
 
 COUNTS = (0, 1, 2, 4, 8, 16, 32, 64)
 

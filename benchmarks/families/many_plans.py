@@ -9,17 +9,13 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.presets import Preset
 from benchmarks.quiet import collector_off
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.world.obstacles import Obstacle
 
 COUNTS: Final = (1, 2, 4, 8)
 

@@ -8,21 +8,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
-from cmpsp_ros.studies.paper.experiments import table1, table2
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.parameters import (
+    TABLE,
+    check_start,
+    guidance_settings,
+    load_parameter_file,
+    preset_names,
+)
+from cmpsp_ros.studies.paper import table1, table2
 
 
 @dataclass(frozen=True)

@@ -10,18 +10,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.presets import drive
-from cmpsp_ros.demo.scenario import Scenario, load_scenario
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.candidate import SolveResult
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import robot_names
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.demo import Scenario, load_scenario
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.planning import Planner, SolveResult
+from cmpsp_ros.parameters import ParameterError, robot_names
 
 PRESET = 'case3_wide'
 """The course; its final time is made longer for slow robots."""
@@ -57,7 +53,7 @@ class RobotDrive:
 
     name: str
     times: Array
-    work: NDArray[np.int64]
+    work: IntArray
     levels: dict[str, int]
     terminal_error: float
 

@@ -11,16 +11,13 @@ import numpy as np
 from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import shapes_of
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.simulator.plant import Plant
-from cmpsp_ros.studies.monte_carlo.eyes import Eyes
-from cmpsp_ros.world.grids.distance_field import distance_field
+from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
+from cmpsp_ros.parameters.courses import shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.simulator import Plant
+from cmpsp_ros.studies.monte_carlo import Eyes
+from cmpsp_ros.world.grids import distance_field
 
 PRESETS = ('unknown', 'clutter')
 

@@ -11,15 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.spread import Spread
 from benchmarks.families.task import Task
 from benchmarks.families.timing import close_loop
 from benchmarks.methods.method import Method
 from benchmarks.quiet import collector_off
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 
 @dataclass(frozen=True)

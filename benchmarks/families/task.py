@@ -5,18 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.presets import Preset
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem, guidance_data
-from cmpsp_ros.guidance.formulation.ocp_functions import GuidanceData
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance.formulation import (
+    Cost,
+    GuidanceData,
+    GuidanceProblem,
+    guidance_data,
+    sample_space,
+)
+from cmpsp_ros.guidance.planning import initial_guess
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.world import FreeSpace
 
 _LARGEST_VIOLATION = 1e-3
 

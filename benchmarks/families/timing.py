@@ -7,15 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.spread import Spread
 from benchmarks.families.task import Outcome, Task
 from benchmarks.methods.method import Method
 from benchmarks.quiet import collector_off, unheard
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,12 @@ from typing import Any
 import casadi
 import numpy as np
 from acados_template import AcadosModel, AcadosOcp, AcadosOcpSolver
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS
 from benchmarks.methods.nlp import CONTROLS, STATES, clear, distance, moved
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 _FREE = 1e6
 """What acados takes for no bound."""

@@ -7,14 +7,12 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS
 from benchmarks.methods.nlp import STAGE, STATES, Program, pack, program, unpack
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 
 class _CasadiSolver:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS, PENALTY
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp import Options
+from cmpsp_ros.mpsp.sqp import CMPSP
 
 
 class CondensedDaqp:

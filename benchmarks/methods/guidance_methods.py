@@ -5,21 +5,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
-from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceLaw, GuidanceSettings, Plan, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, PlanningContext
+from cmpsp_ros.guidance.safety import Audit
 
 
 class _Parts(NamedTuple):

@@ -11,12 +11,10 @@ from typing import Any
 
 import casadi
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.families.task import Task
-from cmpsp_ros.robots.robot import Robot
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot
 
 STATES, CONTROLS = 3, 2
 STAGE = STATES + CONTROLS

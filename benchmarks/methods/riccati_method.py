@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.task import Task
 from benchmarks.methods.method import ITERATIONS, PENALTY
-from cmpsp_ros.guidance.formulation.guidance_problem import begun_at
-from cmpsp_ros.guidance.planning.planner import FUNCTIONS
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.sqp.driver import Driver
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.formulation import begun_at
+from cmpsp_ros.guidance.planning import FUNCTIONS
+from cmpsp_ros.mpsp import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.sqp import Driver
 
 
 class RiccatiActiveSet:

@@ -10,19 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.families.spread import Spread
 from benchmarks.machine import resident
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.processes import Child, use_free_domain
-from cmpsp_ros.nodes.lifecycle_client import Observer
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, write_parameter_file
-from cmpsp_ros.parameters.table import Values
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.demo import Child, DemoError, use_free_domain
+from cmpsp_ros.nodes import Observer
+from cmpsp_ros.parameters import TABLE, Values, load_parameter_file, write_parameter_file
 
 _ACTIVE = '[guidance]: active'
 
@@ -54,7 +49,7 @@ class Latency:
     runs: int
     total: Array
     own: Array
-    first: NDArray[np.bool_]
+    first: BoolArray
     jitter: Array
     miss: float
     starts: Array

@@ -17,12 +17,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 
-from cmpsp_ros.nodes.common.runtime import StartupError, run
-from cmpsp_ros.nodes.common.topics import SIM_ODOM, SIM_STAMPED_COMMAND
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import check_start, plant_settings
-from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.nodes.common import SIM_ODOM, SIM_STAMPED_COMMAND, StartupError, run
+from cmpsp_ros.parameters import TABLE, check_start, load_parameter_file, plant_settings
+from cmpsp_ros.simulator import Plant
 
 _NS = 1_000_000_000
 _DECISION = '/guidance/decision'

@@ -11,20 +11,16 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.errors import BenchError
 from benchmarks.machine import processor_time, resident
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
-from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.guiding import guide
-from cmpsp_ros.demo.processes import Child
-from cmpsp_ros.demo.run import started
-from cmpsp_ros.demo.scenario import Scenario, load_scenario
-from cmpsp_ros.nodes.lifecycle_client import Seen
-from cmpsp_ros.parameters.presets import write_fleet_file
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.bags import DecisionRecord
+from cmpsp_ros.demo import Child, DemoError, Scenario, guide, load_scenario, started
+from cmpsp_ros.nodes import Seen
+from cmpsp_ros.parameters import write_fleet_file
 
 _PRESET: Final = 'case3'
 _CHANGES: Final = ('odom_rate=20.0', 'final_time=15.0')
@@ -75,8 +71,8 @@ class Crowd:
     skipped: int
     late: int
     stops: int
-    delays: NDArray[np.float64]
-    own: NDArray[np.float64]
+    delays: Array
+    own: Array
     miss: float
     kinds: tuple[Kind, ...]
 
@@ -183,5 +179,5 @@ def _kind(name: str, children: Sequence[Child], spent: Sequence[float], seconds:
     return Kind(name, memory, float(np.mean([spent[i] for i in these])) / seconds)
 
 
-def _times(milliseconds: NDArray[np.float64]) -> str:
+def _times(milliseconds: Array) -> str:
     return ' / '.join(f'{each:.1f}' for each in milliseconds.tolist()) + ' ms'

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.errors import BenchError
-from cmpsp_ros.mpsp.qp import Penalties
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp import Penalties, Subproblem
 
 Rng = np.random.Generator
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from benchmarks.verify.case import Program
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
-from cmpsp_ros.mpsp.qp.dense.clarabel_backend import cone_program, run
-from cmpsp_ros.mpsp.qp.dense.sparse_qp import solution_of, sparse_qp
+from cmpsp_ros.mpsp.qp.dense import cone_program, run, solution_of, sparse_qp
 
 _ENDED_AT_A_POINT = ('Solved', 'AlmostSolved', 'InsufficientProgress')
 

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from benchmarks.verify.case import Program
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, backend
-from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve_from
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, backend, no_warm_start, solve_from
 
 
 @dataclass(frozen=True)

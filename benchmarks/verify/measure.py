@@ -7,16 +7,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from benchmarks.verify.case import Program
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
-from cmpsp_ros.mpsp.qp.dense.sparse_qp import SparseQP, multipliers_of, sparse_qp
-
-Array = NDArray[np.float64]
-
+from cmpsp_ros.mpsp.qp.dense import SparseQP, multipliers_of, sparse_qp
 
 _BITS_CHANGED = 5
 

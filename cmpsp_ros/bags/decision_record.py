@@ -11,15 +11,13 @@ from dataclasses import dataclass
 from typing import Any, Final, Generic, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.key_values import MOVING, WHEELS, present_keys, response_ms
-from cmpsp_ros.guidance.messages.tracks import read_keys
+from cmpsp_ros.guidance import MOVING, WHEELS, Goal, present_keys, response_ms
+from cmpsp_ros.guidance.messages import read_keys
 
-Array = NDArray[np.float64]
 Waypoint = tuple[float, float, float, float]
 T = TypeVar('T')
 

@@ -5,10 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.guidance.decision import Decision, Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.key_values import decision_to_key_values, severity, waypoints
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.guidance import (
+    NANOSECONDS,
+    Decision,
+    Plan,
+    decision_to_key_values,
+    severity,
+    waypoints,
+)
+from cmpsp_ros.robots import with_side
 
 DECISION = 'diagnostic_msgs/msg/DiagnosticArray'
 TWIST = 'geometry_msgs/msg/Twist'

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
+from cmpsp_ros.guidance.messages import plan_topic
 
 
 @dataclass(frozen=True)

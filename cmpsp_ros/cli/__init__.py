@@ -13,9 +13,8 @@ from typing import Final
 import typer
 
 from cmpsp_ros.cli import demo, identifying, inspecting, recording, replaying, studies, viewing
+from cmpsp_ros.cli.terminal import console, errors, exit_on, progress_bar
 from cmpsp_ros.quick_exit import quick_exit
-
-__all__ = ['app', 'main']
 
 _OBJECTS_BEFORE_COLLECTION: Final = 100_000
 

@@ -11,21 +11,18 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import complain, console, errors, exit_on, say, writing_to
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.options import Assignments
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.folder import make_folder
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.cli.terminal import complain, console, errors, exit_on, say, writing_to
+from cmpsp_ros.demo import DemoError, make_folder
+from cmpsp_ros.parameters import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from rich.table import Table
 
-    from cmpsp_ros.demo.fleet import Robot
-    from cmpsp_ros.demo.scenario import Scenario
-    from cmpsp_ros.demo.summary import Summary
+    from cmpsp_ros.demo import Robot, Scenario, Summary
 
 
 def demo(
@@ -77,14 +74,14 @@ def _loaded(
     preset: str, assignments: list[str], robot: str | None, *, lockstep: bool
 ) -> tuple[Scenario, ...]:
     """The robots of a preset; what there is to say of them is said."""
-    from cmpsp_ros.parameters.presets import robots_in  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.parameters import robots_in  # noqa: PLC0415 (starts faster without)
 
     if len(namespaces := robots_in(preset)) > 1:
-        from cmpsp_ros.demo.fleet import load_fleet  # noqa: PLC0415 (loads kernels)
+        from cmpsp_ros.demo import load_fleet  # noqa: PLC0415 (loads kernels)
 
         fleet = load_fleet(preset, namespaces, assignments, lockstep=lockstep, robot=robot)
     else:
-        from cmpsp_ros.demo.scenario import load_scenario  # noqa: PLC0415 (loads kernels)
+        from cmpsp_ros.demo import load_scenario  # noqa: PLC0415 (loads kernels)
 
         fleet = (load_scenario(preset, assignments, lockstep=lockstep, robot=robot),)
     for each in fleet:
@@ -98,7 +95,7 @@ def _drive(
     alone: Sequence[Scenario], folder: Path, view_port: int | None
 ) -> Sequence[Summary | Robot]:
     """Run one robot, and show and return the result."""
-    from cmpsp_ros.demo.run import run  # noqa: PLC0415 (a wrong argument needs no ROS)
+    from cmpsp_ros.demo import run  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     (scenario,) = alone
     with _progress(scenario.name, scenario.settings.final_time, view_port) as progress:
@@ -112,7 +109,7 @@ def _drive_fleet(
     fleet: Sequence[Scenario], folder: Path, view_port: int | None
 ) -> Sequence[Summary | Robot]:
     """As `_drive`, for several robots."""
-    from cmpsp_ros.demo.fleet import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
+    from cmpsp_ros.demo import run_fleet  # noqa: PLC0415 (a wrong argument needs no ROS)
 
     total = max(each.settings.final_time for each in fleet)
     with _progress(fleet[0].name, total, view_port) as progress:
@@ -182,7 +179,7 @@ def _table(summary: Summary, scenario: Scenario) -> Table:
 def _fleet_table(robots: Sequence[Robot]) -> Table:
     from rich.table import Table  # noqa: PLC0415 (`--help` is quicker without)
 
-    from cmpsp_ros.world.roads.road_functions import FAR  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.world.roads import FAR  # noqa: PLC0415 (loads kernels)
 
     headings = ('robot', 'miss', 'clearance', 'from others', 'late', 'step p50 / max', 'levels')
     table = Table(*headings, title=f'{robots[0].summary.preset}: {len(robots)} robots')

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import console, exit_on, say
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.options import CmdVel, Namespace, Odom
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.cli.terminal import console, exit_on, say
+from cmpsp_ros.parameters import ParameterError
 
 
 def identify(
@@ -99,7 +99,7 @@ def _drive(bag: Path, topics: tuple[str, str], limits: tuple[float, float], *, y
     Raises:
         BagError: The limits are too high for the circle, or the drive was cut short.
     """
-    from cmpsp_ros.bags.identify.excitation import excitation  # noqa: PLC0415 (starts faster)
+    from cmpsp_ros.bags.identify import excitation  # noqa: PLC0415 (starts faster)
     from cmpsp_ros.nodes import excitation as driving  # noqa: PLC0415 (loads ROS)
 
     commands = excitation(*limits)

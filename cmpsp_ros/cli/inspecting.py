@@ -7,10 +7,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import console, exit_on, say
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.options import CmdVel, Namespace, Odom, ParamsFile
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.cli.terminal import console, exit_on, say
+from cmpsp_ros.parameters import ParameterError
 
 
 def audit(

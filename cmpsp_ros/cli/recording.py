@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import complain, errors, exit_on, say
+from cmpsp_ros.bags import BagError
+from cmpsp_ros.cli.terminal import complain, errors, exit_on, say
 
 
 def record(

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import console, errors, exit_on, say
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.cli.options import Assignments, CmdVel, Namespace, Odom, ParamsFile
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.cli.terminal import console, errors, exit_on, say
+from cmpsp_ros.parameters import ParameterError
 
 if TYPE_CHECKING:
-    from cmpsp_ros.bags.names import Names
+    from cmpsp_ros.bags import Names
 
 
 def replay(
@@ -38,7 +38,7 @@ def replay(
     Exit code 0 if all are identical, 1 if any differs, 2 if the bag cannot be used. With --set or
     --params-file it shows what a changed guidance law decides instead.
     """
-    from cmpsp_ros.bags.names import Names  # noqa: PLC0415 (starts faster without)
+    from cmpsp_ros.bags import Names  # noqa: PLC0415 (starts faster without)
 
     names = Names.under(namespace or '', odom or '', cmd_vel or '')
     with exit_on(BagError, ParameterError, code=2):
@@ -57,12 +57,12 @@ def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
     """Show what a changed guidance law decides."""
-    from cmpsp_ros.bags.replay.what_if import Change, what_if  # noqa: PLC0415 (loads kernels)
-    from cmpsp_ros.bags.replay.what_if_picture import draw_what_if  # noqa: PLC0415 (plots)
-    from cmpsp_ros.parameters.presets import (  # noqa: PLC0415 (starts faster without)
-        load_parameter_file,
-        parse_assignment,
+    from cmpsp_ros.bags.replay import (  # noqa: PLC0415 (loads kernels)
+        Change,
+        draw_what_if,
+        what_if,
     )
+    from cmpsp_ros.parameters import load_parameter_file, parse_assignment  # noqa: PLC0415 (starts faster without)
 
     base = None if params_file is None else load_parameter_file(params_file)
     change = Change(base, dict(parse_assignment(each) for each in assignments))

@@ -11,7 +11,8 @@ from typing import Annotated
 
 import typer
 
-from cmpsp_ros.cli.console import (
+from cmpsp_ros.cli.options import Assignments
+from cmpsp_ros.cli.terminal import (
     complain,
     console,
     errors,
@@ -20,8 +21,7 @@ from cmpsp_ros.cli.console import (
     say,
     writing_to,
 )
-from cmpsp_ros.cli.options import Assignments
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters import ParameterError
 
 
 def bench(context: typer.Context) -> None:
@@ -160,10 +160,9 @@ def warmup(
 
     Exit code 1 only if there is no folder for the cache.
     """
-    from cmpsp_ros.guidance.solver_settings import SolverSettings  # noqa: PLC0415 (loads numba)
-    from cmpsp_ros.mpsp.jit.watch import ProgressLine  # noqa: PLC0415 (loads numba)
-    from cmpsp_ros.warmup.kernels import warm_up_all  # noqa: PLC0415 (loads all kernels)
-    from cmpsp_ros.warmup.work_rate import work_rate  # noqa: PLC0415 (loads kernels)
+    from cmpsp_ros.guidance import SolverSettings  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.mpsp.jit import ProgressLine  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.warmup import warm_up_all, work_rate  # noqa: PLC0415 (loads all kernels)
 
     with exit_on(ParameterError, code=1), closing(ProgressLine()) as line:
         outcome = warm_up_all(line.show, presets or ())

@@ -11,16 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from cmpsp_ros.bags.runs.encounters import robot_encounters
-from cmpsp_ros.bags.runs.holes import longest_interval, pieces
-from cmpsp_ros.bags.runs.run import Run, read_run
+from cmpsp_ros.bags.runs import Run, longest_interval, pieces, read_run, robot_encounters
 from cmpsp_ros.demo.fleet_picture import draw_fleet
-from cmpsp_ros.demo.run import driven
+from cmpsp_ros.demo.runner import driven
 from cmpsp_ros.demo.scenario import Scenario, load_scenario
 from cmpsp_ros.demo.summary import Summary, summarise, window
-from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.presets import write_fleet_file
-from cmpsp_ros.robots.footprint import placed
+from cmpsp_ros.parameters import ParameterError, Problem, write_fleet_file
+from cmpsp_ros.robots import placed
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def run_fleet(
     progress: Callable[[float], None],
     view_port: int | None = None,
 ) -> tuple[Robot, ...]:
-    """As `cmpsp_ros.demo.run.run`, for several robots at once; the page shows the first of them."""
+    """`run` for several robots at once; the page shows the first of them."""
     write_fleet_file(folder / 'parameters.yaml', {each.namespace: each.values for each in fleet})
     with driven(fleet, folder, progress, view_port):
         return _sum_up(fleet, folder)

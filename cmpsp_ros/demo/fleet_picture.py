@@ -10,12 +10,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from cmpsp_ros.bags.runs.run import Driven, Run
+from cmpsp_ros.bags.runs import Driven, Run
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.view.drawing import along, draw
-from cmpsp_ros.view.scene import bodies, body, course, disc
-from cmpsp_ros.view.traces import ends, traces
+from cmpsp_ros.view import along, bodies, body, course, disc, draw, ends, traces
 
 _GRID = 20_000_000
 _SMALLEST = 0.06

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Final
 from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.processes import Child, check_all
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.guidance.key_values import is_at_rest
+from cmpsp_ros.guidance import is_at_rest
 
 if TYPE_CHECKING:
-    from cmpsp_ros.nodes.lifecycle_client import Observer, Seen
+    from cmpsp_ros.nodes import Observer, Seen
 
 START_TIMEOUT: Final = 30.0
 """Time within which a node of one robot changes its state [s]."""

@@ -12,22 +12,29 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
-from cmpsp_ros.bags.runs.encounters import encounters
-from cmpsp_ros.bags.runs.run import Run
-from cmpsp_ros.bags.runs.tracks import seen_at
+from cmpsp_ros.bags.runs import Run, encounters, seen_at
 from cmpsp_ros.demo.summary import window
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.arcs import REFERENCE_POINT
-from cmpsp_ros.view.drawing import along, draw
-from cmpsp_ros.view.palette import BAGS, LIMIT, MOVING
-from cmpsp_ros.view.scene import bodies, body, course, frame, kept_clear, map_corners, trail
-from cmpsp_ros.view.traces import ends, goals_trace, traces
-from cmpsp_ros.world.obstacles.shapes import Shape
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.robots import REFERENCE_POINT
+from cmpsp_ros.view import (
+    BAGS,
+    LIMIT,
+    MOVING,
+    along,
+    bodies,
+    body,
+    course,
+    draw,
+    ends,
+    frame,
+    goals_trace,
+    kept_clear,
+    map_corners,
+    traces,
+    trail,
+)
+from cmpsp_ros.world.obstacles import Shape
 
 _PLANS = 4
 

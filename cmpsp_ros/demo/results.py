@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
 from cmpsp_ros.demo.scenario import Scenario
 from cmpsp_ros.demo.summary import Summary, final_time, summarise

@@ -8,18 +8,24 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.files import with_files
-from cmpsp_ros.parameters.courses.obstacles import shapes_of
-from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.plausibility import plausibility_warnings
-from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
-from cmpsp_ros.parameters.settings import check_pace, check_start, guidance_settings
-from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance.mission import infeasibility_warnings, shortest_time
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    Problem,
+    Values,
+    check_pace,
+    check_start,
+    guidance_settings,
+    load_parameter_file,
+    load_robot,
+    parse_assignment,
+    plausibility_warnings,
+)
+from cmpsp_ros.parameters.courses import shapes_of, with_files
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.world.obstacles import Shape
 
 _PACE: Final = 0.8
 """Part of its top speed at which a robot that was chosen goes the shortest way; as in case 3."""

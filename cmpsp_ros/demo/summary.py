@@ -11,15 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.runs.encounters import encounters
-from cmpsp_ros.bags.runs.goals import Passing, mean_speed
-from cmpsp_ros.bags.runs.holes import holes, in_words, is_within, longest_interval, overlaps, pieces
-from cmpsp_ros.bags.runs.run import Run
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.bags import BagError, DecisionRecord
+from cmpsp_ros.bags.runs import (
+    Passing,
+    Run,
+    encounters,
+    holes,
+    in_words,
+    is_within,
+    longest_interval,
+    mean_speed,
+    overlaps,
+    pieces,
+)
+from cmpsp_ros.guidance import FallbackLevel, GuidanceSettings, to_nanoseconds
 
 # Part of the speed along a road by which its mean may be off.
 _SPEED_TOLERANCE = 0.02

@@ -1,1 +1,36 @@
 """The guidance law: from odometry to commands as a pure state machine, without ROS."""
+
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
+    from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
+    from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, Horizon, to_nanoseconds
+    from cmpsp_ros.guidance.horizon_functions import remaining, shift
+    from cmpsp_ros.guidance.key_values import (
+        MOVING,
+        WHEELS,
+        decision_to_key_values,
+        exact_repr,
+        is_at_rest,
+        present_keys,
+        response_ms,
+        severity,
+        waypoints,
+        with_former_keys,
+    )
+    from cmpsp_ros.guidance.law import GuidanceLaw
+    from cmpsp_ros.guidance.settings import (
+        GOAL,
+        MAP,
+        SEEN,
+        GuidanceSettings,
+        MovingObstacles,
+        Safety,
+    )
+    from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
+    from cmpsp_ros.guidance.warmup import prepare, warm_up
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)

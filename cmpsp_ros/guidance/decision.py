@@ -8,13 +8,11 @@ from types import MappingProxyType
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-
-Array = NDArray[np.float64]
 
 UNTIMED: Final[Mapping[str, float]] = MappingProxyType({})
 

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, IntArray
 
 NANOSECONDS = 1_000_000_000
 
@@ -33,7 +32,7 @@ class Horizon(NamedTuple):
         durations: Length of each step, shape ``(N,)`` [s].
     """
 
-    edges: NDArray[np.int64]
+    edges: IntArray
     durations: Array
 
     @classmethod

@@ -6,12 +6,10 @@ The final time is fixed, and control instants are on a fixed grid before it.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import allocation_free
 
 
 def remaining(now: int, period: int, final: int) -> Horizon:
@@ -58,7 +56,7 @@ def steps_over(old: Horizon, new: Horizon) -> int:
 
 
 @allocation_free
-def _shift(shifted: Array, controls: Array, old: NDArray[np.int64], new: NDArray[np.int64]) -> None:
+def _shift(shifted: Array, controls: Array, old: IntArray, new: IntArray) -> None:
     held, last = 0, old.shape[0] - 2
     for k in range(new.shape[0] - 1):
         middle = (new[k] + new[k + 1]) // 2
@@ -71,7 +69,7 @@ def _shift(shifted: Array, controls: Array, old: NDArray[np.int64], new: NDArray
 
 
 @allocation_free
-def _steps_over(old: NDArray[np.int64], new: NDArray[np.int64]) -> int:
+def _steps_over(old: IntArray, new: IntArray) -> int:
     over = 0
     while over < old.shape[0] and old[over] <= new[0]:
         over += 1
@@ -79,9 +77,7 @@ def _steps_over(old: NDArray[np.int64], new: NDArray[np.int64]) -> int:
 
 
 @allocation_free
-def _fill(
-    edges: NDArray[np.int64], durations: Array, now: int, end: int, first: int, period: int
-) -> None:
+def _fill(edges: IntArray, durations: Array, now: int, end: int, first: int, period: int) -> None:
     """Fill in the present, the multiples of the period from the ``first`` on, and the end."""
     steps = durations.shape[0]
     edges[0], edges[steps] = now, end

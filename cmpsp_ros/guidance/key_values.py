@@ -13,7 +13,7 @@ from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.messages.tracks import track_keys
 
 if TYPE_CHECKING:
-    from cmpsp_ros.robots.robot import Robot
+    from cmpsp_ros.robots import Robot
 
 MOVING = 'moving_obstacles'
 """Key of the obstacles that move, by number and time; there only where there are some."""

@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.commands.final_time import FinalTime
 from cmpsp_ros.guidance.commands.late_commands import LateCommands
@@ -31,10 +31,8 @@ from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.sensing.surroundings import Sighting
-from cmpsp_ros.world.roads.arc_length import arc_length_to
-
-Array = NDArray[np.float64]
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.roads import arc_length_to
 
 
 class GuidanceLaw:

@@ -8,23 +8,16 @@ from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Follow, Goal, Target
 from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
-from cmpsp_ros.robots.footprint import Bodies, Footprint
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.sensing.surroundings import SightSettings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.inter_sample_margin import outside
-from cmpsp_ros.world.map_line import KeptLine, MapSearch
-from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.road import Road
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import Bodies, Footprint, Robot
+from cmpsp_ros.sensing import SightSettings
+from cmpsp_ros.world import FreeSpace, KeptLine, MapSearch, outside
+from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import Annulus, Road
 
 GOAL: Final = 'goal'
 """Name of the last of several goals."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision, Plan
 from cmpsp_ros.guidance.horizon import to_nanoseconds
 from cmpsp_ros.guidance.messages.peer_trajectories import Seen
@@ -23,14 +23,10 @@ from cmpsp_ros.guidance.prediction.slip import SlipEstimate
 from cmpsp_ros.guidance.safety.audit import Verdict
 from cmpsp_ros.guidance.safety.lateness import Lateness
 from cmpsp_ros.guidance.settings import NOT_SEARCHED, GuidanceSettings, Searched
-from cmpsp_ros.robots.acceleration import NO_RAMP
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.sensing.surroundings import Sighting
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.roads.arc_length import project_on_path
-from cmpsp_ros.world.roads.road import Road
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import NO_RAMP, Robot
+from cmpsp_ros.sensing import Sighting
+from cmpsp_ros.world.obstacles import MovingDiscs
+from cmpsp_ros.world.roads import Road, project_on_path
 
 _NOTHING: Final = np.empty((0, 0)), np.empty(0)
 """Controls that a robot without a delay is driven by until a new one takes effect."""

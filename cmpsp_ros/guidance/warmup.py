@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
@@ -25,26 +24,20 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
-from cmpsp_ros.mpsp.problem import Hessian
+from cmpsp_ros.mpsp import Hessian
 from cmpsp_ros.mpsp.qp import CLARABEL
-from cmpsp_ros.robots.acceleration import with_lag
-from cmpsp_ros.sensing.beams import Sight
-from cmpsp_ros.sensing.surroundings import Surroundings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.field_functions import NO_FIELD
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Capsule
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.arc_length import (
+from cmpsp_ros.robots import with_lag
+from cmpsp_ros.sensing import Sight, Surroundings
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import NO_FIELD, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import Capsule, MovingDiscs
+from cmpsp_ros.world.roads import (
+    Annulus,
     arc_length_to,
     find_near,
     lookahead_point,
     remaining_arc_length,
 )
-
-Array = NDArray[np.float64]
 
 _A_LIMIT = 50.0
 _STEPS, _PLANS = 8, 2

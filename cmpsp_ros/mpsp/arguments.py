@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.errors import ProblemError
-
-Array = NDArray[np.float64]
 
 
 def numbers(name: str, value: ArrayLike) -> Array:

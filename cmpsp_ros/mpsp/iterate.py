@@ -8,8 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import not_finite
-from cmpsp_ros.mpsp.problem import Array, Evaluation
+from cmpsp_ros.mpsp.problem import Evaluation
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus, kkt_residual
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

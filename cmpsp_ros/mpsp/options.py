@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import numbers
 from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
+from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, backend
 
 _TOLERANCES: Final = (

@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.arguments import check_bounds, not_finite, numbers
 from cmpsp_ros.mpsp.errors import ProblemError
 
-Array = NDArray[np.float64]
 Hessian = Literal['gauss_newton', 'exact', 'projected']
 """Which second derivative of the stage costs ``L_k`` a problem returns, (49)-(52).
 

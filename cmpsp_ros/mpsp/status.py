@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Evaluation
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Evaluation
 
 if TYPE_CHECKING:
     from cmpsp_ros.mpsp.iterate import Iterate, Record

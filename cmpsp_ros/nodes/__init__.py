@@ -2,6 +2,14 @@
 
 import gc
 import os
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.nodes.lifecycle_client import Observer, Seen
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)
 
 # Matrices here are small: a second thread of the linear algebra gains nothing and may wait for a
 # core for a hundred milliseconds. To have an effect it must be said before numpy is imported.

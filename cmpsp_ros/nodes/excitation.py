@@ -13,21 +13,19 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.identify.excitation import RADIUS
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.bags import BagError, BagWriter
+from cmpsp_ros.bags.identify import RADIUS
+from cmpsp_ros.guidance.messages import OdometryError, pose_of
 from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.common.topics import COMMAND, GUIDANCE_ODOM
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    import numpy as np
-    from numpy.typing import NDArray
     from rclpy.publisher import Publisher
 
-    Commands = tuple[NDArray[np.float64], NDArray[np.float64]]
+    Commands = tuple[Array, Array]
 
 PERIOD = 0.05
 """Time between two commands [s]."""

@@ -25,10 +25,8 @@ from cmpsp_ros.nodes.viewer_messages import (
     speeds_of,
     step_of,
 )
-from cmpsp_ros.view.access import ViewError
-from cmpsp_ros.view.server import ViewServer
-from cmpsp_ros.view.shared_state import SharedState
-from cmpsp_ros.world.grids.occupancy_grid import GridError
+from cmpsp_ros.view import SharedState, ViewError, ViewServer
+from cmpsp_ros.world.grids import GridError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 from diagnostic_msgs.msg import DiagnosticStatus
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.bags.decision_record import ENTRIES, Entry, entries_of
-from cmpsp_ros.guidance.key_values import WHEELS
-from cmpsp_ros.sensing.grid_message import grid_of
-from cmpsp_ros.view.grid_picture import grid_picture
-from cmpsp_ros.world.grids.occupancy_grid import GridError
+from cmpsp_ros.bags import ENTRIES, Entry, entries_of
+from cmpsp_ros.guidance import WHEELS
+from cmpsp_ros.sensing import grid_of
+from cmpsp_ros.view import grid_picture
+from cmpsp_ros.world.grids import GridError
 
 if TYPE_CHECKING:
     from diagnostic_msgs.msg import DiagnosticArray

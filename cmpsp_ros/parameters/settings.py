@@ -10,9 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles, Safety
-from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings, Weights
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.guidance import (
+    GuidanceSettings,
+    InitialGuess,
+    MovingObstacles,
+    Safety,
+    SolverSettings,
+    Weights,
+)
+from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import available, backend
 from cmpsp_ros.parameters.courses.course import place_problems, start_problems
 from cmpsp_ros.parameters.courses.goals import (
@@ -29,9 +35,7 @@ from cmpsp_ros.parameters.robots.footprints import footprint_of, footprint_probl
 from cmpsp_ros.parameters.robots.models import robot_of, robot_problems
 from cmpsp_ros.parameters.robots.sensors import sight_of, sight_problems
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.simulator.measurement import OdometryErrors
-from cmpsp_ros.simulator.physics import Physics
-from cmpsp_ros.simulator.plant import PlantSettings
+from cmpsp_ros.simulator import OdometryErrors, Physics, PlantSettings
 
 _MOST_STEPS: Final = 10_000
 """Control steps beyond which the horizon's matrices would fill the memory."""

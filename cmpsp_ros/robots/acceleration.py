@@ -6,11 +6,9 @@ import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 
 _REST: Final = 1e-9
 """Speed of a wheel that rounding may leave of none [rad/s]."""

@@ -8,14 +8,12 @@ from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.kinematics import ACKERMANN, Kinematics
 from cmpsp_ros.robots.robot import Robot, Signal
 from cmpsp_ros.robots.twist_limits import TwistLimits
-
-Array = NDArray[np.float64]
 
 _REAR: Final = np.array([[1.0, 0.0]])
 

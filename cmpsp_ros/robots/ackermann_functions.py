@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots.differential_drive_functions import sinc_and_slope
-
-Array = NDArray[np.float64]
 
 
 @allocation_free

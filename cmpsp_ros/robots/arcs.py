@@ -6,11 +6,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 
 REFERENCE_POINT = np.zeros((1, 2))
 """A robot's reference point as the only one of some in its frame."""

@@ -7,13 +7,11 @@ from functools import cached_property
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.kinematics import DIFFERENTIAL_DRIVE, Kinematics
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.robots.twist_limits import TwistLimits
-
-Array = NDArray[np.float64]
 
 RIGHT, LEFT = 0, 1
 """Places of the two wheels in a control vector ``U = [w_r, w_l]``."""

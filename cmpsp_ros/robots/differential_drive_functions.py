@@ -5,12 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 
 
 @allocation_free

@@ -10,13 +10,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.robots.arcs import speeds_and_turns, with_side
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.robots.twist_limits import TwistLimits
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 Bodies = Sequence[tuple[Array, float]]
 """Unions of discs: their centres in the robot's frame, ``(D, 2)``, and their radius [m]."""
@@ -122,7 +121,7 @@ DISC: Final = Footprint()
 """The footprint of a robot without corners."""
 
 
-def contains(corners: Array, points: Array) -> NDArray[np.bool_]:
+def contains(corners: Array, points: Array) -> BoolArray:
     """Which points ``(..., 2)`` a polygon contains: a ray from them crosses sides oddly often."""
     x, y = np.moveaxis(corners - points[..., None, :], -1, 0)
     to_x, to_y = np.roll((x, y), -1, axis=-1)

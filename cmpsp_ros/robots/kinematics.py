@@ -6,7 +6,8 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cmpsp_ros.arrays import Array, IntArray
 
 DIFFERENTIAL_DRIVE: Final = 0
 OMNIDIRECTIONAL: Final = 1
@@ -50,12 +51,12 @@ class Kinematics(NamedTuple):
     model: int
     gain: float
     arm: float
-    wheels: NDArray[np.float64]
+    wheels: Array
     max_wheel_speed: float
     max_speed: float
     max_steering_angle: float = math.inf
-    twists: NDArray[np.float64] = _NONE
-    of_twists: NDArray[np.float64] = _NONE
-    functions: NDArray[np.int64] = _NO_FUNCTIONS
-    values: NDArray[np.float64] = _NO_VALUES
-    scratch: NDArray[np.float64] = _NO_SCRATCH
+    twists: Array = _NONE
+    of_twists: Array = _NONE
+    functions: IntArray = _NO_FUNCTIONS
+    values: Array = _NO_VALUES
+    scratch: Array = _NO_SCRATCH

@@ -10,14 +10,12 @@ from itertools import combinations, product
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.robots.kinematics import OMNIDIRECTIONAL, Kinematics
 from cmpsp_ros.robots.robot import Robot
 from cmpsp_ros.robots.twist_limits import TwistLimits
-
-Array = NDArray[np.float64]
 
 Rim = tuple[float, float, float]
 

@@ -8,14 +8,12 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots import robot_functions
 from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.twist_limits import TwistLimits
-
-Array = NDArray[np.float64]
 
 
 class Signal(NamedTuple):

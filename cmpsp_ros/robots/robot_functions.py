@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.robots import ackermann_functions as ackermann
 from cmpsp_ros.robots import differential_drive_functions as differential_drive
 from cmpsp_ros.robots import omnidirectional_functions as omnidirectional
@@ -15,8 +13,6 @@ from cmpsp_ros.robots.arcs import Arc, arc_from
 from cmpsp_ros.robots.kinematics import ACKERMANN, OMNIDIRECTIONAL, OWN, Kinematics
 from cmpsp_ros.robots.own import functions as own
 from cmpsp_ros.robots.own.functions import MOTION
-
-Array = NDArray[np.float64]
 
 
 @allocation_free

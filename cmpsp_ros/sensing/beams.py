@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+
+Indices = IntArray
 Pose = tuple[float, float, float]
 
 _NS = 1_000_000_000
@@ -86,7 +86,7 @@ class Sight:
     stamps: Indices
     begins: Array
     ends: Array
-    hits: NDArray[np.bool_]
+    hits: BoolArray
     is_sweep: bool
 
 
@@ -105,7 +105,7 @@ class Beams:
     stamp: int
     starts: Array
     ends: Array
-    hits: NDArray[np.bool_]
+    hits: BoolArray
     is_sweep: bool
 
 

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free, inner
+from cmpsp_ros.world.grids import Cell
 
-Array = NDArray[np.float64]
 Cells = NDArray[np.uint8]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 Places = NDArray[np.float32]
-Flags = NDArray[np.bool_]
+Flags = BoolArray
 
 _FREE, _OCCUPIED = int(Cell.FREE), int(Cell.OCCUPIED)
 

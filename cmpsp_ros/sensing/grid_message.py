@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.world.grids.occupancy_grid import Cell, Cells, GridError, OccupancyGrid, check_size
+from cmpsp_ros.world.grids import Cell, Cells, GridError, OccupancyGrid, check_size
 
 LETHAL: Final = 65
 """Values from which on a cell is occupied, where nothing else is said: as of map_server."""

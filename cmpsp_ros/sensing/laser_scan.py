@@ -6,11 +6,8 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cmpsp_ros.sensing.beams import ScanError, Sensor, Sight, stamp_of
-
-Array = NDArray[np.float64]
 
 _NUMBERS: Final = (
     'angle_min',

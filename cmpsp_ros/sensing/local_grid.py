@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.footprint import contains
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import contains
 from cmpsp_ros.sensing.beams import Beams
 from cmpsp_ros.sensing.grid_functions import clear, mark
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 _NEVER = np.iinfo(np.int64).min
 

@@ -6,10 +6,10 @@ import math
 from bisect import bisect_left, bisect_right
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+from cmpsp_ros.arrays import Array, IntArray
+
+Indices = IntArray
 
 
 class PoseHistory:

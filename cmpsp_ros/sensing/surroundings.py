@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.robots.footprint import DISC, Footprint, placed
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import DISC, Footprint, placed
 from cmpsp_ros.sensing.beams import Sensor, Sight, project
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.sensing.pose_history import PoseHistory
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.grids import OccupancyGrid
 
 _NS = 1_000_000_000
 _SPAN = 10 * _NS

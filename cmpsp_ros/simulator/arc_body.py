@@ -7,13 +7,11 @@ advanced makes no difference, not even in the last bit.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.wheel_lag import SLICE_NS, LaggedWheels
-
-Array = NDArray[np.float64]
 
 _NS = 1_000_000_000
 

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.random_streams import Stream, generator
 from cmpsp_ros.simulator.ray_casting import cast
-
-Array = NDArray[np.float64]
 
 _NS = 1_000_000_000
 
@@ -85,7 +83,7 @@ class Laser:
         self._settings = settings
         self._period_ns = round(_NS / settings.rate)
         beams_ns = round(_NS * settings.time_increment) * np.arange(settings.count)
-        self._beams_ns: NDArray[np.int64] = beams_ns.astype(np.int64)
+        self._beams_ns: IntArray = beams_ns.astype(np.int64)
         self.reset(start_ns)
 
     def reset(self, stamp_ns: int) -> None:
@@ -126,7 +124,7 @@ class Laser:
         self.next_ns += self._period_ns
         return Scan(stamp_ns, ranges)
 
-    def _rays(self, stamps: NDArray[np.int64]) -> Array:
+    def _rays(self, stamps: IntArray) -> Array:
         """Origin and heading of each beam, shape ``(count, 3)`` [m, m, rad]."""
         since = np.array([each.stamp_ns for each in self._motions])
         index = np.maximum(np.searchsorted(since, stamps, side='right') - 1, 0)

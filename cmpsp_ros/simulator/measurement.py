@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.simulator.random_streams import Stream, generator
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots import Robot
 
 TIMESTEP_NS: Final = 1_000_000
 """Step of the integration [ns]."""

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot, arc_ends
 from cmpsp_ros.simulator.body import Motion
 from cmpsp_ros.simulator.physics import TIMESTEP_NS, Physics, PhysicsError, mjcf
 
@@ -23,7 +22,6 @@ except ImportError as error:
         f"plant: found 'mujoco', which is not installed (pip install mujoco): {error}"
     ) from None
 
-Array = NDArray[np.float64]
 
 _NS = 1_000_000_000
 

@@ -13,16 +13,14 @@ from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot
 from cmpsp_ros.simulator.arc_body import ArcBody
 from cmpsp_ros.simulator.body import Body, Motion
 from cmpsp_ros.simulator.measurement import Measurement, OdometryErrors
 from cmpsp_ros.simulator.physics import Physics
 from cmpsp_ros.simulator.random_streams import Stream, generator
-
-Array = NDArray[np.float64]
 
 _NS = 1_000_000_000
 

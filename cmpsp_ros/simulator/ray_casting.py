@@ -7,13 +7,11 @@ from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.obstacles.shapes import Shape
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.world.grids import GridObstacle
+from cmpsp_ros.world.obstacles import Shape
 
 # Two edges that share a corner must leave no gap there for a ray.
 _OVERLAP = 1e-9

@@ -13,9 +13,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 SLICE_NS = 5_000_000
 """Length of a slice [ns]."""

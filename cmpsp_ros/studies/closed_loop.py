@@ -5,14 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import Decision, GuidanceLaw, GuidanceSettings, to_nanoseconds
 
 
 def drive(settings: GuidanceSettings, pose: Array) -> Iterator[Decision]:

@@ -1,1 +1,52 @@
 """The live page, and colours and drawing for all pictures; without ROS."""
+
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.view.access import ViewError
+    from cmpsp_ros.view.drawing import PER_ARC, along, draw, draw_obstacles, draw_road, show
+    from cmpsp_ros.view.grid_image import grid_picture
+    from cmpsp_ros.view.palette import (
+        BAGS,
+        EDGE,
+        GOAL,
+        GRID,
+        LEVEL_COLORS,
+        LIMIT,
+        MOVING,
+        SEEN,
+        TEXT,
+        UNSEEN,
+        bag_color,
+    )
+    from cmpsp_ros.view.plotly_traces import (
+        arrow,
+        coordinates,
+        ends,
+        goals_trace,
+        hover,
+        number,
+        numbers,
+        trace,
+        traces,
+    )
+    from cmpsp_ros.view.scene import (
+        LOOKS,
+        Lines,
+        Part,
+        bodies,
+        body,
+        course,
+        disc,
+        frame,
+        kept_clear,
+        map_corners,
+        seen,
+        trail,
+    )
+    from cmpsp_ros.view.server import ViewServer
+    from cmpsp_ros.view.shared_state import SharedState
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)

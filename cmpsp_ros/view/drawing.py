@@ -11,15 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.view.palette import TEXT
-from cmpsp_ros.view.traces import Trace
-from cmpsp_ros.world.obstacles.shapes import Shape, outlines
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.view.plotly_traces import Trace
+from cmpsp_ros.world.obstacles import Shape, outlines
+from cmpsp_ros.world.roads import Road
 
-Array = NDArray[np.float64]
 Look = dict[str, Any]
 
 PER_ARC = 8

@@ -7,17 +7,16 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
-from cmpsp_ros.robots.footprint import placed
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import MAP, GuidanceSettings
+from cmpsp_ros.guidance.formulation import sample_space
+from cmpsp_ros.robots import placed
 from cmpsp_ros.view.palette import EDGE, MARGIN, MOVING, OBSTACLE, ROAD, SEEN, TEXT
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-from cmpsp_ros.world.obstacles.shapes import Point, Shape, outline_of, outlines
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
+from cmpsp_ros.world.obstacles import Point, Shape, outline_of, outlines
+from cmpsp_ros.world.roads import Road
 
-Array = NDArray[np.float64]
 Lines = tuple[Array, ...]
 
 _WHOLE_MAP: Final = 20.0

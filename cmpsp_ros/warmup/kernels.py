@@ -16,25 +16,24 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.warmup import prepare
+from cmpsp_ros.guidance import GuidanceSettings, prepare
 from cmpsp_ros.mpsp import Options, from_functions, solve
-from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.mpsp.jit.folder import kernel_folder, prune, wanted_place
-from cmpsp_ros.mpsp.jit.watch import compilations
+from cmpsp_ros.mpsp.jit import compilations, entry_for, kernel_folder, prune, wanted_place
 from cmpsp_ros.mpsp.qp import CLARABEL, RICCATI_ACTIVE_SET
-from cmpsp_ros.mpsp.qp.active_set.correction import correct
-from cmpsp_ros.mpsp.qp.active_set.solver import solve as solve_program
-from cmpsp_ros.mpsp.qp.active_set.state import empty_active_set, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.program import empty_program
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names, robots_in
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.sensing.beams import Beams
-from cmpsp_ros.sensing.local_grid import LocalGrid
-from cmpsp_ros.simulator.ray_casting import cast
+from cmpsp_ros.mpsp.qp.active_set import correct, empty_active_set, empty_warm_start
+from cmpsp_ros.mpsp.qp.active_set import solve as solve_program
+from cmpsp_ros.mpsp.qp.riccati import empty_program
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    load_parameter_file,
+    preset_names,
+    robots_in,
+)
+from cmpsp_ros.sensing import Beams, LocalGrid
+from cmpsp_ros.simulator import cast
 from cmpsp_ros.warmup.process_pool import new_pool
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids import GridObstacle
 
 _GIGABYTE: Final = 1 << 30
 _NEEDED: Final = 2

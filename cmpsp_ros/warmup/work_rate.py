@@ -8,10 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.mpsp.qp.active_set.solver import solve
-from cmpsp_ros.mpsp.qp.active_set.state import empty_active_set, empty_warm_start
-from cmpsp_ros.mpsp.qp.riccati.program import empty_program
+from cmpsp_ros.mpsp.jit import entry_for
+from cmpsp_ros.mpsp.qp.active_set import empty_active_set, empty_warm_start, solve
+from cmpsp_ros.mpsp.qp.riccati import empty_program
 
 # Sizes of the guidance law, on a long horizon.
 _SIZES: Final = (400, 3, 2, 2, 4)

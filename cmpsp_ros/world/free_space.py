@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import REFERENCE_POINT, arc_of_point, arc_under, point_of
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import REFERENCE_POINT, TwistLimits, arc_of_point, arc_under, point_of
 from cmpsp_ros.world.grids.field_functions import NO_FIELD, Fields
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside, outside_known
@@ -22,8 +21,7 @@ from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import ANNULUS, RoadSpace
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 # Between two arcs [m]; beyond it the second has nothing to do with where on the road the first was.
 _JUMP = 0.1
@@ -166,7 +164,7 @@ class FreeSpace:
             radii=at_ends(np.maximum, outside_known(self.radii, twists, period)),
         )
 
-    def with_some(self, samples: NDArray[np.bool_], of: FreeSpace) -> FreeSpace:
+    def with_some(self, samples: BoolArray, of: FreeSpace) -> FreeSpace:
         """This space, but at some samples what another one keeps from the same things.
 
         Args:

@@ -26,9 +26,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import TwistLimits
 
-Array = NDArray[np.float64]
 Scalar = TypeVar('Scalar', bound=np.generic)
 
 _GRID = 256

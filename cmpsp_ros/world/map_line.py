@@ -8,8 +8,8 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.free_space import FreeSpace
 from cmpsp_ros.world.grids.distance_field import node_points, nodes_near
 from cmpsp_ros.world.grids.distance_transform import signed_distances
@@ -25,7 +25,6 @@ from cmpsp_ros.world.grids.grid_search import (
 from cmpsp_ros.world.obstacles.shapes import Shape
 from cmpsp_ros.world.roads.open_floor import OpenFloor
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 # Of a cell that is nearer than wanted: for one who stands there, or where no other way leads.

@@ -9,10 +9,9 @@ import sys
 import numpy as np
 import pytest
 
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags.runs import read_run
 
 pytestmark = pytest.mark.integration
 

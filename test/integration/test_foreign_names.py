@@ -7,11 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from cmpsp_ros.bags import Bag, BagWriter, Names
 from cmpsp_ros.bags.audit import Sources, read_record
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.bags.writer import BagWriter
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION
 

@@ -17,8 +17,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import HEALTH

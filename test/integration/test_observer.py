@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.nodes.lifecycle_client import Observer
+from cmpsp_ros.nodes import Observer
 
 pytestmark = pytest.mark.integration
 

@@ -19,7 +19,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.nodes.common.qos import for_bag
 
 pytestmark = pytest.mark.integration

@@ -14,8 +14,8 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 
+from cmpsp_ros.nodes.common import StartupError, run
 from cmpsp_ros.nodes.common.lifecycle import guard_change_state
-from cmpsp_ros.nodes.common.runtime import StartupError, run
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
 pytestmark = pytest.mark.integration

@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import PointCloud2
 
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import TOPICS
 

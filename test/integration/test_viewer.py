@@ -25,7 +25,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION, MARKERS, PLAN_MARKERS, SIGHTING
-from cmpsp_ros.view.palette import LEVEL_COLORS
+from cmpsp_ros.view import LEVEL_COLORS
 
 pytestmark = pytest.mark.integration
 

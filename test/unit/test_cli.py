@@ -13,11 +13,10 @@ import pytest
 import typer
 from commands import command
 
-import cmpsp_ros.demo.run as demo_run
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.cli.console import writing_to
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.summary import Summary
+import cmpsp_ros.demo.runner as demo_run
+from cmpsp_ros.bags import BagError
+from cmpsp_ros.cli.terminal import writing_to
+from cmpsp_ros.demo import DemoError, Summary
 
 
 def summary(**changes):

@@ -11,15 +11,12 @@ import yaml
 from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from rclpy.time import Time
 
-from cmpsp_ros.guidance.key_values import decision_to_key_values
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance import GuidanceLaw, decision_to_key_values
+from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 COMMANDS = (Twist, TwistStamped)
 CONFIG = Path(__file__).parents[2] / 'config'

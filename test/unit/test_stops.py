@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from cmpsp_ros.mpsp.qp.solution import QPStatus
+from cmpsp_ros.mpsp.qp import QPStatus
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / 'doc' / 'user' / 'stops.md').read_text(encoding='utf-8')

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from cmpsp_ros.mpsp.jit.folder import kernel_folder
+from cmpsp_ros.mpsp.jit import kernel_folder
 
 CMPSP = [sys.executable, '-m', 'cmpsp_ros.cli']
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.verify.case import Draft, Program, Rng
 from benchmarks.verify.clarabel_reference import solve
@@ -20,10 +19,9 @@ from benchmarks.verify.programs.general import (
 )
 from benchmarks.verify.programs.loop import subproblems
 from benchmarks.verify.programs.scenario import ordinary, tangent
-from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.qp import QPStatus, Subproblem
 
-Array = NDArray[np.float64]
 Change = Callable[[Known, Rng], Subproblem]
 
 _OF_THE_ROBOT = 0.5

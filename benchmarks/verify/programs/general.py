@@ -6,14 +6,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.verify.case import Draft, Program, Rng
-from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import Penalties
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import Penalties, Subproblem
 
 # Few pairs of n and r: stage-wise solvers are compiled for each.
 _SIZES = ((1, 1), (2, 1), (3, 2), (5, 2), (6, 3), (12, 4))

@@ -18,7 +18,7 @@ from benchmarks.verify.programs.degenerate import (
 from benchmarks.verify.programs.general import Known, row_values
 from benchmarks.verify.programs.loop import loops
 from benchmarks.verify.programs.scenario import blocked
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp import Subproblem
 
 _BLOCKED = 0.5
 

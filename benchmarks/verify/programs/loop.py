@@ -6,25 +6,18 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.verify.case import Draft, Program, Rng
 from benchmarks.verify.clarabel_reference import solve
 from benchmarks.verify.programs.scenario import Maker, Scenario
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.problem import OptimalControlProblem
-from cmpsp_ros.mpsp.qp import Penalties, QPStatus
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, Horizon, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, Cost, GuidanceProblem, sample_space
+from cmpsp_ros.guidance.planning import initial_guess
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.mpsp import OptimalControlProblem
+from cmpsp_ros.mpsp.models import ControlRateProblem
+from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
 
 Visit = tuple[str, Subproblem, Subproblem]
 """What a subproblem is, the subproblem, and one that came before it."""

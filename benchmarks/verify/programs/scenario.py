@@ -10,17 +10,12 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.verify.case import Rng
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.solver_settings import InitialGuess
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, InitialGuess
+from cmpsp_ros.parameters import TABLE, config_directory, guidance_settings, load_parameter_file
+from cmpsp_ros.world.obstacles import Obstacle
 
 # By name: another preset must not make other programs of the same seeds.
 _PRESETS: Final = ('case1', 'case2', 'case3', 'case3_45')

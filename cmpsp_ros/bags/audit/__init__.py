@@ -5,17 +5,3 @@ from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding, overall
 from cmpsp_ros.bags.audit.output import remarks, table, write_junit
 from cmpsp_ros.bags.audit.record import AuditRecord, read_record
 from cmpsp_ros.bags.audit.sources import Sources
-
-__all__ = [
-    'AuditRecord',
-    'CheckOutcome',
-    'Finding',
-    'Sources',
-    'audit',
-    'audit_record',
-    'overall',
-    'read_record',
-    'remarks',
-    'table',
-    'write_junit',
-]

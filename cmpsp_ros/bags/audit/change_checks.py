@@ -7,14 +7,12 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.bags.audit.finding import Verdict, passed_if, skipped
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import wheel_speeds
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
 
 _ROUNDING: Final = 1e-9
 """Part of a steering angle that is lost on the way to a twist and back."""
@@ -101,7 +99,7 @@ def _steering_angles(record: AuditRecord) -> Array:
     return np.array(said)
 
 
-def _unplanned(record: AuditRecord) -> NDArray[np.bool_]:
+def _unplanned(record: AuditRecord) -> BoolArray:
     """Commands without a known predecessor: halts, and the first after a gap."""
     if not record.decisions:
         unplanned = ~record.commands.moving

@@ -6,16 +6,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit.history import History
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.bags.runs.seen import Seen
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.road_functions import FAR
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.world.roads import FAR
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 EDGES = 2
 """The first columns of a clearance are the road's edges."""

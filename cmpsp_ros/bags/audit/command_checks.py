@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit.commands import agreeing
 from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped, unless
 from cmpsp_ros.bags.audit.legs import Leg
@@ -16,11 +16,7 @@ from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import wheel_speeds
 from cmpsp_ros.bags.runs.holes import Hole, in_words, overlaps
 from cmpsp_ros.bags.runs.odometry import mean_twists
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
-
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
 
 _ROUNDING = 1e-9
 """Part of a wheel speed that is lost on the way to a twist and back."""
@@ -274,9 +270,7 @@ def _lost_sentence(record: AuditRecord) -> str:
     return f'Odometry is not recorded {in_words(stamps, record.start)}.' if stamps else ''
 
 
-def _held(
-    leg: Leg, settings: GuidanceSettings
-) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
+def _held(leg: Leg, settings: GuidanceSettings) -> tuple[IntArray, IntArray, Array]:
     """The last part of the time for which each command holds, and the command."""
     stamps, twists = leg.commands.stamps, leg.commands.twists
     effects = stamps + round(settings.command_delay * NANOSECONDS)

@@ -6,18 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import OdometrySeries
-from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.robots.arcs import plain, with_side
+from cmpsp_ros.guidance.messages import stamp_of
+from cmpsp_ros.robots import plain, with_side
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Flags = NDArray[np.bool_]
+Stamps = IntArray
+Flags = BoolArray
 
 _TWIST, _STAMPED = 'geometry_msgs/msg/Twist', 'geometry_msgs/msg/TwistStamped'
 

@@ -11,9 +11,8 @@ from cmpsp_ros.bags.audit.command_checks import LATE
 from cmpsp_ros.bags.audit.finding import Verdict, not_judged, passed_if, skipped, unless
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.robots.arcs import speeds_and_turns
+from cmpsp_ros.guidance import NANOSECONDS, FallbackLevel, to_nanoseconds
+from cmpsp_ros.robots import speeds_and_turns
 
 _ROUNDING = 1e-6
 """What rounding may take from a clearance [m]."""

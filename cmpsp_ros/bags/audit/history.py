@@ -12,15 +12,11 @@ from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, NodeParameters, changes_in
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import shapes_of
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.parameters import TABLE, Values, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.courses import shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.world.obstacles import Shape
 
 
 @dataclass(frozen=True)

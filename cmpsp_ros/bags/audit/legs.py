@@ -9,17 +9,14 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.commands import Commands
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval, pieces
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, path_through
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from rich.text import Text
 from cmpsp_ros.bags.audit.finding import CheckOutcome, Finding
 from cmpsp_ros.bags.audit.record import AuditRecord
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance import NANOSECONDS
 
 _STYLES = {
     CheckOutcome.PASSED: 'green',

@@ -9,8 +9,8 @@ from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit.clearance import EDGES, NOTHING_NEAR, OUT_OF_REACH, Sweep
 from cmpsp_ros.bags.audit.finding import (
     CheckOutcome,
@@ -28,15 +28,10 @@ from cmpsp_ros.bags.runs.goals import Passing
 from cmpsp_ros.bags.runs.holes import is_within
 from cmpsp_ros.bags.runs.odometry import interpolated, wrapped
 from cmpsp_ros.bags.runs.seen import EXACT
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.messages.odometry_gate import motion_limits
-from cmpsp_ros.guidance.settings import GOAL, GuidanceSettings
-from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.world.roads.arc_length import project_on_path
-
-Array = NDArray[np.float64]
-
+from cmpsp_ros.guidance import GOAL, NANOSECONDS, Goal, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import motion_limits
+from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.world.roads import project_on_path
 
 _ROUNDING = 1e-6
 """What rounding may take from a clearance [m]."""
@@ -291,7 +286,7 @@ def _clear(record: AuditRecord, columns: slice, wanted: float) -> Verdict:
     return passed_if(not failed, sentence, **figures)
 
 
-def _measured(leg: Leg, stamps: NDArray[np.int64], delays: Array) -> Array:
+def _measured(leg: Leg, stamps: IntArray, delays: Array) -> Array:
     """The latest poses measured when commands take effect, shape ``(M, 3)``.
 
     Args:

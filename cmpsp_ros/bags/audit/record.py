@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit.clearance import Sweep, sweep
 from cmpsp_ros.bags.audit.commands import Commands, Pairs, pair, read_commands, timed
 from cmpsp_ros.bags.audit.history import History, read_history
@@ -26,11 +26,8 @@ from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
 from cmpsp_ros.bags.runs.run import Driven, truth_topic
 from cmpsp_ros.bags.runs.seen import Knowledge, Seen, look, sightings
 from cmpsp_ros.bags.runs.tracks import read_tracks, seen_at
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,3 @@
 """Bags as tables for pandas and spreadsheets."""
 
 from cmpsp_ros.bags.export.files import export
-
-__all__ = ['export']

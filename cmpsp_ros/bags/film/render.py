@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.audit import read_record
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.film.scene import BELOW, HEIGHT, has_wheels, scene
@@ -21,12 +21,9 @@ from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.bags.runs.run import read_driven
 from cmpsp_ros.bags.runs.tracks import seen_at
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.view.scene import bodies, body
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.view import bodies, body
 
 _STILL, _MOVING = (640, 480), (480, 320)
 _STILLS, _RATE = 4, 10

@@ -6,16 +6,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.physics import Physics, mjcf
-from cmpsp_ros.view.scene import Lines
-from cmpsp_ros.world.obstacles.shapes import Shape, outlines
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Physics, mjcf
+from cmpsp_ros.view import Lines
+from cmpsp_ros.world.obstacles import Shape, outlines
 
 Point = tuple[float, float]
 

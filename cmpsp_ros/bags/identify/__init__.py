@@ -9,11 +9,10 @@ from typing import Any
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.identify.drives import read_drives
 from cmpsp_ros.bags.identify.estimates import Identification, identification
+from cmpsp_ros.bags.identify.excitation import RADIUS, excitation
 from cmpsp_ros.bags.identify.parameter_file import write_parameters
 from cmpsp_ros.bags.identify.picture import draw
-from cmpsp_ros.parameters.presets import load_robot
-
-__all__ = ['Identification', 'Sources', 'draw', 'identify', 'write_parameters']
+from cmpsp_ros.parameters import load_robot
 
 
 def identify(

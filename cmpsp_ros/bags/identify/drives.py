@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.audit.commands import Commands, read_commands
 from cmpsp_ros.bags.audit.sources import Sources
 from cmpsp_ros.bags.decision_record import read_decisions
@@ -18,11 +18,10 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.odometry import OdometrySeries, read_odometry
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.robots import with_side
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 TIMEOUTS: Final = (math.inf, 0.2, 0.25, 0.5, 0.6, 1.0)
 """Usual times after which robots stop without a command [s]."""
@@ -68,10 +67,10 @@ class Series:
         return self.changes, self.commands
 
     @property
-    def leaps(self) -> NDArray[np.bool_]:
+    def leaps(self) -> BoolArray:
         """Steps that no command explains: odometry has jumped."""
         fastest = np.abs(self.commands).max()
-        leaps: NDArray[np.bool_] = np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1
+        leaps: BoolArray = np.abs(self.steps) > 5.0 * fastest * np.diff(self.stamps) + 0.1
         return leaps
 
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import Drive
 from cmpsp_ros.bags.identify.fit import LIMIT, SCALE, Fit, fit
 from cmpsp_ros.bags.identify.intervals import QUANTILE, Interval, delay_and_lag, parameter_interval
-
-Array = NDArray[np.float64]
 
 AXES: Final = (('linear', 'm/s', 'position', 'm'), ('angular', 'rad/s', 'heading', 'rad'))
 """Names of the axes with units of their speeds, and of their poses."""

@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.robots.arcs import arc_ends
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import arc_ends
 
 RADIUS: Final = 1.0
 """Radius of the circle around the start that is never left [m]."""

@@ -13,14 +13,12 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.drives import TIMEOUTS, Drive, Series
 from cmpsp_ros.bags.identify.noise import Noise, Steps, jumps_in, log_determinant, whitened
 from cmpsp_ros.bags.identify.response import Response
-
-Array = NDArray[np.float64]
 
 SUM, LAG, RATIO, SCALE, LIMIT = 0, 1, 2, 3, 5
 """Places of parameters: delay with lag, lag, ratio, two scales, and limits that were found."""

@@ -17,11 +17,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.identify.fit import LAG, RATIO, SUM, Fit
-
-Array = NDArray[np.float64]
 
 QUANTILE: Final = 2.58
 """Quantile of 99 %, to keep 95 % although noise is estimated and no robot is quite the model."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbtrf, dtbtrs
 from scipy.optimize import minimize
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
+from cmpsp_ros.arrays import Array, BoolArray
+
+Flags = BoolArray
 Steps = Sequence[tuple[Array, Array, Flags]]
 """Residuals of the steps of each drive, durations of the steps [s], and flags of jumps."""
 

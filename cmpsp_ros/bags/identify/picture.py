@@ -13,7 +13,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.identify.drives import Drive, Series
 from cmpsp_ros.bags.identify.estimates import AXES, Identification
 from cmpsp_ros.bags.identify.response import Response
-from cmpsp_ros.view.palette import BAGS, EDGE, GRID, TEXT
+from cmpsp_ros.view import BAGS, EDGE, GRID, TEXT
 
 _DETAIL: Final = 2.5
 """Length of what is shown enlarged [s]."""

@@ -17,9 +17,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
 
 _SHORTEST: Final = 1e-5
 """Time constant that stands for none [s]."""

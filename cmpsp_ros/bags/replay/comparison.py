@@ -8,9 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.key_values import MOVING, decision_to_key_values, waypoints
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.guidance import MOVING, Decision, decision_to_key_values, waypoints
+from cmpsp_ros.robots import with_side
 
 Pairs = Iterator[tuple[str, str | None, str | None]]
 

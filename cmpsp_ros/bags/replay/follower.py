@@ -14,11 +14,8 @@ from cmpsp_ros.bags.replay.inputs import (
     RunReset,
     RunStarted,
 )
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.goals import GoalError
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.guidance import Decision, GoalError, GuidanceLaw, GuidanceSettings
+from cmpsp_ros.parameters import Values
 
 
 class Follower:

@@ -13,20 +13,18 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import NodeParameters
 from cmpsp_ros.bags.replay.recording import OdometrySample, Recording
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.sensing.surroundings import Sighting
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import Goal
+from cmpsp_ros.guidance.messages import Seen
+from cmpsp_ros.parameters import Values
+from cmpsp_ros.sensing import Sighting
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,10 @@ from typing import Any
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import shapes_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES
-from cmpsp_ros.parameters.table import Values, is_of_ros
-from cmpsp_ros.world.obstacles.shapes import Shape
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros
+from cmpsp_ros.parameters.courses import shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES
+from cmpsp_ros.world.obstacles import Shape
 
 EVENTS = '/parameter_events'
 """Topic of the changes."""

@@ -8,23 +8,25 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord, Waypoint
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import EVENTS, changes_in
-from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.messages.peer_trajectories import Seen, plan_of, plan_topic
-from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
-from cmpsp_ros.sensing.grid_message import grid_of
-from cmpsp_ros.sensing.surroundings import Sighting
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import Goal, GoalError
+from cmpsp_ros.guidance.messages import (
+    OdometryError,
+    Seen,
+    TrackError,
+    goal_of,
+    plan_of,
+    plan_topic,
+    pose_of,
+    stamp_of,
+    tracks_of,
+)
+from cmpsp_ros.sensing import Sighting, grid_of
 
 _SLACK = 1_000_000_000
 """By how much messages that belong together may lie apart in a bag [ns]."""

@@ -25,11 +25,8 @@ from cmpsp_ros.bags.replay.inputs import (
     RunReset,
     RunStarted,
 )
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.guidance import Decision, GuidanceSettings
+from cmpsp_ros.parameters import ParameterError, Values, guidance_settings
 
 _OF_THIS_LAW: Final = ('solver.candidates', 'solver.initial_iterations')
 

@@ -27,11 +27,8 @@ from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import Halted, Input, Inputs, OdometryReceived
 from cmpsp_ros.bags.replay.recording import OdometrySample
 from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.parameters.table import Values
+from cmpsp_ros.guidance import Decision, GuidanceSettings
+from cmpsp_ros.parameters import TABLE, Values, guidance_settings
 
 PREFIX = '/what_if'
 """Before the names of what the changed law says."""

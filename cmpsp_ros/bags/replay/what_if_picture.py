@@ -8,16 +8,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.replay.what_if import WhatIf
-from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.view.drawing import draw, show
-from cmpsp_ros.view.palette import BAGS, GOAL
-from cmpsp_ros.view.scene import course
-from cmpsp_ros.view.traces import traces
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import with_side
+from cmpsp_ros.view import BAGS, GOAL, course, draw, show, traces
 
 _PLANS = 4
 _ROOM = 0.5

@@ -11,8 +11,6 @@ from cmpsp_ros.bags.report.page import page
 from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.view import View, labels, view
 
-__all__ = ['View', 'write_report']
-
 
 def write_report(
     paths: Sequence[Path], output: Path, sources: Sources | None = None, *, force: bool = False

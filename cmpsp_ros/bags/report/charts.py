@@ -9,13 +9,11 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.palette import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color
-from cmpsp_ros.view.traces import number, numbers
+from cmpsp_ros.view import GRID, LEVEL_COLORS, LIMIT, TEXT, bag_color, number, numbers
 
-Array = NDArray[np.float64]
 Figure = dict[str, Any]
 
 _BINS = 40

@@ -9,9 +9,22 @@ import numpy as np
 from cmpsp_ros.bags.report.charts import Figure, axis, escaped, layout, suffix
 from cmpsp_ros.bags.report.slider import goals_of
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.palette import MOVING, SEEN, TEXT, UNSEEN, bag_color
-from cmpsp_ros.view.scene import LOOKS, frame, map_corners
-from cmpsp_ros.view.traces import arrow, ends, goals_trace, hover, trace, traces
+from cmpsp_ros.view import (
+    LOOKS,
+    MOVING,
+    SEEN,
+    TEXT,
+    UNSEEN,
+    arrow,
+    bag_color,
+    ends,
+    frame,
+    goals_trace,
+    hover,
+    map_corners,
+    trace,
+    traces,
+)
 
 _PANEL, _GAP = 520, 0.13
 """Height of a panel [pixels], and the part of it that is left free below it."""

@@ -14,10 +14,7 @@ from cmpsp_ros.bags.report.charts import Figure as Chart
 from cmpsp_ros.bags.report.charts import clearance, controls, levels, quantities, step_times, suffix
 from cmpsp_ros.bags.report.path_chart import panels, path
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.view.drawing import draw
-from cmpsp_ros.view.palette import GRID, LIMIT
-from cmpsp_ros.view.scene import seen
-from cmpsp_ros.view.traces import traces
+from cmpsp_ros.view import GRID, LIMIT, draw, seen, traces
 
 
 def draw_report(views: Sequence[View], output: Path) -> Figure:

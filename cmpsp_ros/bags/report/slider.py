@@ -6,18 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.report.view import MOST_PLANS, View, thinned
 from cmpsp_ros.bags.runs.goals import goals_driven_to
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.view.grid_picture import grid_picture
-from cmpsp_ros.view.scene import body, disc
-from cmpsp_ros.view.traces import coordinates, numbers
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import Goal
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.view import body, coordinates, disc, grid_picture, numbers
 
 
 def moving(views: Sequence[View]) -> list[dict[str, Any]]:

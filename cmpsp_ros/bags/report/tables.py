@@ -10,10 +10,9 @@ import numpy as np
 
 from cmpsp_ros.bags.audit import CheckOutcome, overall
 from cmpsp_ros.bags.report.view import View
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import describe
-from cmpsp_ros.robots.robot import Signal
-from cmpsp_ros.view.palette import LEVEL_COLORS, bag_color
+from cmpsp_ros.parameters import TABLE, describe
+from cmpsp_ros.robots import Signal
+from cmpsp_ros.view import LEVEL_COLORS, bag_color
 
 _MOST_BANDS = 200
 

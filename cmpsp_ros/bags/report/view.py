@@ -13,24 +13,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.audit import AuditRecord, Finding, audit_record
 from cmpsp_ros.bags.audit.clearance import EDGES
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.node_parameters import hidden_obstacles
 from cmpsp_ros.bags.runs.run import Driven, Planned, plans_in
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Signal
-from cmpsp_ros.sensing.grid_message import grid_of
-from cmpsp_ros.view.scene import Part, bodies, body, course, disc, kept_clear, trail
-from cmpsp_ros.world.grids.occupancy_grid import GridError, OccupancyGrid
-from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.road_functions import FAR
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
+from cmpsp_ros.guidance.messages import Track, stamp_of
+from cmpsp_ros.robots import Signal
+from cmpsp_ros.sensing import grid_of
+from cmpsp_ros.view import Part, bodies, body, course, disc, kept_clear, trail
+from cmpsp_ros.world.grids import GridError, OccupancyGrid
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import FAR
 
 MOST_POINTS = 4000
 """Points of a curve that are drawn; a screen shows no more."""
@@ -244,7 +241,7 @@ class View:
         x, y, _ = driven.poses[len(driven.poses) // 4].tolist()
         return Part('robot', (driven.poses[:, :2], *ends.lines), ((name, (x, y)),))
 
-    def _seconds(self, stamps: NDArray[np.int64]) -> Array:
+    def _seconds(self, stamps: IntArray) -> Array:
         seconds: Array = (stamps - self.record.start) / NANOSECONDS
         return seconds
 

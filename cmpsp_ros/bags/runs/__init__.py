@@ -1,1 +1,7 @@
 """A recorded run as arrays: decisions, goals, moving obstacles and what they came near."""
+
+from cmpsp_ros.bags.runs.encounters import encounters, robot_encounters
+from cmpsp_ros.bags.runs.goals import Passing, mean_speed
+from cmpsp_ros.bags.runs.holes import holes, in_words, is_within, longest_interval, overlaps, pieces
+from cmpsp_ros.bags.runs.run import Driven, Run, read_run
+from cmpsp_ros.bags.runs.tracks import seen_at

@@ -6,17 +6,16 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import Driven, driven_in
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.robots.footprint import Bodies
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.robots import Bodies
+from cmpsp_ros.world.obstacles import MovingDiscs
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 _STANDS = 1e-3
 """Speed and turn rate below which a robot stands [m/s, rad/s]."""
@@ -36,7 +35,7 @@ class Encounter:
     name: str
     stamps: Stamps
     clearance: Array
-    stands: NDArray[np.bool_]
+    stands: BoolArray
 
 
 def encounters(

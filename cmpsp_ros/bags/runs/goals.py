@@ -7,15 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby, pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.arc_length import arc_length_to
-
-Array = NDArray[np.float64]
+from cmpsp_ros.guidance import Goal, GuidanceSettings
+from cmpsp_ros.world.roads import arc_length_to
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import IntArray
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, GuidanceSettings
 
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 _LOST: Final = 3.0
 """Median intervals between two messages from which on some are missing."""

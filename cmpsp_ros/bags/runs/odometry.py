@@ -8,14 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import OdometryError, pose_of, stamp_of
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 _TYPE = 'nav_msgs/msg/Odometry'
 

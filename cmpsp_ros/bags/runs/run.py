@@ -6,19 +6,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.tracks import read_tracks
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.robots.arcs import arc_ends, plain
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import Track, heading_of, stamp_of
+from cmpsp_ros.robots import arc_ends, plain
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 
 
 @dataclass(frozen=True)

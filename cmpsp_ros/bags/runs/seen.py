@@ -10,23 +10,27 @@ from itertools import islice
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.footprint import Footprint, contains, placed
-from cmpsp_ros.sensing import laser_scan, point_cloud
-from cmpsp_ros.sensing.beams import Beams, ScanError, Sensor, project
-from cmpsp_ros.sensing.grid_message import grid_of
-from cmpsp_ros.sensing.local_grid import LocalGrid
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
+from cmpsp_ros.guidance.messages import stamp_of
+from cmpsp_ros.robots import Footprint, contains, placed
+from cmpsp_ros.sensing import (
+    Beams,
+    LocalGrid,
+    ScanError,
+    Sensor,
+    grid_of,
+    laser_scan,
+    point_cloud,
+    project,
+)
+from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid
 
-Array = NDArray[np.float64]
-Stamps = NDArray[np.int64]
+Stamps = IntArray
 Window = tuple[float, float]
 
 EXACT: Final = 0.05
@@ -258,6 +262,6 @@ def _beams(sensor: Sensor, kind: str, message: Any, paths: Sequence[Driven]) -> 
     return None
 
 
-def _in_discs(points: Array, discs: Array) -> NDArray[np.bool_]:
+def _in_discs(points: Array, discs: Array) -> BoolArray:
     away = np.hypot(*(points[:, None] - discs[:, :2]).transpose(2, 0, 1))
     return np.asarray((away <= discs[:, 2] + EXACT).any(axis=1))

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.tracks import Track, TrackError, tracks_of
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import Track, TrackError, tracks_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:

@@ -7,18 +7,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import UNTIMED, Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER, to_nanoseconds
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.robots.arcs import speeds_and_turns
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import speeds_and_turns
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 
 class DecisionBuilder:

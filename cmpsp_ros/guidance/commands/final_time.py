@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
 from cmpsp_ros.guidance.horizon import Horizon, to_nanoseconds
@@ -14,9 +12,7 @@ from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.obstacles import MovingDiscs
 
 
 class FinalTime:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.commands.decision_builder import DecisionBuilder
 from cmpsp_ros.guidance.decision import Decision, FallbackLevel
 from cmpsp_ros.guidance.horizon import NANOSECONDS
@@ -15,8 +13,6 @@ from cmpsp_ros.guidance.safety.fallback import Fallback
 from cmpsp_ros.guidance.safety.lateness import clear_fraction
 from cmpsp_ros.guidance.settings import GuidanceSettings
 from cmpsp_ros.guidance.state import LawState
-
-Array = NDArray[np.float64]
 
 
 class LateCommands:

@@ -11,7 +11,7 @@ import numpy as np
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world import FreeSpace
 
 
 def path_space(settings: GuidanceSettings) -> FreeSpace:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.ocp_functions import (
     EXACT,
@@ -20,19 +20,11 @@ from cmpsp_ros.guidance.formulation.ocp_functions import (
     GuidanceData,
     TerminalConstraint,
 )
-from cmpsp_ros.mpsp.problem import (
-    Dimensions,
-    Evaluation,
-    Hessian,
-    Linearisation,
-    OptimalControlProblem,
-)
-from cmpsp_ros.mpsp.qp.active_set.fill import derivatives_in
-from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp import Dimensions, Evaluation, Hessian, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.qp.active_set import derivatives_in
+from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world import FreeSpace
 
 _HESSIANS: dict[Hessian, int] = {
     'gauss_newton': GAUSS_NEWTON,

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
 from cmpsp_ros.guidance.formulation.guidance_problem import Cost
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS, TerminalConstraint
 from cmpsp_ros.guidance.formulation.priorities import PENALTIES
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.models.control_rate import rate_rows
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.inter_sample_margin import at_ends
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.models import rate_rows
+from cmpsp_ros.world import FreeSpace, at_ends
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 # Without a wheel limit the arcs between samples are the plan's own, with this reserve for a result
 # of the iterations that is faster or turns faster.

@@ -9,17 +9,14 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import point_of
-from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.robot_functions import put_gradients, roll_out
-from cmpsp_ros.world.grids.field_functions import Fields
-from cmpsp_ros.world.obstacles.shape_functions import away_from
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road_space import RoadSpace
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, point_of, put_gradients, roll_out
+from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world.obstacles import away_from
+from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 Records = NDArray[np.void]
 
 N_EDGE_CONSTRAINTS = 2

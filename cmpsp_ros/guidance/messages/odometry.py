@@ -6,13 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages import checks
 from cmpsp_ros.guidance.messages.checks import check_frame, is_place
-
-Array = NDArray[np.float64]
 
 
 class OdometryError(ValueError):

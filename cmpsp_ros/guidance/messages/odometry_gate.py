@@ -6,10 +6,11 @@ import math
 from enum import Enum, auto
 from typing import Any, Final
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.messages.odometry import Array, OdometryError, check_age
+from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.robots import Robot
 
 _OVERSPEED: Final = 1.25
 """Ratio of the speed that odometry may show to the limit of the wheels."""

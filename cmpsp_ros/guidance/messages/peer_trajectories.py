@@ -11,14 +11,12 @@ from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.checks import check_frame, is_place
 from cmpsp_ros.guidance.messages.odometry import stamp_of
 from cmpsp_ros.guidance.messages.tracks import Track, TrackError
-
-Array = NDArray[np.float64]
 
 MOST: Final = 10_000
 """Poses in a plan; more are none that somebody makes every control period."""

@@ -16,8 +16,7 @@ from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages import checks
 from cmpsp_ros.guidance.messages.checks import FARTHEST, check_frame
 from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.sensing.beams import ScanError
-from cmpsp_ros.sensing.point_layout import points_of
+from cmpsp_ros.sensing import ScanError, points_of
 
 FLOATS: Final = ('x', 'y', 'vx', 'vy', 'radius')
 """Fields of a message that are floats of either length; `id` is an integer of any."""

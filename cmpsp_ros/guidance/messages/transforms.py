@@ -9,12 +9,10 @@ from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.odometry import heading_of, stamp_of
-
-Array = NDArray[np.float64]
 
 _KEPT: Final = 1000
 """Transforms that are remembered of a frame."""

@@ -11,8 +11,7 @@ from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.approach import STANDSTILL, Approach, Contact
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.arc_length import arc_length_to
-from cmpsp_ros.world.roads.road import Point
+from cmpsp_ros.world.roads import Point, arc_length_to
 
 _SHORTEST = 0.5
 """Part of the arc length along the centre line that a way through bends has at least."""

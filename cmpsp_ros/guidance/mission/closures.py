@@ -14,14 +14,11 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.arc_length import arc_length_to
-from cmpsp_ros.world.roads.road import Point, Road
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import Point, Road, arc_length_to
 
 _EDGES: Final = 2
 
@@ -95,7 +92,7 @@ def _gaps(road: Road, shapes: tuple[Shape, ...]) -> Array:
     return gaps
 
 
-def _chain(is_closed: NDArray[np.bool_]) -> list[int]:
+def _chain(is_closed: BoolArray) -> list[int]:
     """A shortest chain from one edge to the other; empty where there is none."""
     chains, known = [[0]], {0}
     for chain in chains:

@@ -14,7 +14,7 @@ import numpy as np
 from cmpsp_ros.guidance.goals import Follow
 from cmpsp_ros.guidance.mission.closures import closures
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.road import Point
+from cmpsp_ros.world.roads import Point
 
 
 def shortest_time(settings: GuidanceSettings, start: Point) -> float:

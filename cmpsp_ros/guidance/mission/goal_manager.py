@@ -7,17 +7,14 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Goal, GoalError, Target
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.mission.return_to_goal import is_away, return_time, turn_rate
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
-from cmpsp_ros.world.roads.road import Point
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.roads import Point, arc_length_to, lookahead_point
 
 # Least control periods on the way to a goal: there must be something to steer with.
 _FEWEST: Final = 5

@@ -10,15 +10,13 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.horizon import Horizon
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-
-Array = NDArray[np.float64]
 
 _TURN_RATE: Final = 1.0
 _FRACTION_OF_LIMIT: Final = 0.5

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
 
 
 def reason_not_to_begin(settings: GuidanceSettings, pose: Array) -> str:

@@ -1,1 +1,7 @@
 """From a pose to the best plan: guesses, iterations, and the choice among candidates."""
+
+from cmpsp_ros.guidance.planning.candidate import SolveResult
+from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
+from cmpsp_ros.guidance.planning.manoeuvres import manoeuvres
+from cmpsp_ros.guidance.planning.planner import FUNCTIONS, Planner
+from cmpsp_ros.guidance.planning.planning_context import PlanningContext

@@ -8,7 +8,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
+from cmpsp_ros.world.obstacles import MovingDiscs
 
 
 class SolveResult(NamedTuple):

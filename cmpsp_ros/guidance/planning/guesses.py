@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.homotopy.path_search import (
@@ -19,8 +17,6 @@ from cmpsp_ros.guidance.planning.homotopy.path_search import (
 from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
 from cmpsp_ros.guidance.planning.manoeuvres import has_to_turn, manoeuvres
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-
-Array = NDArray[np.float64]
 
 
 class Guesses:

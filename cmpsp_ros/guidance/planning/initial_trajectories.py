@@ -6,25 +6,23 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import (
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import (
     ACKERMANN,
     OMNIDIRECTIONAL,
     OWN,
     OWN_SIDEWAYS,
     Kinematics,
+    drive,
+    fastest_wheel,
 )
-from cmpsp_ros.robots.own.functions import steer as steer_own
-from cmpsp_ros.robots.robot_functions import drive, fastest_wheel
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road_space import RoadSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots.own import steer as steer_own
+from cmpsp_ros.world.roads import RoadSpace, road_functions
 
 _LOOKAHEAD = 1.0
 SHORTEST_LOOKAHEAD: Final = 0.3

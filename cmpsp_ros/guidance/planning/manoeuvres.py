@@ -8,17 +8,15 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.initial_trajectories import along_road
 from cmpsp_ros.guidance.planning.reeds_shepp import STRAIGHT, Segment, length_of, shortest_paths
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_points
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world.roads import arc_length_to, lookahead_points
 
 Way = tuple[Segment, ...]
 

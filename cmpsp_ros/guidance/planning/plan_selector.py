@@ -11,8 +11,8 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.planning.alternative_pool import Alternative, AlternativePool
@@ -25,9 +25,7 @@ from cmpsp_ros.guidance.planning.ranking import Ranking
 from cmpsp_ros.guidance.safety.audit import Audit
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
 from cmpsp_ros.guidance.solver_settings import SCREENING
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
 
 _MILLISECONDS = 1e-6
 

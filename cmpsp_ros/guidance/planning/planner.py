@@ -6,8 +6,8 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation import ocp_functions
 from cmpsp_ros.guidance.formulation.guidance_problem import (
@@ -27,18 +27,13 @@ from cmpsp_ros.guidance.horizon_functions import remaining, steps_over
 from cmpsp_ros.guidance.planning.candidate import SolveResult
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
 from cmpsp_ros.guidance.solver_settings import UNLIMITED
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.models.control_rate import CONTROL_RATE, ControlRateData
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp import SLACK_TOLERANCE, Dimensions, Options
+from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData
 from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPStatus
-from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.sqp.driver import Driver, Functions
-from cmpsp_ros.robots.acceleration import within_ramp
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
+from cmpsp_ros.mpsp.sqp import Driver, Functions
+from cmpsp_ros.robots import Robot, within_ramp
+from cmpsp_ros.world import FreeSpace
 
 FUNCTIONS: Final = Functions(ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
 """The robot's problem, compiled."""
@@ -72,7 +67,7 @@ class Planner:
         self._given: GuidanceData
         self._horizon: Horizon | None = None
         # Addresses of the functions that `CONTROL_RATE` calls.
-        self._inner: NDArray[np.int64] | None = None
+        self._inner: IntArray | None = None
         period = to_nanoseconds(settings.control_period)
         longest = remaining(0, period, to_nanoseconds(settings.longest_horizon))
         # By the number of outputs, and kept for when that is asked for again; the second are for
@@ -255,16 +250,14 @@ def _goal_of(target: Target) -> tuple[Array, float]:
     return np.array(target.position, dtype=float), heading
 
 
-def _counters(driver: Driver) -> tuple[NDArray[np.int64], ...]:
+def _counters(driver: Driver) -> tuple[IntArray, ...]:
     """Outcome, relaxation level, iterations, active rows, solver iterations and work, as views."""
     run, head = driver.ws.run, driver.ws.program.head
     results = (run[name] for name in ('outcome', 'level', 'iterations', 'active_rows'))
     return (*results, head['iterations'], head['work'])
 
 
-def _summary(
-    driver: Driver, counters: tuple[NDArray[np.int64], ...], horizon: Horizon
-) -> SolveResult:
+def _summary(driver: Driver, counters: tuple[IntArray, ...], horizon: Horizon) -> SolveResult:
     ws, back_end, stages = driver.ws, driver.back_end, len(horizon.edges)
     outcome, level, iterations, active_rows, qp_iterations, work = [
         each.item() for each in counters

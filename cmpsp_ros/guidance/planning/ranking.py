@@ -6,22 +6,17 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.priorities import BY_PRIORITY
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.robot_functions import fastest_wheel
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road import Road
-from cmpsp_ros.world.roads.road_space import RoadSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, fastest_wheel
+from cmpsp_ros.world.roads import Road, RoadSpace, road_functions
 
 # A plan is replaced only by one that leaves less than half of a flaw, or costs so much less: two
 # plans that are about as good must not take turns.

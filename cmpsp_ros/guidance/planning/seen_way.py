@@ -7,16 +7,13 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings, Searched
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cell
-from cmpsp_ros.world.map_line import KeptLine, is_beside
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace, KeptLine, is_beside
+from cmpsp_ros.world.grids import Cell, GridObstacle
+from cmpsp_ros.world.roads import OpenFloor
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 _SPACING: Final = 0.1
@@ -102,7 +99,7 @@ def _line(settings: GuidanceSettings, searched: Searched, place: Array, goal: Po
     return np.empty((0, 2)) if search is None else search.line(place, goal, _SPACING)
 
 
-def _is_blocked(settings: GuidanceSettings, seen: GridObstacle, line: Array) -> NDArray[np.bool_]:
+def _is_blocked(settings: GuidanceSettings, seen: GridObstacle, line: Array) -> BoolArray:
     """Whether the robot cannot pass points, shape ``(K,)``."""
     poses = np.column_stack([line, np.zeros(len(line))])
     clearance = FreeSpace.of(OpenFloor(), (seen,), settings.kept / 2.0).at(poses)[:, 2]

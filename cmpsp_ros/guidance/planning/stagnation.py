@@ -14,8 +14,7 @@ from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.world.roads.arc_length import remaining_arc_length
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world.roads import Road, remaining_arc_length
 
 PATIENCE: Final = 3
 """Control steps for which a plan that gains too little is driven: it may yet be improved."""

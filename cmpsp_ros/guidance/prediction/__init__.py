@@ -1,1 +1,10 @@
 """What the law predicts before it plans: pending commands, slip, moving obstacles."""
+
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)

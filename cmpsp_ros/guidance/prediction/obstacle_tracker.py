@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, Seen
 from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 
 class ObstacleTracker:

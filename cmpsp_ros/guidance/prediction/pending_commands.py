@@ -12,11 +12,9 @@ from collections import deque
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-
-Array = NDArray[np.float64]
 
 _REMEMBERED: Final = 5 * NANOSECONDS
 """Age of the oldest command that is kept beside the one before it [ns]."""

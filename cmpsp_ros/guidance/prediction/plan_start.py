@@ -6,10 +6,10 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 AT_REST: Final = np.zeros(2)
 
@@ -25,8 +25,8 @@ class PlanStart(NamedTuple):
         previous_control: Control commanded until then, shape ``(r,)``.
     """
 
-    pose: NDArray[np.float64]
+    pose: Array
     robot: Robot
     moving: MovingDiscs = NOTHING_MOVES
     progress: float = math.nan
-    previous_control: NDArray[np.float64] = AT_REST
+    previous_control: Array = AT_REST

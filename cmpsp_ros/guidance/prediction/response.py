@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.response_functions import SLICES
-from cmpsp_ros.robots.acceleration import with_lag
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import with_lag
 
 
 class Response(NamedTuple):

@@ -24,14 +24,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.prediction.response_functions import put_misfits, settle
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Robot
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import Robot
 
 _UNNOTICED: Final = 0.002
 """Error of a prediction that is always allowed for [m]."""

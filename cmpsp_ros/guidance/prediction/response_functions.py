@@ -9,14 +9,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.robot_functions import drive
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, drive
 
 SLICES: Final = 4
 """Arcs in which the robot is moved while a lagging control approaches one command."""

@@ -19,12 +19,10 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.robots.robot import Robot
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import Robot
 
 # Weight of the prior, as if seen over such a length at a time [m]; halved with every period.
 _PRIOR_LENGTH: Final = 0.4

@@ -12,22 +12,18 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.prediction.response import Risk
 from cmpsp_ros.guidance.safety.audit import TOUCHING, Audit, Verdict
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import MAP, SEEN, GuidanceSettings
-from cmpsp_ros.robots.acceleration import braking, least_scale
-from cmpsp_ros.robots.arcs import speeds_and_turns
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-from cmpsp_ros.world.roads.open_floor import OpenFloor
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import braking, least_scale, speeds_and_turns
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.roads import OpenFloor
 
 _SPEEDS: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 

@@ -8,8 +8,8 @@ from functools import reduce
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
@@ -17,12 +17,9 @@ from cmpsp_ros.guidance.prediction.response import Response, driven
 from cmpsp_ros.guidance.safety.plan_sweep import FOUND, sweep_plan
 from cmpsp_ros.guidance.safety.road_braking import brakings_on_road
 from cmpsp_ros.guidance.settings import SEEN, GuidanceSettings
-from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.robots.acceleration import NO_RAMP, braking
-from cmpsp_ros.robots.footprint import placed
-from cmpsp_ros.world.obstacles.moving_discs import NOTHING_MOVES, MovingDiscs
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import entry_for
+from cmpsp_ros.robots import NO_RAMP, braking, placed
+from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 TOUCHING: Final = 1e-3
 """Penetration up to which something is said to touch [m]: odometry errs by more."""

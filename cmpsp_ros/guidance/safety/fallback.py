@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
 from cmpsp_ros.guidance.horizon_functions import shift
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit, Verdict
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.acceleration import within_ramp
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import within_ramp
 
 
 class Fallback:

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.safety.audit import Audit
-
-Array = NDArray[np.float64]
 
 # Halvings of the work of a step, at most, and control steps in time after which one is taken back.
 _MOST_HALVINGS: Final = 3

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.decision import Decision
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
 from cmpsp_ros.guidance.settings import GuidanceSettings
 
 
-def plan_clearance(settings: GuidanceSettings, decision: Decision) -> NDArray[np.float64]:
+def plan_clearance(settings: GuidanceSettings, decision: Decision) -> Array:
     """Least clearance of a plan from each pose to the next, and at the last.
 
     From road edges and obstacles, moving ones too, minus the robot's radius; its minimum is the
@@ -41,5 +41,5 @@ def plan_clearance(settings: GuidanceSettings, decision: Decision) -> NDArray[np
         points = settings.footprint.discs
         discs = moving.grown(radius).along(plan.poses, twists, durations, times, points)
         clearance = np.hstack([clearance, discs])
-    least: NDArray[np.float64] = clearance.min(axis=1)
+    least: Array = clearance.min(axis=1)
     return least

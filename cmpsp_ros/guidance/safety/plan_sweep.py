@@ -5,23 +5,25 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import arc_from, arc_of_point, point_of
-from cmpsp_ros.robots.kinematics import Kinematics
-from cmpsp_ros.robots.robot_functions import arc_of, fastest_wheel
-from cmpsp_ros.world.grids.field_functions import Fields
-from cmpsp_ros.world.obstacles.moving_discs import RADIUS, VELOCITY_X, VELOCITY_Y, X, Y
-from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
-from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, distance_from, sweep
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road_space import RoadSpace
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Kinematics, arc_from, arc_of, arc_of_point, fastest_wheel, point_of
+from cmpsp_ros.world.grids import Fields
+from cmpsp_ros.world.obstacles import (
+    RADIUS,
+    ROUGHNESS,
+    VELOCITY_X,
+    VELOCITY_Y,
+    X,
+    Y,
+    distance_from,
+    sweep,
+    sweep_moving,
+)
+from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 FOUND: Final = 9
 """How many numbers `sweep_plan` finds."""

@@ -7,14 +7,11 @@ from collections.abc import Iterator
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.robots.acceleration import braking
-from cmpsp_ros.world.roads.arc_length import lookahead_points
-from cmpsp_ros.world.roads.road import Road
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import braking
+from cmpsp_ros.world.roads import Road, lookahead_points
 
 _AHEAD: Final = 1.0
 """Time in which the point that is pursued would be reached [s]."""

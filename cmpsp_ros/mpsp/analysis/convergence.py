@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
 
 _LEAST_POINTS = 4
 _TAIL = 20
@@ -127,14 +126,14 @@ def _error_of_last(steps: Array, rounding: float) -> float:
     return float(steps[-1] * rate / (1.0 - rate)) if rate < 1.0 else math.inf
 
 
-def _last_run(wanted: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _last_run(wanted: BoolArray) -> IntArray:
     """Indices of the last unbroken run of True."""
     indices = np.flatnonzero(wanted)
     breaks = np.flatnonzero(np.diff(indices) > 1)
     return indices[breaks[-1] + 1 :] if len(breaks) else indices
 
 
-def _slope(x: NDArray[np.int64], y: Array) -> tuple[float, float]:
+def _slope(x: IntArray, y: Array) -> tuple[float, float]:
     """Slope of a regression line, and half the width of its confidence interval."""
     from scipy.stats import linregress, t  # noqa: PLC0415 (slow to import, and seldom asked for)
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.models.differences import central_differences
-from cmpsp_ros.mpsp.problem import Array, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense, gradient
 from cmpsp_ros.mpsp.status import Solution, Status
 

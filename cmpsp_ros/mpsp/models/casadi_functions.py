@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.mpsp.arguments import control_bounds, numbers, terminal_target, vector, whole_number
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.stage_problem import StageProblem
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Evaluation, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 if TYPE_CHECKING:
@@ -207,7 +208,7 @@ class _CasadiProblem(StageProblem):
         target: Array,
         bounds: tuple[Array, Array],
         p_values: Array,
-        applies: NDArray[np.bool_],
+        applies: BoolArray,
     ) -> None:
         super().__init__(size, start, target, bounds)
         self._expressions, self._p, self._applies = expressions, p_values, applies

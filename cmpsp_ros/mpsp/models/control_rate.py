@@ -11,11 +11,11 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.jit.addresses import call, call_for_float
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.problem import (
-    Array,
     Dimensions,
     Evaluation,
     Hessian,

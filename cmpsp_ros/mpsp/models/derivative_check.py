@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.differences import STEP, central_differences
 from cmpsp_ros.mpsp.problem import (
-    Array,
     Hessian,
     Linearisation,
     OptimalControlProblem,

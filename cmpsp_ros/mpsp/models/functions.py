@@ -6,13 +6,14 @@ from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.mpsp.arguments import control_bounds, terminal_target, vector, whole_number
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.differences import Scheme, StageFunction
 from cmpsp_ros.mpsp.models.stage_problem import StageProblem
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Evaluation, Hessian, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import Dimensions, Evaluation, Hessian, OptimalControlProblem
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 
 Derivatives = Literal['auto', Scheme]
@@ -142,7 +143,7 @@ class _FunctionsProblem(StageProblem):
         self._functions = functions
         self._fixed = self._fixed_at_start()
 
-    def _fixed_at_start(self) -> NDArray[np.bool_]:
+    def _fixed_at_start(self) -> BoolArray:
         """Which path constraints at stage 0 no control changes, shape ``(l,)``."""
         if self._functions.g is None:
             return np.empty(0, dtype=bool)
@@ -150,7 +151,7 @@ class _FunctionsProblem(StageProblem):
             self._functions.g(0, np.concatenate([self._start, probe[self.size.state :]]))
             for probe in _probes(self._start, self.control_lower, self.control_upper)
         ]
-        fixed: NDArray[np.bool_] = np.all([value == values[0] for value in values], axis=0)
+        fixed: BoolArray = np.all([value == values[0] for value in values], axis=0)
         return fixed
 
     def predict(self, U: Array) -> Array:

@@ -6,8 +6,8 @@ from abc import abstractmethod
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.problem import (
-    Array,
     Dimensions,
     Hessian,
     Linearisation,

@@ -11,22 +11,9 @@ from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.qp import riccati_backend
 from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend, hildreth
+from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve, solve_from
 from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Backend, Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
-
-__all__ = [
-    'CLARABEL',
-    'RICCATI_ACTIVE_SET',
-    'Backend',
-    'Penalties',
-    'QPSolution',
-    'QPStatus',
-    'Row',
-    'available',
-    'backend',
-    'kkt_residual',
-    'solve_qp',
-]
 
 RICCATI_ACTIVE_SET = 'riccati_active_set'
 """The default back end."""

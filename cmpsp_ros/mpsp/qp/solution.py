@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 TOLERANCE = 1e-5

@@ -9,7 +9,8 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.mpsp.problem import Array, Hessian
+from cmpsp_ros.mpsp.problem import Hessian
 from cmpsp_ros.mpsp.qp import Penalties, QPSolution, QPStatus, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.correction import activate, correct
 from cmpsp_ros.mpsp.qp.active_set.fill import Space, put_solution, subproblem_in

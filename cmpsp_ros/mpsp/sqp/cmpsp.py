@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE, Iterate, Record, Size, Step, record
 from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Array, Evaluation, Linearisation, OptimalControlProblem
+from cmpsp_ros.mpsp.problem import Evaluation, Linearisation, OptimalControlProblem
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.active_set.fill import put_derivatives
 from cmpsp_ros.mpsp.qp.riccati.program import Records

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.addresses import address_of
 from cmpsp_ros.mpsp.jit.compiled import entry_for
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Hessian
+from cmpsp_ros.mpsp.problem import Dimensions, Hessian
 from cmpsp_ros.mpsp.qp.active_set.correction import correct
 from cmpsp_ros.mpsp.qp.active_set.fill import Space, compiled_size
 from cmpsp_ros.mpsp.qp.active_set.solver import solve

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import Program

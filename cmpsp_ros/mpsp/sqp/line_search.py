@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.sqp.merit import magnitude, merit, violation
 from cmpsp_ros.mpsp.sqp.workspace import Workspace
 

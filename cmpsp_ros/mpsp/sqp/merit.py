@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.sqp.workspace import Trajectory
 

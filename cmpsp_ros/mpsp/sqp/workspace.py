@@ -7,7 +7,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Dimensions
 from cmpsp_ros.mpsp.qp.riccati.program import Program, Records, empty_program
 
 START, EVALUATED, LINEARISED, QP_ANSWERED, SEARCHING, CORRECTED, FULL_STEP = 0, 1, 2, 3, 4, 5, 6

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 from sensor_msgs.msg import PointCloud2, PointField
 
-from cmpsp_ros.guidance.messages.tracks import FLOATS
+from cmpsp_ros.guidance.messages import FLOATS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cmpsp_ros.guidance.messages.tracks import Track
+    from cmpsp_ros.guidance.messages import Track
 
 _NS: Final = 1_000_000_000
 

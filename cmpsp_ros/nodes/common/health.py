@@ -10,7 +10,7 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 
-from cmpsp_ros.guidance.key_values import exact_repr, response_ms
+from cmpsp_ros.guidance import exact_repr, response_ms
 from cmpsp_ros.nodes.common.topics import HEALTH
 
 if TYPE_CHECKING:

@@ -13,18 +13,17 @@ from rcl_interfaces.msg import (
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.runtime import overrides
-from cmpsp_ros.parameters.courses.files import with_files
-from cmpsp_ros.parameters.parameter import ParameterType
-from cmpsp_ros.parameters.presets import config_directory
+from cmpsp_ros.parameters import ParameterType, config_directory
+from cmpsp_ros.parameters.courses import with_files
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from rclpy.node import Node
 
-    from cmpsp_ros.parameters.parameter import Node as NodeName
-    from cmpsp_ros.parameters.parameter import Parameter as Row
-    from cmpsp_ros.parameters.table import ParameterTable, Values
+    from cmpsp_ros.parameters import Node as NodeName
+    from cmpsp_ros.parameters import Parameter as Row
+    from cmpsp_ros.parameters import ParameterTable, Values
 
 _UNBOUNDED = 1e9
 """Beyond what any parameter may hold."""

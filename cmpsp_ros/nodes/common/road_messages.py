@@ -8,7 +8,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
 if TYPE_CHECKING:
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.parameters import Values
 
 
 def path_of(values: Values) -> Path:

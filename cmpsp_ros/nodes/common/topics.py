@@ -18,9 +18,9 @@ from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance.messages.peer_trajectories import plan_topic
+from cmpsp_ros.guidance.messages import plan_topic
 from cmpsp_ros.nodes.common.topic import Topic
-from cmpsp_ros.parameters.documentation import with_section
+from cmpsp_ros.parameters import with_section
 
 OF_A_RUN = 1000
 """Depth for topics that are recorded.

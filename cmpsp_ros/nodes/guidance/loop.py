@@ -6,12 +6,9 @@ import math
 import time
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS, NEVER
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.odometry import OdometryError, stamp_of
-from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
-from cmpsp_ros.guidance.mission.start import reason_not_to_begin
+from cmpsp_ros.guidance import NANOSECONDS, NEVER, FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, stamp_of
+from cmpsp_ros.guidance.mission import reason_not_to_begin
 from cmpsp_ros.nodes.common.health import StepTimes
 from cmpsp_ros.nodes.guidance.inputs.clock_watchdog import ClockWatch
 from cmpsp_ros.nodes.guidance.inputs.goal_input import GoalInput
@@ -27,10 +24,9 @@ from cmpsp_ros.nodes.guidance.outputs.publishers import GuidanceOutputs
 if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance.decision import Decision
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import Decision, GuidanceSettings
     from cmpsp_ros.nodes.timing.garbage import GarbageCollection
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.parameters import Values
 
 _WATCH_PERIOD = 0.025
 

@@ -8,7 +8,7 @@ from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
+from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.lifecycle import (
     ACTIVE,
@@ -27,13 +27,15 @@ from cmpsp_ros.nodes.guidance.outputs.diagnostics import report_on
 from cmpsp_ros.nodes.timing.compiling import LateCompilations, prepare_aloud
 from cmpsp_ros.nodes.timing.garbage import GarbageCollection
 from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.course import course_problems
-from cmpsp_ros.parameters.courses.roads import lacks_road
-from cmpsp_ros.parameters.errors import ParameterError, Problem
-from cmpsp_ros.parameters.plausibility import plausibility_warnings
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    Problem,
+    guidance_settings,
+    is_of_ros,
+    plausibility_warnings,
+)
+from cmpsp_ros.parameters.courses import course_problems, lacks_road
 from cmpsp_ros.quick_exit import quick_exit
 
 if TYPE_CHECKING:
@@ -41,8 +43,8 @@ if TYPE_CHECKING:
     from rclpy.parameter import Parameter
     from std_srvs.srv import Trigger
 
-    from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.guidance import GuidanceSettings
+    from cmpsp_ros.parameters import Values
 
 _GUIDED = 'Another node guides this robot: {}.'
 

@@ -13,8 +13,7 @@ from rclpy.time import Time
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, BagError, UnknownTypeError
 from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import offering
 from cmpsp_ros.nodes.common.runtime import run

@@ -15,8 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 
-from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagError, BagWriter, UnknownTypeError
 from cmpsp_ros.nodes.common.health import Health, Report
 from cmpsp_ros.nodes.common.message_types import message_class
 from cmpsp_ros.nodes.common.qos import for_bag, hearing_all

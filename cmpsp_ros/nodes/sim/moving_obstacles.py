@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from cmpsp_ros.guidance.messages.tracks import Track
+from cmpsp_ros.guidance.messages import Track
 
 if TYPE_CHECKING:
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.parameters import Values
 
 _NS: Final = 1_000_000_000
 

@@ -15,6 +15,7 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.common.parameters import declare, event_of
 from cmpsp_ros.nodes.common.road_messages import path_of
@@ -35,14 +36,17 @@ from cmpsp_ros.nodes.common.topics import (
 from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
 from cmpsp_ros.nodes.sim.pace import Lockstep, RealTime
 from cmpsp_ros.nodes.sim.scanner import Scanner
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_pace, check_start, plant_settings
-from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_pace,
+    check_start,
+    is_of_ros,
+    plant_settings,
+)
 from cmpsp_ros.quick_exit import quick_exit
-from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
-from cmpsp_ros.simulator.plant import Plant, TwistError
+from cmpsp_ros.robots import with_side
+from cmpsp_ros.simulator import OdometrySchedule, Plant, TwistError
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -53,8 +57,8 @@ if TYPE_CHECKING:
     from builtin_interfaces.msg import Time as TimeMessage
     from rclpy.parameter import Parameter
 
-    from cmpsp_ros.parameters.table import Values
-    from cmpsp_ros.simulator.body import Array, Motion
+    from cmpsp_ros.parameters import Values
+    from cmpsp_ros.simulator import Motion
 
 _NS = 1_000_000_000
 _BASE = 'base_link'

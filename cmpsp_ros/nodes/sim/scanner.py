@@ -11,19 +11,17 @@ from rclpy.time import Time
 from sensor_msgs.msg import LaserScan
 
 from cmpsp_ros.nodes.common.topics import SIM_SCAN
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
-from cmpsp_ros.parameters.courses.roads import road_of
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
-from cmpsp_ros.simulator.laser import Laser
-from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
+from cmpsp_ros.parameters.courses import obstacles_of, road_of, shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.simulator import Laser, discs_of, edges_of
 
 if TYPE_CHECKING:
     from builtin_interfaces.msg import Time as TimeMessage
 
     from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
     from cmpsp_ros.nodes.sim.node import SimNode
-    from cmpsp_ros.parameters.table import Values
-    from cmpsp_ros.simulator.body import Motion
+    from cmpsp_ros.parameters import Values
+    from cmpsp_ros.simulator import Motion
 
 
 class Scanner:

@@ -6,13 +6,13 @@ import time
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.warmup import prepare
-from cmpsp_ros.mpsp.jit.watch import compilations, progress
+from cmpsp_ros.guidance import prepare
+from cmpsp_ros.mpsp.jit import compilations, progress
 
 if TYPE_CHECKING:
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import GuidanceSettings
 
 
 def prepare_aloud(settings: GuidanceSettings, logger: RcutilsLogger) -> None:

@@ -6,10 +6,10 @@ import os
 import resource
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters import ParameterError, Problem
 
 if TYPE_CHECKING:
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.parameters import Values
 
 ANY_CPU = -1
 

@@ -16,9 +16,9 @@ from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.robots.footprints import KEY as FOOTPRINT
 from cmpsp_ros.parameters.robots.footprints import footprint_of
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Point
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Point
+from cmpsp_ros.world.roads import OpenFloor
 
 _CLEAR: Final = f'a place where {FOOTPRINT} is clear'
 _ROUNDING: Final = 1e-9

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from cmpsp_ros.guidance.goals import Follow, Goal
-from cmpsp_ros.guidance.settings import GOAL
+from cmpsp_ros.guidance import GOAL, Follow, Goal
 from cmpsp_ros.parameters.courses.course import place_problems
 from cmpsp_ros.parameters.courses.roads import known_road
 from cmpsp_ros.parameters.errors import Problem, describe

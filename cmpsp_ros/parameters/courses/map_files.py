@@ -14,13 +14,11 @@ from typing import Any, Final
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.parameters.courses.maps import text_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid, check_size
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid, check_size
 
 KEY: Final = 'map.file'
 
@@ -118,7 +116,7 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     return said
 
 
-def _read_picture(path: Path) -> tuple[Array, NDArray[np.bool_]]:
+def _read_picture(path: Path) -> tuple[Array, BoolArray]:
     """Mean of the colours of each pixel, and whether it is opaque, ``(rows, columns)``."""
     # Slow to load, and few runs have a map.
     from PIL import Image, UnidentifiedImageError  # noqa: PLC0415

@@ -11,11 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import MAP
+from cmpsp_ros.guidance import MAP
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cells, GridError, OccupancyGrid, check_size
+from cmpsp_ros.world.grids import Cells, GridError, GridObstacle, OccupancyGrid, check_size
 
 NONE: Final = 'none'
 """Cells of no map."""

@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.settings import MAP
+from cmpsp_ros.guidance import MAP
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS
 from cmpsp_ros.parameters.courses.maps import NONE, map_of
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Point, Shape, ShapeError, convex
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, Point, Shape, ShapeError, convex
+from cmpsp_ros.world.roads import OpenFloor
 
 _POINTS: Final = {'circle': ('center',), 'capsule': ('start', 'end'), 'polygon': ('vertices',)}
 """What says where an obstacle of each type is."""

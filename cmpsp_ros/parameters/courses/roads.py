@@ -11,11 +11,8 @@ import numpy as np
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.robots.footprints import footprint_of, radius_name
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor, RoadError
-from cmpsp_ros.world.roads.open_floor import OpenFloor
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor, Road, RoadError
 
 _ROUNDING = 1e-9
 _WANTED = 'more than {} + safety.margin = {:.9g} m'

@@ -10,13 +10,11 @@ from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.robots.footprint import Footprint, Point, contains, covered
-
-Array = NDArray[np.float64]
+from cmpsp_ros.robots import Footprint, Point, contains, covered
 
 KEY: Final = 'robot.footprint'
 

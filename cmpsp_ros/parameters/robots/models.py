@@ -14,7 +14,7 @@ from cmpsp_ros.parameters.parameter import Group, Parameter, ParameterType, Rang
 from cmpsp_ros.parameters.table import Values
 
 if TYPE_CHECKING:
-    from cmpsp_ros.robots.robot import Robot
+    from cmpsp_ros.robots import Robot
 
 _DOUBLE, _DOUBLES = ParameterType.DOUBLE, ParameterType.DOUBLE_ARRAY
 _STRING, _STRINGS = ParameterType.STRING, ParameterType.STRING_ARRAY
@@ -37,7 +37,7 @@ def robot_of(values: Values) -> Robot:
     model = values['robot.model']
     if model in MODELS:
         return MODELS[model](values)
-    from cmpsp_ros.robots.own.loading import ModelError, own_robot  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots.own import ModelError, own_robot  # noqa: PLC0415 (loads numba)
 
     try:
         return own_robot(model, values)
@@ -71,7 +71,7 @@ def robot_problems(values: Values) -> Iterator[Problem]:
 def _n_wheels(values: Values) -> int:
     bearings = values['robot.wheel_bearings']
     if values['robot.model'] not in MODELS:
-        from cmpsp_ros.robots.own.loading import own_model  # noqa: PLC0415 (loads numba)
+        from cmpsp_ros.robots.own import own_model  # noqa: PLC0415 (loads numba)
 
         return own_model(values['robot.model']).n_controls
     others = {'mecanum': 4, 'omni_wheels': len(bearings), 'ackermann': 1}
@@ -107,27 +107,27 @@ def _of_wheels(values: Values) -> dict[str, float]:
 
 
 def _differential_drive(values: Values) -> Robot:
-    from cmpsp_ros.robots.differential_drive import DifferentialDrive  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots import DifferentialDrive  # noqa: PLC0415 (loads numba)
 
     return DifferentialDrive(half_track=values['robot.half_track'], **_of_wheels(values))
 
 
 def _mecanum(values: Values) -> Robot:
-    from cmpsp_ros.robots.omnidirectional import mecanum  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots import mecanum  # noqa: PLC0415 (loads numba)
 
     half_track, half_wheel_base = values['robot.half_track'], values['robot.half_wheel_base']
     return mecanum(half_track, half_wheel_base, **_of_wheels(values))
 
 
 def _omni_wheels(values: Values) -> Robot:
-    from cmpsp_ros.robots.omnidirectional import on_omni_wheels  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots import on_omni_wheels  # noqa: PLC0415 (loads numba)
 
     distance, bearings = values['robot.half_track'], values['robot.wheel_bearings']
     return on_omni_wheels(distance, bearings, **_of_wheels(values))
 
 
 def _ackermann(values: Values) -> Robot:
-    from cmpsp_ros.robots.ackermann import Ackermann  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots import Ackermann  # noqa: PLC0415 (loads numba)
 
     return Ackermann(
         wheel_base=values['robot.wheel_base'],

@@ -9,7 +9,7 @@ from typing import Final
 from cmpsp_ros.parameters.courses.obstacles import shape_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.simulator.laser import LaserSettings
+from cmpsp_ros.simulator import LaserSettings
 
 OWN_OBSTACLES: Final = 'sim.obstacles'
 """Where obstacles are that only the simulator knows."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cmpsp_ros.guidance.settings import SEEN
+from cmpsp_ros.guidance import SEEN
 from cmpsp_ros.parameters.errors import Problem, describe
 from cmpsp_ros.parameters.table import Values
-from cmpsp_ros.sensing.beams import Sensor
-from cmpsp_ros.sensing.surroundings import SightSettings
+from cmpsp_ros.sensing import Sensor, SightSettings
 
 
 def sight_of(values: Values) -> SightSettings:

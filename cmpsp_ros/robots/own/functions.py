@@ -12,14 +12,11 @@ from functools import cache
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.addresses import address_of, call
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import address_of, allocation_free, call
 from cmpsp_ros.robots.kinematics import Kinematics
 from cmpsp_ros.robots.omnidirectional_functions import drive_twist, put_slopes
-
-Array = NDArray[np.float64]
 
 MOTION, SLOPES, STEER = 0, 1, 2
 
@@ -75,9 +72,7 @@ def steer(
 
 
 @cache
-def addresses(
-    motion: Callable[..., Any], steering: Callable[..., Any], count: int
-) -> NDArray[np.int64]:
+def addresses(motion: Callable[..., Any], steering: Callable[..., Any], count: int) -> IntArray:
     """Where the machine code of a model's functions is, by `MOTION`, `SLOPES` and `STEER`.
 
     Args:

@@ -10,12 +10,10 @@ from itertools import product
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.robots.own.robot import OwnRobot
-
-Array = NDArray[np.float64]
 
 _NUMBERS: Final = 2, 3
 _PARTS: Final = (0.5, 0.3, -0.2), (0.9, -0.6, 0.4), (0.2, 0.1, 0.7)

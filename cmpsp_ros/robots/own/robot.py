@@ -12,16 +12,14 @@ from itertools import product
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.acceleration import Paced
 from cmpsp_ros.robots.arcs import with_side
 from cmpsp_ros.robots.kinematics import OWN, OWN_SIDEWAYS, Kinematics
 from cmpsp_ros.robots.own.functions import addresses
 from cmpsp_ros.robots.robot import Robot, Signal
 from cmpsp_ros.robots.twist_limits import TwistLimits
-
-Array = NDArray[np.float64]
 
 _SAMPLES: Final = 21
 _ALL: Final = 1.01

@@ -7,21 +7,15 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING
-from cmpsp_ros.simulator.body import Motion
-from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import NANOSECONDS, Decision, FallbackLevel, GuidanceLaw, to_nanoseconds
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING
+from cmpsp_ros.simulator import Motion, OdometrySchedule, Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.foreign_robot import ForeignDrive, ForeignRobot
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Task
-
-Array = NDArray[np.float64]
 
 _LAGS_TO_REST = 20.0
 _ROUNDING = 1e-9

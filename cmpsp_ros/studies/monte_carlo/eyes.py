@@ -8,22 +8,15 @@ from types import SimpleNamespace
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import MAP, GuidanceSettings
-from cmpsp_ros.sensing.laser_scan import sight_of
-from cmpsp_ros.sensing.surroundings import Sighting, Surroundings
-from cmpsp_ros.simulator.body import Motion
-from cmpsp_ros.simulator.laser import Laser, LaserSettings, Scan
-from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.open_floor import OpenFloor
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import MAP, NANOSECONDS, GuidanceSettings
+from cmpsp_ros.sensing import Sighting, Surroundings, sight_of
+from cmpsp_ros.simulator import Laser, LaserSettings, Motion, Scan, discs_of, edges_of
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import OpenFloor
 
 _CELL: Final = 0.05
 _AROUND: Final = 0.5

@@ -12,15 +12,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.simulator.body import Motion
-
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceLaw
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.simulator import Motion
 
 _RATES = 20.0, 50.0
 _LAGS = 0.05, 0.2

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Final
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.cylinders import field_scenario
 from cmpsp_ros.studies.monte_carlo.courses.random_courses import corridor_scenario, floor_scenario
 from cmpsp_ros.studies.monte_carlo.courses.rooms import room_scenario

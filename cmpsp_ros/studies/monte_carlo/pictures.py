@@ -10,15 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cmpsp_ros.guidance.decision import Decision
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance import NANOSECONDS, Decision, GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.driving import Driven
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
 from cmpsp_ros.studies.plot_style import WIDTH, journal
-from cmpsp_ros.view.drawing import PER_ARC, along, draw_obstacles, draw_road, show
-from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import outlines
+from cmpsp_ros.view import LEVEL_COLORS, PER_ARC, along, draw_obstacles, draw_road, show
+from cmpsp_ros.world.obstacles import outlines
 
 _DPI: Final = 150
 _SMALLEST_MISS: Final = 1e-16

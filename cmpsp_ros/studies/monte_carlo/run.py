@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo import pictures
 from cmpsp_ros.studies.monte_carlo.driving import Driven, drive, outcome

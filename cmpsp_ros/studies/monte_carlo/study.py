@@ -10,15 +10,17 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.solver_settings import SolverSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, parse_assignment
-from cmpsp_ros.parameters.robots.models import robot_of
-from cmpsp_ros.parameters.robots.scans import laser_settings
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.simulator.laser import LaserSettings
-from cmpsp_ros.simulator.plant import PlantSettings
+from cmpsp_ros.guidance import GuidanceSettings, SolverSettings
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    load_parameter_file,
+    load_robot,
+    parse_assignment,
+    plant_settings,
+)
+from cmpsp_ros.parameters.robots import laser_settings, robot_of
+from cmpsp_ros.simulator import LaserSettings, PlantSettings
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.courses.robot_courses import in_proportion, robot_scenario
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, WIDTH, Scenario

@@ -15,7 +15,7 @@ from cmpsp_ros.studies.monte_carlo import results_log
 from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
-from cmpsp_ros.warmup.process_pool import new_pool
+from cmpsp_ros.warmup import new_pool
 
 CHUNK: Final = 8
 """Runs handed to a process at a time."""

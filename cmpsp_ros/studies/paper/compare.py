@@ -7,12 +7,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.studies.paper.claims import Table
 from cmpsp_ros.studies.paper.drives import Drive, Path
-
-Array = NDArray[np.float64]
 
 ARRIVED = 1e-6
 """Distance from the goal up to which a run counts as having met it [m]."""
@@ -94,17 +92,15 @@ def wheels_apart(paths: Sequence[Path]) -> Array:
     )
 
 
-def spans(active: NDArray[np.bool_]) -> int:
+def spans(active: BoolArray) -> int:
     """Number of uninterrupted spans in which a flag is set."""
     padded = np.concatenate([[False], active])
     return int(np.count_nonzero(~padded[:-1] & padded[1:]))
 
 
-def saturated(path: Path) -> NDArray[np.bool_]:
+def saturated(path: Path) -> BoolArray:
     """Whether each wheel is at its limit at each step, shape ``(N, 2)``."""
-    at_limit: NDArray[np.bool_] = (
-        np.abs(path.controls) >= path.settings.robot.max_wheel_speed - 1e-6
-    )
+    at_limit: BoolArray = np.abs(path.controls) >= path.settings.robot.max_wheel_speed - 1e-6
     return at_limit
 
 

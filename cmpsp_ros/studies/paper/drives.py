@@ -9,15 +9,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.warmup import warm_up
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, warm_up
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.experiments import Experiment
-from cmpsp_ros.view.drawing import along
-
-Array = NDArray[np.float64]
+from cmpsp_ros.view import along
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.solver_settings import InitialGuess
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceSettings, InitialGuess
+from cmpsp_ros.parameters import TABLE, config_directory, guidance_settings, load_parameter_file
 
 FIG5_GUESSES: Final = (
     ((30.0, 29.5), 'red'),

@@ -12,16 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import goal_space, sample_space
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.guidance.formulation import goal_space, sample_space
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge_motion import excess, limit, moved
 from cmpsp_ros.studies.paper.judge_space import JudgeSpace
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

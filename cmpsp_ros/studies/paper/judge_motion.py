@@ -10,16 +10,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.robots.ackermann import Ackermann
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.omnidirectional import Omnidirectional
-from cmpsp_ros.robots.own.robot import OwnRobot
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.robots import Ackermann, DifferentialDrive, Omnidirectional, Robot
+from cmpsp_ros.robots.own import OwnRobot
 from cmpsp_ros.studies.errors import StudyError
-
-Array = NDArray[np.float64]
 
 
 class Limits(NamedTuple):

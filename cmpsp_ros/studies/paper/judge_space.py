@@ -10,14 +10,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.roads.road_space import ANNULUS, OPEN_FLOOR
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.roads import ANNULUS, OPEN_FLOOR
 
 _KNOTS = 120
 _DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)

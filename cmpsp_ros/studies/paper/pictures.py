@@ -16,7 +16,7 @@ from matplotlib.patches import Patch
 
 from cmpsp_ros.studies.paper.drives import Drive, Path
 from cmpsp_ros.studies.plot_style import WIDTH
-from cmpsp_ros.view.drawing import draw_obstacles, draw_road
+from cmpsp_ros.view import draw_obstacles, draw_road
 
 Look = dict[str, Any]
 Panels = Sequence[Sequence[Drive]]

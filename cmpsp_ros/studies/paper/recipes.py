@@ -11,26 +11,24 @@ from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.formulation.priorities import PENALTIES
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Evaluation, Hessian, Linearisation
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.formulation import (
+    N_EDGE_CONSTRAINTS,
+    PENALTIES,
+    Cost,
+    GuidanceProblem,
+    sample_space,
+)
+from cmpsp_ros.guidance.planning import initial_guess
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.mpsp import Evaluation, Hessian, Linearisation, Options
+from cmpsp_ros.mpsp.sqp import CMPSP
+from cmpsp_ros.robots import Robot
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import Experiment
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
 
 
 class Recipe(Enum):

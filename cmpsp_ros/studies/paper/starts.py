@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from rich.table import Table
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings
+from cmpsp_ros.guidance import GuidanceSettings, InitialGuess, SolverSettings
 from cmpsp_ros.studies.closed_loop import drive
 from cmpsp_ros.studies.paper.drives import Path, drive_open
 from cmpsp_ros.studies.paper.experiments import cases, table1, table2

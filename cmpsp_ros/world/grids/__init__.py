@@ -1,1 +1,13 @@
 """Occupied, free and unknown cells: grids, files of them, and the distance to what is occupied."""
+
+from cmpsp_ros.world.grids.distance_field import distance_field
+from cmpsp_ros.world.grids.field_functions import NO_FIELD, DistanceField, Fields
+from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
+from cmpsp_ros.world.grids.grid_search import (
+    NARROW,
+    cells_from,
+    costs_of,
+    evenly_spaced,
+    lengths_to,
+)
+from cmpsp_ros.world.grids.occupancy_grid import Cell, Cells, GridError, OccupancyGrid, check_size

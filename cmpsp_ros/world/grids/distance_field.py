@@ -6,13 +6,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.world.grids.distance_transform import signed_distances
 from cmpsp_ros.world.grids.field_functions import FRAME, DistanceField
 from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-
-Array = NDArray[np.float64]
 
 AROUND: Final = 2
 """Cells that a field has around its grid."""
@@ -44,7 +42,7 @@ def distance_field(grid: OccupancyGrid, *, unknown_is_free: bool = False) -> Dis
     return DistanceField(frame, distances)
 
 
-def node_points(field: DistanceField, nodes: NDArray[np.int64]) -> Array:
+def node_points(field: DistanceField, nodes: IntArray) -> Array:
     """Places of nodes, by their rows and columns ``(K, 2)``; shape ``(K, 2)`` [m]."""
     frame, (rows, columns) = field.frame[0], nodes.T * field.frame['cell'][0]
     return np.column_stack(
@@ -55,7 +53,7 @@ def node_points(field: DistanceField, nodes: NDArray[np.int64]) -> Array:
     )
 
 
-def nodes_near(field: DistanceField, points: Array) -> NDArray[np.int64]:
+def nodes_near(field: DistanceField, points: Array) -> IntArray:
     """Rows and columns of the nodes that are nearest to points ``(..., 2)`` [m], of their shape."""
     frame = field.frame[0]
     offsets = (points - np.array([frame['x'], frame['y']])) / frame['cell']

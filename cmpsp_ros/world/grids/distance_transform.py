@@ -10,13 +10,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 
-Array = NDArray[np.float64]
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
+Flags = BoolArray
+Indices = IntArray
 
 
 def signed_distances(marked: Flags) -> Array:

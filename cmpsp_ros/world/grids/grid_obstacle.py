@@ -7,15 +7,14 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.grids.distance_field import AROUND, distance_field
 from cmpsp_ros.world.grids.field_functions import DistanceField
 from cmpsp_ros.world.grids.islands import islands_of
 from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
 from cmpsp_ros.world.grids.outlines import loops
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 Links = NDArray[np.int32]
 
 NARROW: Final = 2.0

@@ -6,12 +6,12 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import BoolArray, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
 
-Flags = NDArray[np.bool_]
-Indices = NDArray[np.int64]
+Flags = BoolArray
+Indices = IntArray
 
 _MOST: Final = 24
 

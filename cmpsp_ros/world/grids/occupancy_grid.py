@@ -10,9 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, BoolArray, IntArray
+
 Cells = NDArray[np.uint8]
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 MOST_CELLS: Final = 100_000_000
 """Larger grids are refused."""
@@ -109,10 +110,10 @@ class OccupancyGrid:
         rows = np.floor((cosine * dy - sine * dx) / self.resolution).astype(np.int64)
         return rows, columns
 
-    def contains(self, rows: Indices, columns: Indices) -> NDArray[np.bool_]:
+    def contains(self, rows: Indices, columns: Indices) -> BoolArray:
         """Whether cells are in the grid."""
         high, wide = self.cells.shape
-        inside: NDArray[np.bool_] = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
+        inside: BoolArray = (rows >= 0) & (rows < high) & (columns >= 0) & (columns < wide)
         return inside
 
     def at(self, points: Array) -> Cells:

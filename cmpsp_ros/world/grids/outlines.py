@@ -5,12 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from cmpsp_ros.arrays import Array, BoolArray
 
 Node = tuple[int, int]
 
 
-def loops(cells: NDArray[np.bool_]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def loops(cells: BoolArray) -> list[tuple[Array, Array]]:
     """Closed lines with the cells to their left: around them, and around holes in them.
 
     Args:
@@ -42,7 +43,7 @@ def loops(cells: NDArray[np.bool_]) -> list[tuple[NDArray[np.float64], NDArray[n
     return found
 
 
-def _edges(cells: NDArray[np.bool_]) -> dict[Node, list[Node]]:
+def _edges(cells: BoolArray) -> dict[Node, list[Node]]:
     """Steps (rows, columns) that lead on from each node along an edge of the cells."""
     padded = np.pad(cells, 1)
     onward: dict[Node, list[Node]] = {}

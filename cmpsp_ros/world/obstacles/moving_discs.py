@@ -6,16 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import REFERENCE_POINT, arc_of_point, arc_under
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import REFERENCE_POINT, TwistLimits, arc_of_point, arc_under
 from cmpsp_ros.world.inter_sample_margin import at_ends, outside_moving, outside_moving_known
 from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 X, Y, VELOCITY_X, VELOCITY_Y, RADIUS = range(5)
 """Columns of `MovingDiscs.states`."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import Arc, arc_part
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Arc, arc_part
 from cmpsp_ros.world.obstacles.shape_functions import pieces_for
 
 

@@ -12,16 +12,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cmpsp_ros.mpsp.jit.compiled import allocation_free, inlined
-from cmpsp_ros.robots.arcs import Arc, arc_part, reach_of
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import allocation_free, inlined
+from cmpsp_ros.robots import Arc, arc_part, reach_of
 from cmpsp_ros.world.grids import field_functions
 from cmpsp_ros.world.grids.field_functions import DistanceField, Fields
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 ROUGHNESS = 1e-5
 """How much nearer than it is a path may be taken to come to what is no point [m]."""

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 _TURN = math.tau / 72.0

@@ -1,1 +1,23 @@
 """Roads: what the robot stays inside, and whose centre line it keeps to."""
+
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.world.roads.annulus import Annulus
+    from cmpsp_ros.world.roads.arc_length import (
+        arc_length_to,
+        find_near,
+        lookahead_point,
+        lookahead_points,
+        project_on_path,
+        remaining_arc_length,
+    )
+    from cmpsp_ros.world.roads.corridor import Corridor, RoadError
+    from cmpsp_ros.world.roads.open_floor import OpenFloor
+    from cmpsp_ros.world.roads.road import Point, Road
+    from cmpsp_ros.world.roads.road_functions import FAR
+    from cmpsp_ros.world.roads.road_space import ANNULUS, OPEN_FLOOR, RoadSpace
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)

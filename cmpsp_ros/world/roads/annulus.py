@@ -8,12 +8,10 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.roads.road import Point, Road
 from cmpsp_ros.world.roads.road_space import ANNULUS, RoadSpace, road_space
-
-Array = NDArray[np.float64]
 
 _CORNERS = 181
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import Arc, reach_of
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Arc, reach_of
 
 # The centre line's distance has no second derivative at the road's centre; nearer than this [m]
 # its curvature is held.

@@ -6,14 +6,13 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.world.roads import road_functions
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 # Distance beyond an edge that no driving robot reaches, as a fraction of the road's width.

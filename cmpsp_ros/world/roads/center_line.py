@@ -12,9 +12,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from cmpsp_ros.arrays import Array, IntArray
 
 _PASSES = 4
 _GAUSS, _WEIGHTS = np.polynomial.legendre.leggauss(8)
@@ -55,7 +54,7 @@ class Samples(NamedTuple):
     """
 
     progress: Array
-    point: NDArray[np.int64]
+    point: IntArray
     x: Array
     y: Array
     cosine: Array

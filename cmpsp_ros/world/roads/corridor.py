@@ -8,13 +8,11 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.world.roads.center_line import CenterLine, Samples, fit, sample
 from cmpsp_ros.world.roads.road import Point, Road
 from cmpsp_ros.world.roads.road_space import CORRIDOR, PIECE, RoadSpace, road_space
-
-Array = NDArray[np.float64]
 
 _CLOSE = 1e-6
 _SHARPEST_TURN = math.radians(120.0)
@@ -155,7 +153,7 @@ class Corridor(Road):
         # Start and goal are beside points between two samples.
         return max(float(lengths.min() - 2.0 * step.max()), math.dist(start, goal))
 
-    def _nearest(self, point: Point) -> NDArray[np.int64]:
+    def _nearest(self, point: Point) -> IntArray:
         """Numbers of the samples that are nearest to a point, one for each part of the road."""
         away = np.hypot(self._samples.x - point[0], self._samples.y - point[1])
         before, after = np.roll(away, 1), np.roll(away, -1)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import Arc, arc_part
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Arc, arc_part
 
-Array = NDArray[np.float64]
 Records = NDArray[np.void]
 
 # What a projection leaves of its last step is of second order in it [m].

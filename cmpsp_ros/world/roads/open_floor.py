@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.roads.road import Road
 from cmpsp_ros.world.roads.road_space import OPEN_FLOOR, RoadSpace, road_space
-
-Array = NDArray[np.float64]
 
 _PLANE = road_space(OPEN_FLOOR)
 

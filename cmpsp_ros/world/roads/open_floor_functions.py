@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import Arc
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Arc
 
 
 @allocation_free

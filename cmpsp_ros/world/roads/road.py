@@ -6,12 +6,9 @@ import math
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.world.roads.road_space import RoadSpace
 
-Array = NDArray[np.float64]
 Point = tuple[float, float]
 
 

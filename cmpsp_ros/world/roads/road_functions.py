@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.arcs import Arc
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import Arc
 from cmpsp_ros.world.roads import annulus_functions, corridor_functions, open_floor_functions
 from cmpsp_ros.world.roads.road_space import ANNULUS, CORRIDOR, RoadSpace
 

@@ -11,7 +11,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.arrays import Array, BoolArray
+from cmpsp_ros.robots import TwistLimits
 from cmpsp_ros.world.inter_sample_margin import (
     at_ends,
     bent_edge_margin,
@@ -22,7 +23,6 @@ from cmpsp_ros.world.inter_sample_margin import (
     outside_known,
 )
 
-Array = NDArray[np.float64]
 Records = NDArray[np.void]
 
 OPEN_FLOOR, ANNULUS, CORRIDOR = 0, 1, 2
@@ -126,7 +126,7 @@ class RoadSpace(NamedTuple):
             return self._replace(kept=self.kept + grown)
         return self
 
-    def with_some(self, samples: NDArray[np.bool_], of: RoadSpace) -> RoadSpace:
+    def with_some(self, samples: BoolArray, of: RoadSpace) -> RoadSpace:
         """See `FreeSpace.with_some`."""
         return self._replace(kept=np.where(samples[:, None], of.kept, self.kept))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import struct
 
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags import Bag
+from cmpsp_ros.bags.runs import read_run
 
 LIMIT = 60.0
 KEYS = [

@@ -7,8 +7,8 @@ import json
 import pytest
 from demo_folder import LIMIT, TOPICS, check_bag, check_folder, commands
 
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags import Bag
+from cmpsp_ros.bags.runs import read_run
 
 pytestmark = pytest.mark.integration
 

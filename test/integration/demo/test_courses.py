@@ -10,12 +10,10 @@ import re
 import pytest
 from demo_folder import LIMIT
 
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.encounters import encounters
-from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robots.arcs import REFERENCE_POINT
+from cmpsp_ros.bags import Bag
+from cmpsp_ros.bags.runs import encounters, read_run
+from cmpsp_ros.parameters import TABLE, guidance_settings
+from cmpsp_ros.robots import REFERENCE_POINT
 
 pytestmark = pytest.mark.integration
 

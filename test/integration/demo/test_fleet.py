@@ -7,7 +7,7 @@ import json
 import pytest
 from demo_folder import LIMIT, size_of_png
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 
 pytestmark = pytest.mark.integration
 

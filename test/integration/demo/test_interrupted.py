@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from demo_folder import LIMIT, commands
 
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags import Bag
+from cmpsp_ros.bags.runs import read_run
 from cmpsp_ros.nodes import MODULES
 
 pytestmark = pytest.mark.integration

@@ -22,7 +22,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
 from cmpsp_ros.nodes import MODULES
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import arc_ends
 
 CASE3 = Path(__file__).parents[3] / 'config' / 'case3.yaml'
 LIMIT = 30.0

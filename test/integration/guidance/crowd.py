@@ -20,8 +20,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import yaml
 
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.errors import BagError
 
 DISCS, ON_THE_ROAD = 64, 10
 CHECKS = 'road', 'moving'

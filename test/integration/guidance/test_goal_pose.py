@@ -10,12 +10,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.guidance.messages.odometry import pose_of
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.messages import goal_of, pose_of
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 

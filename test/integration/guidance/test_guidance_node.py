@@ -12,11 +12,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.odometry import pose_of
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.messages import pose_of
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 

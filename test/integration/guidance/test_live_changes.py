@@ -9,7 +9,7 @@ import os
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance import FallbackLevel
 
 pytestmark = pytest.mark.integration
 

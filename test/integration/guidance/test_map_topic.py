@@ -19,7 +19,7 @@ from rclpy.time import Time
 from cmpsp_ros.bags.audit import CheckOutcome, audit
 from cmpsp_ros.bags.replay.recording import Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration
 

@@ -6,10 +6,10 @@ import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
-from cmpsp_ros.parameters.presets import config_directory
+from cmpsp_ros.parameters import config_directory
 
 pytestmark = pytest.mark.integration
 

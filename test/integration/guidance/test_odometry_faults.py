@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 
-from cmpsp_ros.bags.names import Names
+from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.replay.replay import replay
 
 pytestmark = pytest.mark.integration

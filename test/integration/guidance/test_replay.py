@@ -12,11 +12,9 @@ from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.bags.decision_record import DecisionRecord
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, DecisionRecord, Names
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance.key_values import present_keys
+from cmpsp_ros.guidance import present_keys
 
 pytestmark = pytest.mark.integration
 

@@ -13,12 +13,11 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from nav_msgs.msg import Path as PathMessage
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from cmpsp_ros.bags import Bag, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.nodes.common.road_messages import path_of
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import arc_ends
 
 pytestmark = pytest.mark.integration
 

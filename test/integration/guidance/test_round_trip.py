@@ -9,10 +9,8 @@ import sys
 
 import pytest
 
+from cmpsp_ros.bags import Bag, BagWriter, Names
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.writer import BagWriter
 
 pytestmark = pytest.mark.integration
 

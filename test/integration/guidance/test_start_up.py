@@ -12,7 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from visualization_msgs.msg import MarkerArray
 
-from cmpsp_ros.mpsp.jit.folder import kernel_folder
+from cmpsp_ros.mpsp.jit import kernel_folder
 
 pytestmark = pytest.mark.integration
 

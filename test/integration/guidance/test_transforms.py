@@ -18,15 +18,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import PointCloud2
 
+from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.replay.replay import replay
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.runs.run import read_driven
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.messages.transforms import compose
+from cmpsp_ros.guidance.messages import Track, compose
 from cmpsp_ros.nodes.common.clouds import cloud_of
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import arc_ends
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(300)]
 

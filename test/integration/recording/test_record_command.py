@@ -18,7 +18,7 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 
 pytestmark = pytest.mark.integration
 

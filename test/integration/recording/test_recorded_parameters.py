@@ -10,7 +10,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from recorder_process import flushing
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 from cmpsp_ros.nodes import MODULES
 
 pytestmark = pytest.mark.integration

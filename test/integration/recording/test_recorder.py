@@ -19,7 +19,7 @@ from ruamel.yaml import YAML
 from std_msgs.msg import String
 from talker import BEST_EFFORT, COUNT
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 
 pytestmark = pytest.mark.integration
 COMMAND = [sys.executable, '-m', 'cmpsp_ros.cli']

@@ -14,7 +14,7 @@ from recorder_process import RECORDER, heard
 from rosbags.rosbag2 import Reader
 from std_msgs.msg import String
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 
 pytestmark = pytest.mark.integration
 

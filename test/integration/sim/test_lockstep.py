@@ -13,7 +13,7 @@ from rclpy.time import Time
 from sim_client import CONTROL_NS, MS, PERIOD_NS, Client, place, stamp, twist
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots import DifferentialDrive
 
 pytestmark = pytest.mark.integration
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import LaserScan
 from sim_client import BEST_EFFORT, Client, stamp, twist
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag
 
 pytestmark = pytest.mark.integration
 

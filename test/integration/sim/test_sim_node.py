@@ -14,7 +14,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from sim_client import MS, PERIOD_NS, Client, place, speed, stamp, twist
 from std_srvs.srv import Trigger
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots import DifferentialDrive
 
 pytestmark = pytest.mark.integration
 

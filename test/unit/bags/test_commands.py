@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from commands import command
 
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagWriter
 
 TWIST = 'geometry_msgs/msg/Twist'
 

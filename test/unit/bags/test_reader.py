@@ -7,10 +7,8 @@ from bag_messages import EVENT, TWIST, make, parameter_event, raw, time, twist
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from cmpsp_ros.bags import Bag, BagError, BagWriter
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.writer import BagWriter
 
 
 def moving(speed):

@@ -10,18 +10,17 @@ from pathlib import Path
 
 import pytest
 
+from cmpsp_ros.bags import ENTRIES, Bag, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.decision_record import ENTRIES, read_decisions
+from cmpsp_ros.bags.decision_record import read_decisions
 from cmpsp_ros.bags.export import export
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.comparison import Comparison
 from cmpsp_ros.bags.replay.follower import Follower
 from cmpsp_ros.bags.replay.inputs import Inputs, OdometryMissing
 from cmpsp_ros.bags.report import write_report
-from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.guidance.key_values import decision_to_key_values
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.bags.runs import read_run
+from cmpsp_ros.guidance import decision_to_key_values
+from cmpsp_ros.parameters import guidance_settings
 
 FOLDER = Path(__file__).parent / 'recorded'
 DECISIONS = {'case3': 52, 'changed_live': 23, 'moving': 51}

@@ -14,11 +14,9 @@ from bag_messages import HELLO, LATCHED, STRING
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, BagError, BagWriter
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage.form import Form
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags.storage import Form
 
 REPOSITORY = Path(__file__).parents[3]
 OWN = MessageDefinition(MessageDefinitionFormat.MSG, 'float64 value\n')

@@ -21,13 +21,11 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 from ruamel.yaml import YAML
 
+from cmpsp_ros.bags import Bag, BagError, BagWriter, UnknownTypeError
 from cmpsp_ros.bags.custom_data import PARAMETERS_KEY, SOFTWARE_KEY, VERSION_KEY
-from cmpsp_ros.bags.errors import BagError, UnknownTypeError
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.recover import recover
+from cmpsp_ros.bags.storage import Form
 from cmpsp_ros.bags.storage.folder import UNFINISHED
-from cmpsp_ros.bags.storage.form import Form
-from cmpsp_ros.bags.writer import BagWriter
 
 REPOSITORY = Path(__file__).parents[3]
 

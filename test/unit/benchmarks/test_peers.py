@@ -6,8 +6,8 @@ import pytest
 from benchmarks.families.timing import close_loop
 from benchmarks.methods import peers as module
 from benchmarks.methods.peers import peers
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp import Options
+from cmpsp_ros.mpsp.sqp import CMPSP
 
 pytest.importorskip('casadi')
 

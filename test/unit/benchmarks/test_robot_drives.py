@@ -14,8 +14,8 @@ from benchmarks.families.robot_drives import (
     of_robots,
     robots_that_fit,
 )
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.parameters import ParameterError
 
 
 def test_a_robot_drives_to_the_goal():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from bag_messages import JOINTS, ODOMETRY, STATUS, joints, odometry, raw, status
 
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagWriter
 
 
 def decision(stamp, level='nominal', finished=False, step_ms=None, **more):

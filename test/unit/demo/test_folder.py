@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.folder import make_folder
+from cmpsp_ros.demo import DemoError, make_folder
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from bag_messages import JOINTS, ODOMETRY, SECOND, STATUS, joints, odometry, raw, status
 
-from cmpsp_ros.bags.runs.run import read_run
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import BagWriter
+from cmpsp_ros.bags.runs import read_run
+from cmpsp_ros.demo import load_scenario
 from cmpsp_ros.demo.fleet_picture import draw_fleet
 from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import arc_ends
 
 LENGTH = 2.0
 DECISION = {

@@ -10,8 +10,7 @@ import sys
 
 import pytest
 
-from cmpsp_ros.demo import processes
-from cmpsp_ros.demo.errors import DemoError
+from cmpsp_ros.demo import DemoError, processes
 
 
 @pytest.fixture

@@ -7,11 +7,9 @@ import sys
 
 import pytest
 
-from cmpsp_ros.demo.errors import DemoError
-from cmpsp_ros.demo.processes import Child
-from cmpsp_ros.demo.run import _get_ready
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.nodes.lifecycle_client import Observer
+from cmpsp_ros.demo import Child, DemoError, load_scenario
+from cmpsp_ros.demo.runner import _get_ready
+from cmpsp_ros.nodes import Observer
 
 CASE3 = load_scenario('case3', [], lockstep=True)
 WORDS = 'compiling, once; `cmpsp warmup` does it beforehand'

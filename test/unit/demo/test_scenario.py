@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import preset_names
+from cmpsp_ros.demo import load_scenario
+from cmpsp_ros.parameters import ParameterError, preset_names
 
 
 def test_lockstep_brings_the_clock_with_it_and_nodes_wait_to_be_activated():

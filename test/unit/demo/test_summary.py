@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.runs.run import read_run
+from cmpsp_ros.bags import BagError
+from cmpsp_ros.bags.runs import read_run
+from cmpsp_ros.demo import Summary
 from cmpsp_ros.demo.pictures import draw_controls, draw_trajectory
-from cmpsp_ros.demo.summary import Summary, summarise, window
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.demo.summary import summarise, window
+from cmpsp_ros.parameters import TABLE, guidance_settings
 
 SECOND = 1_000_000_000
 RADIUS, SPEED = 10.0, 1.0

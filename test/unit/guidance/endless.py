@@ -17,14 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cmpsp_ros.bags.runs.goals import mean_speed
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.simulator.plant import Plant
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.bags.runs import mean_speed
+from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
+from cmpsp_ros.simulator import Plant
+from cmpsp_ros.world import FreeSpace
 
 PARTS = 10
 NOISE = {'noise.position_stddev': 0.003, 'noise.heading_stddev': 0.003}

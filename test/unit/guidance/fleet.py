@@ -7,10 +7,8 @@ from dataclasses import replace
 import numpy as np
 from scenarios import PERIOD
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
-from cmpsp_ros.guidance.messages.tracks import Tracks
-from cmpsp_ros.guidance.settings import MovingObstacles
+from cmpsp_ros.guidance import GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance.messages import PeerTrajectory, Tracks
 
 GRID = 20_000_000
 PARTS = 10

@@ -21,12 +21,8 @@ from nav_msgs.msg import Odometry
 from rclpy.time import Time
 from scenarios import FIRST, PAPER, ROAD, SECOND, START, settings
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.guidance.solver_settings import Weights
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety, Weights
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, pose_of, stamp_of
 
 SECOND_NS = 1_000_000_000
 PIECES = 50

@@ -2,20 +2,15 @@
 
 import numpy as np
 
-from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.formulation.guidance_problem import GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_formulation import (
-    OcpFormulation,
-    terminal_constraint,
-    terminal_penalty,
-)
-from cmpsp_ros.guidance.planning.candidate import SolveResult
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.guidance import Plan
+from cmpsp_ros.guidance.formulation import GuidanceProblem, OcpFormulation
+from cmpsp_ros.guidance.formulation.ocp_formulation import terminal_constraint, terminal_penalty
+from cmpsp_ros.guidance.planning import SolveResult
+from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
+from cmpsp_ros.mpsp.models import ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.robots.acceleration import within_ramp
+from cmpsp_ros.mpsp.sqp import CMPSP
+from cmpsp_ros.robots import within_ramp
 
 
 def improve(settings, pose, held, guess, horizon):

@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.settings import plant_settings
-from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.demo import load_scenario
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.parameters import plant_settings
+from cmpsp_ros.simulator import Plant
 
 
 def drive(preset, *given, robot=None):

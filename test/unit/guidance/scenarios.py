@@ -7,17 +7,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel
-from cmpsp_ros.guidance.key_values import severity
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.planning.planning_context import PlanningContext
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.guidance import (
+    Decision,
+    FallbackLevel,
+    GuidanceLaw,
+    GuidanceSettings,
+    InitialGuess,
+    SolverSettings,
+    severity,
+)
+from cmpsp_ros.guidance.planning import Planner, PlanningContext
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 MS = 1_000_000
 PERIOD = 200 * MS

@@ -7,20 +7,15 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.sensing import laser_scan, point_cloud
-from cmpsp_ros.sensing.surroundings import Surroundings
-from cmpsp_ros.simulator.laser import Laser
-from cmpsp_ros.simulator.plant import Plant
-from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
+from cmpsp_ros.parameters.courses import obstacles_of, shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.sensing import Surroundings, laser_scan, point_cloud
+from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
+from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.map_line import _lengths
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads import OpenFloor
 
 MS = 1_000_000
 

@@ -17,17 +17,12 @@ from scenarios import (
     start_of,
 )
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
-from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety, remaining, to_nanoseconds
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
 from cmpsp_ros.mpsp.qp import CLARABEL
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles import Obstacle
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('control_rate')

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, assert_is, settings
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance import FallbackLevel, Goal, GuidanceLaw, Safety
+from cmpsp_ros.simulator import Plant, PlantSettings
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
 
 ODOMETRY = 20 * MS
 CASE_3 = CASES['case 3']

@@ -5,13 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.arc_length import project_on_path
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world.roads import Annulus, project_on_path
 
 PERIOD = 200_000_000
 STEPS = 300

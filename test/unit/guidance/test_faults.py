@@ -25,11 +25,9 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Safety
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles import Obstacle
 
 COURSE = settings((FIRST, SECOND), 51.0, ROAD)
 EMPTY = settings(limit=51.0, guess=ROAD)

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 END = 10_000_000_000
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from models import assert_arrives, assert_the_same, drive
 
-from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance import FallbackLevel
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('footprints')

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS, to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
+from cmpsp_ros.guidance import NANOSECONDS, remaining, shift, to_nanoseconds
 
 unhurried = hypothesis_settings(deadline=None)
 PERIOD = 200_000_000

@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.key_values import (
+from cmpsp_ros.guidance import (
+    Decision,
+    FallbackLevel,
+    Horizon,
+    Plan,
     decision_to_key_values,
     present_keys,
     severity,

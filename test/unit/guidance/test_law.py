@@ -22,10 +22,8 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance import GuidanceLaw, Safety, SolverSettings, Weights
+from cmpsp_ros.world.obstacles import Obstacle
 
 
 def assert_arrives(run, given, miss=1e-6, steps=50):

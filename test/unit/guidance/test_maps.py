@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 from scenarios import MS, drive
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.guidance.solver_settings import InitialGuess
-from cmpsp_ros.mpsp.jit.watch import compilations
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Goal,
+    GuidanceLaw,
+    GuidanceSettings,
+    InitialGuess,
+    Safety,
+)
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS
+from cmpsp_ros.guidance.mission import infeasibility_warnings
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.mpsp.jit import compilations
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
+from cmpsp_ros.world.roads import OpenFloor
 
 PRESETS = ('warehouse', 'door', 'dead_end')
 CELL = 0.05

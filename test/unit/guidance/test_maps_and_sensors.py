@@ -9,15 +9,13 @@ import numpy as np
 import pytest
 from seeing import Drive
 
-from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance import MAP, SEEN, FallbackLevel
 from cmpsp_ros.guidance.planning.seen_way import searched_with
-from cmpsp_ros.guidance.settings import MAP, NOT_SEARCHED, SEEN
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.maps import text_of
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.guidance.settings import NOT_SEARCHED
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters.courses import text_of
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 SCANNER = {
     'sensors.names': ['front'],

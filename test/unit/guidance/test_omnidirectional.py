@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from models import assert_arrives, assert_the_same, drive
 
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import CHANGE_ROUNDING, Audit
+from cmpsp_ros.demo import load_scenario
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.guidance.safety import CHANGE_ROUNDING, Audit
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('omnidirectional')

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from seeing import Drive
 
-from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance import FallbackLevel
 
 FAST = {
     'robot.max_wheel_speed': 42.0,

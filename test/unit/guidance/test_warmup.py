@@ -9,10 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 PERIOD = 200_000_000
 

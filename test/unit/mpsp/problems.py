@@ -7,14 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from cmpsp_ros.mpsp import Dimensions, Evaluation, Linearisation, OptimalControlProblem, Options
 from cmpsp_ros.mpsp.models.derivative_check import check_derivatives
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import (
-    Dimensions,
-    Evaluation,
-    Linearisation,
-    OptimalControlProblem,
-)
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 
 

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import Penalties, QPSolution, kkt_residual, solve_qp
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import Penalties, QPSolution, Subproblem, kkt_residual, solve_qp
+from cmpsp_ros.mpsp.qp.dense import CondensedQP
 
 
 def staged(qp):

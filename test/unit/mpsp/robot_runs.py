@@ -4,18 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.planning.planner import FUNCTIONS
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem
+from cmpsp_ros.guidance.planning import FUNCTIONS
+from cmpsp_ros.mpsp import SLACK_TOLERANCE, Options
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
-from cmpsp_ros.mpsp.sqp.driver import Driver
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
+from cmpsp_ros.mpsp.sqp import CMPSP, Driver
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 POSE, GOAL = np.array([0.0, -9.25, 0.0]), np.array([10.0, 0.0])
 OBSTACLES = Obstacle('first', (8.0, -6.0), 0.7), Obstacle('second', (10.0, -2.0), 0.5)

@@ -8,14 +8,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Linearisation
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import Subproblem
+from cmpsp_ros.mpsp.qp.active_set import solve
 from cmpsp_ros.mpsp.qp.active_set.fill import Space, fill, solution_in, space
-from cmpsp_ros.mpsp.qp.active_set.solver import TOLERANCE, solve
+from cmpsp_ros.mpsp.qp.active_set.solver import TOLERANCE
 from cmpsp_ros.mpsp.qp.active_set.state import FIRST
-from cmpsp_ros.mpsp.qp.riccati import kkt
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import SOLVED, kkt
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 # A subproblem whose arrays stand side by side.
 DERIVATIVES = [field.name for field in fields(Linearisation)]

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives
 
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp import Dimensions, ProblemError
 
 
 def test_problems_of_the_tests_have_right_derivatives():

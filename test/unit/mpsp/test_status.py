@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from problems import VanDerPol
 
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Evaluation
+from cmpsp_ros.mpsp import Evaluation, Options
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status, Violation, violations
 

@@ -19,12 +19,8 @@ import numpy as np
 from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 
 PRESETS = [
     (Path(__file__).parents[3] / 'config' / f'{name}.yaml').read_text(encoding='utf-8')

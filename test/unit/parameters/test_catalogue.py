@@ -2,7 +2,7 @@
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters import TABLE
 from cmpsp_ros.parameters.parameter import REQUIRED
 
 

@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters import ParameterError, Problem, describe
 
 
 def test_message_has_one_line_for_each_problem():

@@ -5,11 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.plausibility import plausibility_warnings
-from cmpsp_ros.parameters.presets import load_parameter_file, parse_assignment
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_start,
+    guidance_settings,
+    load_parameter_file,
+    parse_assignment,
+    plausibility_warnings,
+)
 
 BOX = '[[-0.2, -0.15], [0.1, -0.15], [0.1, 0.15], [-0.2, 0.15]]'
 

@@ -4,10 +4,8 @@ import math
 
 import pytest
 
-from cmpsp_ros.guidance.goals import Follow, Goal
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_pace, guidance_settings
+from cmpsp_ros.guidance import Follow, Goal
+from cmpsp_ros.parameters import TABLE, ParameterError, check_pace, guidance_settings
 
 WAYPOINTS = {
     'waypoints.names': ['a', 'b'],

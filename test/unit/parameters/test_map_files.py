@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cmpsp_ros.guidance.settings import MAP
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.files import with_files
+from cmpsp_ros.guidance import MAP
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    config_directory,
+    guidance_settings,
+    load_parameter_file,
+)
+from cmpsp_ros.parameters.courses import text_of, with_files
 from cmpsp_ros.parameters.courses.map_files import read_map
-from cmpsp_ros.parameters.courses.maps import map_of, text_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import config_directory, load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.parameters.courses.maps import map_of
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 FREE, OCCUPIED, UNKNOWN = map(int, Cell)
 SHADES = np.array([[0, 254, 205, 100], [254, 254, 60, 80]], np.uint8)

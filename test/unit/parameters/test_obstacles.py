@@ -2,11 +2,10 @@
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
+from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
+from cmpsp_ros.parameters.courses import obstacles_of
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.obstacles.shapes import Polygon
 
 SQUARE = [9.5, -3.0, 10.5, -3.0, 10.5, -2.0, 9.5, -2.0]
 

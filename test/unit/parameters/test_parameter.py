@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.parameter import REQUIRED, Parameter, ParameterType, Range
+from cmpsp_ros.parameters import Parameter, ParameterError, ParameterType
+from cmpsp_ros.parameters.parameter import REQUIRED, Range
 
 POSITIVE = Range(0.0, low_open=True)
 

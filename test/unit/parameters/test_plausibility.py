@@ -2,9 +2,14 @@
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.plausibility import plausibility_warnings
-from cmpsp_ros.parameters.presets import load_parameter_file, load_robot, preset_names, robot_names
+from cmpsp_ros.parameters import (
+    TABLE,
+    load_parameter_file,
+    load_robot,
+    plausibility_warnings,
+    preset_names,
+    robot_names,
+)
 
 
 @pytest.mark.parametrize('name', preset_names())

@@ -8,20 +8,22 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.bags.audit.checks import CHECKS
-from cmpsp_ros.parameters import presets
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.roads import road_keys
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import (
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_start,
     config_directory,
+    guidance_settings,
     load_parameter_file,
     parse_assignment,
+    plant_settings,
     preset_names,
+    presets,
     robots_in,
     write_fleet_file,
     write_parameter_file,
 )
-from cmpsp_ros.parameters.settings import check_start, guidance_settings, plant_settings
+from cmpsp_ros.parameters.courses import road_keys
 
 MERGED = """
 guidance:

@@ -4,11 +4,9 @@ import json
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters import TABLE, ParameterError, load_parameter_file
+from cmpsp_ros.parameters.courses import road_of
 from cmpsp_ros.parameters.courses.road_files import with_road_file
-from cmpsp_ros.parameters.courses.roads import road_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
 
 LINE = [[0.0, 0.0], [3.0, 0.5], [6.0, 0.0]]
 RING = [[5.0, 0.0], [0.0, 5.0], [-5.0, 0.0], [0.0, -5.0], [5.0, 0.0]]

@@ -5,11 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.road_messages import road_in
-from cmpsp_ros.parameters.courses.roads import lacks_road
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
+from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
+from cmpsp_ros.parameters.courses import lacks_road, road_in
 
 OPEN = [(0.0, 0.0), (3.0, 0.0), (6.0, 1.0)]
 TOLD = {'road.type': 'corridor', 'road.source': 'topic'}

@@ -4,13 +4,10 @@ import math
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.roads import off_road_problems, road_keys, road_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.parameters import TABLE, ParameterError, check_start, guidance_settings
+from cmpsp_ros.parameters.courses import road_keys, road_of
+from cmpsp_ros.parameters.courses.roads import off_road_problems
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
 BEND = {'road.type': 'corridor', 'road.points': [0.0, 0.0, 3.0, 0.0, 6.0, 1.0, 8.0, 3.0]}
 GOAL = {'goal.position': [6.0, 1.0], 'initial_pose': [0.5, 0.0, 0.0]}

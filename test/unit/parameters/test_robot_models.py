@@ -4,12 +4,15 @@ import math
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    guidance_settings,
+    load_parameter_file,
+    plant_settings,
+)
 from cmpsp_ros.parameters.robots.models import MODELS
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots import DifferentialDrive
 
 MECANUM = {
     'robot.model': 'mecanum',

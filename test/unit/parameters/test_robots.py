@@ -2,15 +2,16 @@
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import (
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    check_start,
     config_directory,
+    guidance_settings,
     load_parameter_file,
     load_robot,
     robot_names,
 )
-from cmpsp_ros.parameters.settings import check_start, guidance_settings
 
 # The makers' figures: speed [m/s], distance of the wheels [m]; of mecanum wheels of both axes.
 MAKERS = {

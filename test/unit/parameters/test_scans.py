@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.courses.obstacles import obstacles_of, shapes_of
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.robots.scans import OWN_OBSTACLES, laser_settings
-from cmpsp_ros.simulator.laser import LaserSettings
-from cmpsp_ros.world.obstacles.shapes import Capsule
+from cmpsp_ros.parameters import TABLE, ParameterError
+from cmpsp_ros.parameters.courses import obstacles_of, shapes_of
+from cmpsp_ros.parameters.robots import OWN_OBSTACLES, laser_settings
+from cmpsp_ros.simulator import LaserSettings
+from cmpsp_ros.world.obstacles import Capsule
 
 
 def test_every_parameter_reaches_its_place():

@@ -7,20 +7,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.settings import (
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
     check_pace,
     check_start,
     guidance_settings,
     plant_settings,
 )
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.measurement import OdometryErrors
-from cmpsp_ros.simulator.plant import PlantSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import OdometryErrors, PlantSettings
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 DISC = {'obstacles.names': ['a'], 'obstacles.a.center': [10.0, 0.5], 'obstacles.a.radius': 0.4}
 

@@ -5,8 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters import TABLE, ParameterError
 
 OBSTACLE = {'obstacles.a.center': [8.0, -6.0], 'obstacles.a.radius': 0.7}
 

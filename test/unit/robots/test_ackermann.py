@@ -5,9 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.acceleration import braking, within_ramp
-from cmpsp_ros.robots.ackermann import Ackermann
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.robots import Ackermann, arc_ends, braking, within_ramp
 
 CAR = Ackermann(
     wheel_radius=0.3,

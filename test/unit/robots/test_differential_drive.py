@@ -8,7 +8,8 @@ from hypothesis import example, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.differential_drive import LEFT, RIGHT, DifferentialDrive
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.robots.differential_drive import LEFT, RIGHT
 
 unhurried = hypothesis_settings(deadline=None, max_examples=60)
 ROBOT = DifferentialDrive(max_wheel_speed=51.0)

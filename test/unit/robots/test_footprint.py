@@ -5,11 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.ackermann import Ackermann
-from cmpsp_ros.robots.arcs import arc_from, arc_of_point, arc_part, point_of
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.footprint import Footprint, contains, covered, placed
-from cmpsp_ros.robots.omnidirectional import mecanum
+from cmpsp_ros.robots import (
+    Ackermann,
+    DifferentialDrive,
+    Footprint,
+    arc_from,
+    arc_of_point,
+    arc_part,
+    contains,
+    covered,
+    mecanum,
+    placed,
+    point_of,
+)
 
 WAFFLE = ((-0.205, -0.145), (0.077, -0.145), (0.077, 0.145), (-0.205, 0.145))
 CAR = ((-0.831, -0.805), (3.677, -0.805), (3.677, 0.805), (-0.831, 0.805))

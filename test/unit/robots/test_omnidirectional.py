@@ -6,8 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.arcs import arc_ends, arc_from, arc_under, plain, speeds_and_turns, with_side
-from cmpsp_ros.robots.omnidirectional import mecanum, on_omni_wheels
+from cmpsp_ros.robots import (
+    arc_ends,
+    arc_from,
+    arc_under,
+    mecanum,
+    on_omni_wheels,
+    plain,
+    speeds_and_turns,
+    with_side,
+)
 
 MECANUM = mecanum(0.13, 0.08, wheel_radius=0.05, max_wheel_speed=16.0)
 THREE = on_omni_wheels(

@@ -11,13 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robots.ackermann import Ackermann
-from cmpsp_ros.robots.arcs import arc_part, arc_under
-from cmpsp_ros.robots.omnidirectional import mecanum
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
+from cmpsp_ros.robots import Ackermann, arc_part, arc_under, mecanum
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / 'doc' / 'user' / 'your_model.md').read_text(encoding='utf-8')

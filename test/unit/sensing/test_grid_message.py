@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing.grid_message import grid_of, updated
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError
+from cmpsp_ros.sensing import grid_of, updated
+from cmpsp_ros.world.grids import Cell, GridError
 
 FREE, OCCUPIED, UNKNOWN = Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN
 

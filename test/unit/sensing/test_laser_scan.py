@@ -8,11 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing.beams import ScanError, Sensor, project
-from cmpsp_ros.sensing.laser_scan import sight_of
+from cmpsp_ros.sensing import ScanError, Sensor, project, sight_of
 from cmpsp_ros.sensing.pose_history import PoseHistory
-from cmpsp_ros.simulator.body import Motion
-from cmpsp_ros.simulator.laser import Laser, LaserSettings
+from cmpsp_ros.simulator import Laser, LaserSettings, Motion
 
 SENSOR = Sensor('front', 'base_scan', (0.3, -0.1, 0.5), reach=9.0)
 HEADER = {

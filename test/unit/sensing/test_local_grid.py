@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing.beams import Beams
-from cmpsp_ros.sensing.local_grid import LocalGrid
-from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.sensing import Beams, LocalGrid
+from cmpsp_ros.world.grids import Cell
 
 FREE, OCCUPIED, UNKNOWN = Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN
 SECOND = 1_000_000_000

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.sensing.beams import ScanError, Sensor
+from cmpsp_ros.sensing import ScanError, Sensor
 from cmpsp_ros.sensing.point_cloud import sight_of
 
 KINDS = {'i4': 5, 'f4': 7, 'f8': 8}

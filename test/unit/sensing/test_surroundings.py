@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmpsp_ros.robots.footprint import Footprint
-from cmpsp_ros.sensing.beams import Sensor, Sight
-from cmpsp_ros.sensing.surroundings import SightSettings, Surroundings
-from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.robots import Footprint
+from cmpsp_ros.sensing import Sensor, Sight, SightSettings, Surroundings
+from cmpsp_ros.world.grids import Cell
 
 MS = 1_000_000
 FRONT, REAR = Sensor('front', 'a'), Sensor('rear', 'b', (0.0, 0.0, np.pi))

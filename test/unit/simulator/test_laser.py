@@ -8,8 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.simulator.body import Motion
-from cmpsp_ros.simulator.laser import Laser, LaserSettings
+from cmpsp_ros.simulator import Laser, LaserSettings, Motion
 
 MS = 1_000_000
 NOTHING = np.empty((0, 4)), np.empty((0, 5))

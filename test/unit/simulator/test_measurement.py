@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.simulator.measurement import Measurement, OdometryErrors
+from cmpsp_ros.simulator import OdometryErrors
+from cmpsp_ros.simulator.measurement import Measurement
 from cmpsp_ros.simulator.random_streams import Stream, generator
 
 POSE = np.array([1.0, -2.0, 3.0])

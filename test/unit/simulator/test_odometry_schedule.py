@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.odometry_schedule import OdometrySchedule
-from cmpsp_ros.simulator.plant import PlantSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import OdometrySchedule, PlantSettings
 
 MS = 1_000_000
 

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.physics import Physics, PhysicsError
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Physics, Plant, PlantSettings
+from cmpsp_ros.simulator.physics import PhysicsError
 
 MS = 1_000_000
 ROBOT = DifferentialDrive(max_wheel_speed=51.0)

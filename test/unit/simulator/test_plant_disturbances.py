@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.measurement import OdometryErrors
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import OdometryErrors, Plant, PlantSettings
 
 MS = 1_000_000
 SECOND = 1000 * MS

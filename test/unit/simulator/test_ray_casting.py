@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.simulator.ray_casting import cast, discs_of, edges_of
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, convex
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.simulator import cast, discs_of, edges_of
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, convex
+from cmpsp_ros.world.roads import OpenFloor
 
 SQUARE = convex('box', [(2.0, -1.0), (4.0, -1.0), (4.0, 1.0), (2.0, 1.0)])
 SHAPES = (

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cmpsp_ros.view.grid_picture import grid_picture
-from cmpsp_ros.view.palette import SEEN, UNSEEN
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.view import SEEN, UNSEEN, grid_picture
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 
 def pixels(picture):

@@ -11,9 +11,7 @@ from importlib.resources import files
 
 import pytest
 
-from cmpsp_ros.view.access import ViewError
-from cmpsp_ros.view.server import ViewServer
-from cmpsp_ros.view.shared_state import SharedState
+from cmpsp_ros.view import SharedState, ViewError, ViewServer
 
 ELSEWHERE = '127.1'
 """Leads to loopback, and is no address that is known to."""

@@ -7,8 +7,8 @@ import math
 
 import pytest
 
-from cmpsp_ros.view import shared_state
-from cmpsp_ros.view.shared_state import ClientState, SharedState
+from cmpsp_ros.view import SharedState, shared_state
+from cmpsp_ros.view.shared_state import ClientState
 
 
 @pytest.fixture

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.arcs import arc_from
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.robots import DifferentialDrive, arc_from
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.roads import Corridor, RoadError
 from cmpsp_ros.world.roads import road_functions as functions
-from cmpsp_ros.world.roads.corridor import Corridor, RoadError
 
 ANGLES = np.arange(60) * math.tau / 60
 

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.arcs import plain
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.footprint import Footprint, placed
-from cmpsp_ros.robots.omnidirectional import mecanum
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.robots import DifferentialDrive, Footprint, mecanum, placed, plain
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle
+from cmpsp_ros.world.obstacles.shapes import Polygon
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
 ROAD = Annulus((0.5, -1.0), 7.0, 11.0)
 BENT = Corridor(((-5.0, -9.5), (0.0, -9.5), (4.0, -8.0), (9.0, -5.0)), (2.0,) * 4, (2.0,) * 4)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside, outside_known
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world import FreeSpace, outside
+from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside_known
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 ROAD = Annulus((0.5, -1.0), 9.0, 11.0)
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))

@@ -8,10 +8,9 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.twist_limits import TwistLimits
-from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside, outside_known
+from cmpsp_ros.robots import DifferentialDrive, TwistLimits, arc_ends, arc_from, reach_of
+from cmpsp_ros.world import outside
+from cmpsp_ros.world.inter_sample_margin import inside, inside_known, outside_known
 
 ROBOT = DifferentialDrive(max_wheel_speed=51.0).twist_limits()
 TURNS_SLOWLY = TwistLimits(1.785, 0.3)

@@ -11,10 +11,10 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 ROAD = Annulus((0.5, -1.0), 9.0, 11.0)
 shares = st.floats(-1.0, 1.0)

@@ -11,21 +11,22 @@ from hypothesis import assume, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
-from cmpsp_ros.robots.arcs import arc_from
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.moving_point_functions import sweep_moving
-from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS, away_from, sweep
-from cmpsp_ros.world.obstacles.shapes import (
+from cmpsp_ros.robots import DifferentialDrive, arc_from
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import (
+    ROUGHNESS,
     Capsule,
+    MovingDiscs,
     Obstacle,
-    Polygon,
     ShapeError,
+    away_from,
     convex,
     outlines,
+    sweep,
+    sweep_moving,
 )
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.obstacles.shapes import Polygon
+from cmpsp_ros.world.roads import OpenFloor
 
 FLOOR = OpenFloor()
 EDGES = 2

@@ -7,18 +7,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids import field_functions
-from cmpsp_ros.world.grids.field_functions import DistanceField
-from cmpsp_ros.world.obstacles.shapes import outline_of
-from cmpsp_ros.world.roads import road_functions
-from cmpsp_ros.world.roads.road_space import RoadSpace
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import DistanceField, field_functions
+from cmpsp_ros.world.obstacles import outline_of
+from cmpsp_ros.world.roads import RoadSpace, road_functions
 
-Array = NDArray[np.float64]
 Gap = tuple[float, float]
 
 # Rounded inwards to this, stations of a road of one width have the same gaps [1/m].
@@ -134,7 +131,7 @@ def _in_field(frame: RoadFrame, field: DistanceField, radius: float) -> Iterator
 
 @allocation_free
 def fill_blocked(
-    blocked: NDArray[np.bool_],
+    blocked: BoolArray,
     field: DistanceField,
     radius: float,
     frame: RoadFrame,

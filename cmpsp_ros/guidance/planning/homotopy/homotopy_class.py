@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass
 from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import allocation_free
 
 _NAMED: Final = 6
 """As many sides a message has, the last of which may stand for the rest."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     RoadFrame,
     locate,
@@ -22,11 +22,8 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.robots.kinematics import DIFFERENTIAL_DRIVE, Kinematics
-from cmpsp_ros.robots.robot_functions import drive
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.robots import DIFFERENTIAL_DRIVE, Kinematics, drive
 
 # Length over which a path that was pushed aside comes back to the centre line [m].
 _RETURN = 1.5

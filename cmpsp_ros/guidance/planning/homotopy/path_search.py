@@ -12,8 +12,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.homotopy.free_gaps import between_samples, free_gaps
 from cmpsp_ros.guidance.planning.homotopy.gaps import HomotopyClass, search, stretches_of
@@ -41,10 +41,9 @@ from cmpsp_ros.guidance.planning.initial_trajectories import (
 )
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.robots import Robot
+from cmpsp_ros.world import FreeSpace
 
-Array = NDArray[np.float64]
 MAX_CLASSES = 8
 
 # Kept from the bounds of a gap [m], at most so great a fraction of its width.

@@ -12,17 +12,14 @@ import math
 from typing import Any, Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.planning.initial_trajectories import wrapped
 from cmpsp_ros.guidance.prediction.plan_start import PlanStart
 from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_points
-from cmpsp_ros.world.roads.road_space import ANNULUS
-
-Array = NDArray[np.float64]
+from cmpsp_ros.mpsp.jit import allocation_free
+from cmpsp_ros.world.roads import ANNULUS, arc_length_to, lookahead_points
 
 SPACING: Final = 0.2
 """Of the stations, at least [m]."""

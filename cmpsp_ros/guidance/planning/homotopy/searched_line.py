@@ -9,19 +9,11 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.planning.homotopy.road_frame import SPACING
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_search import (
-    NARROW,
-    cells_from,
-    costs_of,
-    evenly_spaced,
-    lengths_to,
-)
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import NARROW, cells_from, costs_of, evenly_spaced, lengths_to
 
 # Cells of the grid, at least and at most so many along either side [m], and what it has beside
 # start, goal and shapes [m].

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import dot
 
 # Fraction of its length that a row must have outside the basis to count as independent.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.active_set.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.active_set.state import (

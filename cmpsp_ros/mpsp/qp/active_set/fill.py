@@ -14,7 +14,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array, Dimensions, Linearisation
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
 from cmpsp_ros.mpsp.qp.active_set.state import (
     ActiveSet,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.active_set.basis import Basis, append, remove, solve, solve_transposed
 from cmpsp_ros.mpsp.qp.riccati.program import (
     Program,
@@ -19,7 +18,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
 )
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, transform_row
 
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 CAPACITY = 400
 """Largest number of rows in the basis; bounds that are held need none."""

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite, kkt_residual
 from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows, row_lengths
-from cmpsp_ros.mpsp.qp.dense.sparse_qp import SparseQP, row_of, solution_of, sparse_qp
+from cmpsp_ros.mpsp.qp.dense.sparse_form import SparseQP, row_of, solution_of, sparse_qp
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit.compiled import compiled
-from cmpsp_ros.mpsp.problem import Array, Linearisation
+from cmpsp_ros.mpsp.problem import Linearisation
 
-Indices = NDArray[np.int64]
+Indices = IntArray
 
 
 @dataclass(frozen=True)

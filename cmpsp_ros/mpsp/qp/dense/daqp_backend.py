@@ -5,7 +5,7 @@ from __future__ import annotations
 import daqp
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.active_set.fill import kkt_residual
 from cmpsp_ros.mpsp.qp.dense.dense import DenseRows, dense_rows, dense_solution
 from cmpsp_ros.mpsp.qp.solution import TOLERANCE, Penalties, QPSolution, QPStatus

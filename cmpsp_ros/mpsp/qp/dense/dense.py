@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem

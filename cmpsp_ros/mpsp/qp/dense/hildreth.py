@@ -17,8 +17,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import compiled
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.dense.dense import dense_rows, dense_solution
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Subproblem

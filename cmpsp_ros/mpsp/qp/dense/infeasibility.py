@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmpsp_ros.mpsp.problem import Array
-from cmpsp_ros.mpsp.qp.dense.sparse_qp import SparseQP, row_of
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.mpsp.qp.dense.sparse_form import SparseQP, row_of
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 
 FARTHEST = 1e6

@@ -10,7 +10,7 @@ import qpsolvers
 from numpy.typing import ArrayLike
 from scipy import sparse
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
 from cmpsp_ros.mpsp.qp.dense.dense import dense_rows, dense_solution
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus

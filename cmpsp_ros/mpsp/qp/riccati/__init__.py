@@ -1,1 +1,12 @@
 """The stage-wise quadratic program: its records, Riccati sweeps, and the check of an answer."""
+
+from typing import TYPE_CHECKING
+
+from cmpsp_ros.front_door import lazy_exports
+
+if TYPE_CHECKING:
+    from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
+    from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
+    from cmpsp_ros.mpsp.qp.riccati.program import empty_program
+
+__getattr__, __all__ = lazy_exports(__name__, __file__)

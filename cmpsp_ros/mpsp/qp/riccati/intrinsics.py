@@ -19,8 +19,8 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.problem import Array
 
 _FOUR = ir.VectorType(ir.DoubleType(), 4)
 _ROW = types.float64, 1, 'C'

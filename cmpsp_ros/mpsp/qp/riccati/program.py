@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.problem import Array
 from cmpsp_ros.mpsp.qp.riccati.layout import head_type, row_type, stage_type
 
 Records = NDArray[Any]

@@ -12,10 +12,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.task import Future
 
-from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.transforms import TransformError
-from cmpsp_ros.robots.arcs import speeds_and_turns
+from cmpsp_ros.guidance import NANOSECONDS, Goal, GoalError
+from cmpsp_ros.guidance.messages import TransformError
+from cmpsp_ros.robots import speeds_and_turns
 
 try:
     from nav2_msgs.action import FollowPath, NavigateToPose
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from rclpy.action.server import ServerGoalHandle
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance import Decision
 
 NAVIGATE, FOLLOW = 'navigate_to_pose', 'follow_path'
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import PoseStamped
 
-from cmpsp_ros.guidance.goals import Goal, GoalError
+from cmpsp_ros.guidance import Goal, GoalError
 from cmpsp_ros.nodes.common.topics import GOAL_POSE
 from cmpsp_ros.nodes.guidance.inputs.goal_actions import FOLLOW, NAVIGATE, GoalActions
 
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance.decision import Decision
-    from cmpsp_ros.guidance.law import GuidanceLaw
+    from cmpsp_ros.guidance import Decision, GuidanceLaw
     from cmpsp_ros.nodes.guidance.inputs.road_input import RoadInput
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 

@@ -9,13 +9,12 @@ import numpy as np
 from nav_msgs.msg import OccupancyGrid as GridMessage
 from rclpy.qos import QoSProfile
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.transforms import TransformError, compose
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import TransformError, compose
 from cmpsp_ros.nodes.common.parameters import change_parameters
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MAP
-from cmpsp_ros.parameters.courses.maps import text_of
-from cmpsp_ros.sensing.beams import stamp_of
-from cmpsp_ros.sensing.grid_message import grid_of, updated
+from cmpsp_ros.parameters.courses import text_of
+from cmpsp_ros.sensing import grid_of, stamp_of, updated
 
 try:
     from map_msgs.msg import OccupancyGridUpdate
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
     from rclpy.lifecycle import LifecycleNode
 
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
-    from cmpsp_ros.parameters.table import Values
-    from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+    from cmpsp_ros.parameters import Values
+    from cmpsp_ros.world.grids import OccupancyGrid
 
 
 class MapInput:

@@ -5,10 +5,15 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import stamp_of
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
-from cmpsp_ros.guidance.messages.tracks import TrackError, Tracks, check_age
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import (
+    PeerTrajectory,
+    TrackError,
+    Tracks,
+    check_age,
+    plan_of,
+    stamp_of,
+)
 from cmpsp_ros.nodes.common.topics import GUIDANCE_MOVING, plans_of
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 
@@ -18,9 +23,8 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
     from sensor_msgs.msg import PointCloud2
 
-    from cmpsp_ros.guidance.messages.peer_trajectories import Seen
-    from cmpsp_ros.guidance.messages.tracks import Track
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import GuidanceSettings
+    from cmpsp_ros.guidance.messages import Seen, Track
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
 
 _THROTTLE = 2.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
-from cmpsp_ros.guidance.messages.odometry import OdometryError
+from cmpsp_ros.guidance.messages import OdometryError
 
 _HEADER = 4
 """Bytes of the encapsulation header; alignment counts from its end."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.odometry import stamp_of
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import stamp_of
 from cmpsp_ros.nodes.common.topic import publisher_names
 from cmpsp_ros.nodes.common.topics import GUIDANCE_ODOM
 from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import Odometry, read_odometry

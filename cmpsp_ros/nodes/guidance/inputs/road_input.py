@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rclpy.subscription import Subscription
 
     from cmpsp_ros.nodes.guidance.inputs.transform_input import TransformInput
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.parameters import Values
 
 
 class RoadInput:

@@ -12,19 +12,17 @@ from nav_msgs.msg import OccupancyGrid as GridMessage
 from rclpy.time import Time
 from sensor_msgs.msg import LaserScan, PointCloud2
 
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.nodes.common.topics import SCAN, SIGHTING
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
-from cmpsp_ros.sensing import laser_scan, point_cloud
-from cmpsp_ros.sensing.beams import ScanError, Sensor
-from cmpsp_ros.sensing.surroundings import Surroundings
-from cmpsp_ros.world.grids.occupancy_grid import Cell
+from cmpsp_ros.sensing import ScanError, Sensor, Surroundings, laser_scan, point_cloud
+from cmpsp_ros.world.grids import Cell
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.sensing.surroundings import Sighting
+    from cmpsp_ros.guidance import GuidanceSettings
+    from cmpsp_ros.sensing import Sighting
 
 _THROTTLE = 2.0
 _MESSAGES = {'scan': LaserScan, 'cloud': PointCloud2}
@@ -56,7 +54,7 @@ class SensorInput:
         ]
         self._publisher = SIGHTING.publish_on(node) if self._sensors else None
 
-    def note(self, stamp: int, pose: NDArray[np.float64]) -> str:
+    def note(self, stamp: int, pose: Array) -> str:
         """Know where the robot is; why it must stop, if a sensor has shown nothing for too long.
 
         Args:
@@ -70,7 +68,7 @@ class SensorInput:
         self._surroundings.note(stamp, pose)
         return self._surroundings.blindness(stamp)
 
-    def at(self, stamp: int, pose: NDArray[np.float64]) -> Sighting | None:
+    def at(self, stamp: int, pose: Array) -> Sighting | None:
         """What is known where odometry was noted last; published where it is new."""
         sighting = self._surroundings.at(stamp, pose)
         if self._publisher is not None and sighting is not None and sighting.stamp == stamp:

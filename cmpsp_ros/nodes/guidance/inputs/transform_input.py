@@ -14,16 +14,24 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.goals import GoalError
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
-from cmpsp_ros.guidance.messages.tracks import TrackError, tracks_of
-from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GoalError
+from cmpsp_ros.guidance.messages import (
+    OdometryError,
+    TrackError,
+    TransformError,
+    Transforms,
+    compose,
+    goal_of,
+    pose_of,
+    stamp_of,
+    tracks_of,
+)
 from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
-from cmpsp_ros.parameters.courses.road_messages import road_in
-from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters import ParameterError, Problem
+from cmpsp_ros.parameters.courses import road_in
 
 try:
     from tf2_msgs.msg import TFMessage
@@ -35,16 +43,13 @@ if TYPE_CHECKING:
 
     from geometry_msgs.msg import Pose
     from nav_msgs.msg import Path
-    from numpy.typing import NDArray
     from rclpy.lifecycle import LifecycleNode
     from rclpy.subscription import Subscription
     from sensor_msgs.msg import PointCloud2
 
-    from cmpsp_ros.guidance.goals import Goal
-    from cmpsp_ros.guidance.messages.tracks import Track
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import Goal, GuidanceSettings
+    from cmpsp_ros.guidance.messages import Track
 
-    Array = NDArray[np.float64]
 
 _DEPTH = 500
 

@@ -10,11 +10,11 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.robots.arcs import with_side
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.robots import with_side
 
 if TYPE_CHECKING:
-    from cmpsp_ros.guidance.decision import Decision
+    from cmpsp_ros.guidance import Decision
 
 _LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 _TWIST = struct.Struct('<6d')

@@ -9,16 +9,15 @@ from geometry_msgs.msg import Point
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.world.obstacles.shapes import outlines
+from cmpsp_ros.guidance.formulation import sample_space
+from cmpsp_ros.world.obstacles import outlines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from builtin_interfaces.msg import Time
 
-    from cmpsp_ros.guidance.goals import Goal
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import Goal, GuidanceSettings
 
 _HEIGHT = 0.2
 

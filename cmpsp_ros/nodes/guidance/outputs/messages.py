@@ -10,21 +10,15 @@ from geometry_msgs.msg import Point32, PolygonStamped, PoseStamped
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.key_values import (
-    decision_to_key_values,
-    severity,
-    waypoints,
-    with_former_keys,
-)
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import decision_to_key_values, severity, waypoints, with_former_keys
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
     from sensor_msgs.msg import JointState
 
-    from cmpsp_ros.guidance.decision import Decision, Plan
+    from cmpsp_ros.guidance import Decision, Plan
 
 
 def set_stamp(header: Header, stamp_ns: int) -> None:
@@ -78,7 +72,7 @@ class DecisionMessage:
         return found
 
 
-def polygon_message(corners: NDArray[np.float64], frame_id: str, stamp_ns: int) -> PolygonStamped:
+def polygon_message(corners: Array, frame_id: str, stamp_ns: int) -> PolygonStamped:
     """The message of a polygon ``(C, 2)`` [m] in a frame."""
     message = PolygonStamped(header=Header(frame_id=frame_id))
     set_stamp(message.header, stamp_ns)

@@ -9,19 +9,18 @@ from rclpy.duration import Duration
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
-from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
+from cmpsp_ros.guidance import NANOSECONDS
+from cmpsp_ros.guidance.messages import PeerTrajectory
+from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.guidance.outputs.messages import set_stamp
-from cmpsp_ros.view.palette import LEVEL_COLORS
-from cmpsp_ros.world.obstacles.shapes import outline_of
+from cmpsp_ros.view import LEVEL_COLORS
+from cmpsp_ros.world.obstacles import outline_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from cmpsp_ros.guidance.decision import Decision
-    from cmpsp_ros.guidance.messages.tracks import Track
-    from cmpsp_ros.guidance.settings import GuidanceSettings
+    from cmpsp_ros.guidance import Decision, GuidanceSettings
+    from cmpsp_ros.guidance.messages import Track
 
 PLENTY: Final = 0.3
 """Clearance beyond `safety.margin` from which on nothing is near [m]."""

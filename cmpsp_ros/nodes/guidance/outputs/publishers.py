@@ -42,10 +42,8 @@ if TYPE_CHECKING:
 
     from rclpy.lifecycle import LifecycleNode
 
-    from cmpsp_ros.guidance.decision import Decision
-    from cmpsp_ros.guidance.goals import Goal
-    from cmpsp_ros.guidance.settings import GuidanceSettings
-    from cmpsp_ros.parameters.table import Values
+    from cmpsp_ros.guidance import Decision, Goal, GuidanceSettings
+    from cmpsp_ros.parameters import Values
 
 
 _BASE = 'base_link'

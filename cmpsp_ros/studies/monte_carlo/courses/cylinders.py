@@ -12,11 +12,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.arrays import BoolArray
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.scenario import Scenario
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
 
-Cells = NDArray[np.bool_]
+Cells = BoolArray
 
 SIZE: Final = 30
 """Cells along either side of the field."""

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from cmpsp_ros.studies.monte_carlo.courses.scenario import Point
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Shape, convex
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, Shape, convex
 
 THIN: Final = 0.05
 """Half the thickness of a wall [m]."""

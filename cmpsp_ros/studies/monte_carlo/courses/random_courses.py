@@ -8,18 +8,15 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.furniture import THIN, box, moved, pocket, shapes
 from cmpsp_ros.studies.monte_carlo.courses.scenario import GAP, Point, Scenario
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Shape
-from cmpsp_ros.world.roads.arc_length import lookahead_point
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
-from cmpsp_ros.world.roads.road import Road
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Shape
+from cmpsp_ros.world.roads import Corridor, OpenFloor, Road, lookahead_point
 
 _Random = np.random.Generator
 
@@ -111,7 +108,7 @@ def floor_scenario(
     return made
 
 
-def _way_through(settings: GuidanceSettings, drawn: Scenario) -> NDArray[np.float64]:
+def _way_through(settings: GuidanceSettings, drawn: Scenario) -> Array:
     given = replace(settings, obstacles=drawn.obstacles, **drawn.changes)
     return grid_path(given, np.array(drawn.pose), GAP / 2.0 - settings.safety.margin)
 

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.robots import Robot
 from cmpsp_ros.studies.monte_carlo.courses.scenario import WIDTH, Scenario, scenario
 
 _TOP_SPEED, _WHEEL_SPEED, _ROAD_CENTER = 1.785, 51.0, 15.0

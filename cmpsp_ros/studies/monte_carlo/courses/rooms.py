@@ -9,13 +9,13 @@ from typing import Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.furniture import THIN, box, moved, pocket, shapes
 from cmpsp_ros.studies.monte_carlo.courses.scenario import Point, Scenario
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Shape
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, Shape
+from cmpsp_ros.world.roads import OpenFloor
 
 _Random = np.random.Generator
 

@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle, Shape
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.guidance import GuidanceSettings
+from cmpsp_ros.world.obstacles import Obstacle, Shape
+from cmpsp_ros.world.roads import Annulus
 
 WIDTH: Final = 2.0
 """Of the ring of case 3 [m]."""

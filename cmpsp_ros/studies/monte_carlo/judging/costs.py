@@ -6,15 +6,13 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import NANOSECONDS
 from cmpsp_ros.studies.monte_carlo.driving import drive
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge
-
-Array = NDArray[np.float64]
 
 NAME: Final = 'costs.json'
 

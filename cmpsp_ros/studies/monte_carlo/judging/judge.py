@@ -16,13 +16,12 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-from cmpsp_ros.guidance.planning.manoeuvres import manoeuvres
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.robots.robot import Robot
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings, Safety
+from cmpsp_ros.guidance.planning import along_road, manoeuvres
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.robots import Robot
 from cmpsp_ros.studies.errors import StudyError
 from cmpsp_ros.studies.monte_carlo.driving import farthest
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
@@ -30,9 +29,7 @@ from cmpsp_ros.studies.monte_carlo.judging.slalom import at_constant_speed, slal
 from cmpsp_ros.studies.monte_carlo.study import Task
 from cmpsp_ros.studies.paper.drives import Path
 from cmpsp_ros.studies.paper.judge import judge
-from cmpsp_ros.world.roads.road_space import ANNULUS
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world.roads import ANNULUS
 
 FEASIBLE: Final = 'feasible'
 UNGUARDED: Final = 'feasible, but not between samples by the guard'

@@ -6,12 +6,10 @@ import math
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.settings import GuidanceSettings
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.paper.drives import Path
-
-Array = NDArray[np.float64]
 
 _FINE = 2000
 

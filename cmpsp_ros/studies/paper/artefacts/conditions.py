@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP, condense
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem, sample_space
+from cmpsp_ros.mpsp.qp.dense import CondensedQP, condense
 from cmpsp_ros.studies.paper.drives import Path
-
-Array = NDArray[np.float64]
 
 # A constraint this near to its bound [m] counts as active, a wheel this near to its limit [rad/s].
 _ACTIVE = 1e-6

@@ -5,16 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.formulation.guidance_problem import Cost, GuidanceProblem
-from cmpsp_ros.guidance.formulation.ocp_functions import N_EDGE_CONSTRAINTS
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance.formulation import N_EDGE_CONSTRAINTS, Cost, GuidanceProblem
+from cmpsp_ros.mpsp import Options
+from cmpsp_ros.mpsp.sqp import CMPSP
 from cmpsp_ros.studies.paper.experiments import Experiment
-from cmpsp_ros.world.free_space import FreeSpace
-
-Array = NDArray[np.float64]
+from cmpsp_ros.world import FreeSpace
 
 # Below this distance from the fixed point [rad/s] rounding decides, and ratios mean nothing.
 _FLOOR = 1e-8

@@ -12,23 +12,23 @@ from typing import NamedTuple
 import numpy as np
 from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, make, odometry, raw, time, twist
 
+from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.messages import DECISION, decision_message
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.robots.scans import laser_settings
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.robots.arcs import arc_ends
-from cmpsp_ros.sensing.laser_scan import sight_of
-from cmpsp_ros.sensing.surroundings import Surroundings
-from cmpsp_ros.simulator.laser import Laser
-from cmpsp_ros.simulator.plant import Plant
-from cmpsp_ros.simulator.ray_casting import discs_of, edges_of
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    guidance_settings,
+    load_parameter_file,
+    plant_settings,
+)
+from cmpsp_ros.parameters.robots import laser_settings
+from cmpsp_ros.robots import arc_ends
+from cmpsp_ros.sensing import Surroundings, sight_of
+from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
 from cmpsp_ros.studies.monte_carlo.courses.scenario import scenario
-from cmpsp_ros.world.grids.occupancy_grid import Cell
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.grids import Cell
+from cmpsp_ros.world.obstacles import Obstacle
 
 START = 1_700_000_000 * SECOND
 SCAN = 'sensor_msgs/msg/LaserScan'

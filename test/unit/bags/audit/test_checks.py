@@ -10,9 +10,8 @@ from drives import SECOND, START, drive_case, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome, Sources, overall
 from cmpsp_ros.bags.audit.checks import CHECKS
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.robots.footprint import placed
+from cmpsp_ros.parameters import TABLE, guidance_settings
+from cmpsp_ros.robots import placed
 
 PASSED, FAILED, SKIPPED, NOT_JUDGED = CheckOutcome
 

@@ -7,7 +7,7 @@ import pytest
 from drives import SECOND, Command, drive_case, drive_settings, failed
 
 from cmpsp_ros.bags.audit import CheckOutcome
-from cmpsp_ros.guidance.decision import FallbackLevel
+from cmpsp_ros.guidance import FallbackLevel
 
 PASSED, FAILED, *_ = CheckOutcome
 

@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.audit import CheckOutcome, audit_record, read_record, write_junit
-from cmpsp_ros.bags.errors import BagError
 
 
 @pytest.fixture

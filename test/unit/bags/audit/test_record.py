@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.audit import Sources, read_record
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters import ParameterError
 
 
 def refusal(drive, path, sources=None, kind=BagError):
@@ -78,7 +78,7 @@ def test_a_bag_without_a_drive_is_refused(drive, tmp_path):
 def test_several_robots_have_to_be_told_apart(drive, tmp_path, monkeypatch):
     drive.namespace = '/r1'
     bag = drive.write(tmp_path / 'bag')
-    from cmpsp_ros.bags.reader import Bag
+    from cmpsp_ros.bags import Bag
 
     # As if a second robot's parameters had been recorded beside.
     with Bag(bag) as opened:

@@ -24,9 +24,8 @@ from bag_messages import (
 )
 from pyarrow import parquet
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags import BagError, BagWriter
 from cmpsp_ros.bags.export.files import export
-from cmpsp_ros.bags.writer import BagWriter
 
 THIRD = 1 / 3
 

@@ -12,14 +12,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.film import film
 from cmpsp_ros.bags.film.scene import scene
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.view.scene import bodies, body
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.view import bodies, body
+from cmpsp_ros.world.obstacles import Obstacle
 
 DRAW = (
     "import mujoco; model = mujoco.MjModel.from_xml_string('<mujoco/>');"

@@ -8,12 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from bag_messages import ODOMETRY, SECOND, STAMPED, TWIST, header, make, odometry, raw, twist
 
-from cmpsp_ros.bags.identify.excitation import excitation
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.measurement import OdometryErrors
-from cmpsp_ros.simulator.physics import Physics
-from cmpsp_ros.simulator.plant import Plant, PlantSettings, TwistError
+from cmpsp_ros.bags import BagWriter
+from cmpsp_ros.bags.identify import excitation
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import OdometryErrors, Physics, Plant, PlantSettings, TwistError
 
 RADIUS, HALF_TRACK = 0.035, 0.055
 START = 1_000 * SECOND

@@ -12,10 +12,10 @@ import pytest
 from bag_messages import SECOND
 from hidden_robots import START, Hidden, commands_of, drawn, truth_of, write_bag
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.identify import Sources, identify, write_parameters
-from cmpsp_ros.demo.scenario import load_scenario
-from cmpsp_ros.parameters.presets import load_robot
+from cmpsp_ros.demo import load_scenario
+from cmpsp_ros.parameters import load_robot
 
 RECORDED = Path(__file__).parents[1] / 'recorded'
 RESPONSE = 'delay', 'lag', 'together', 'command_delay', 'linear_scale', 'angular_scale'

@@ -14,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from bag_messages import odometry
 from recorded_drives import START, Drive, altered
 
-from cmpsp_ros.bags.names import Names
+from cmpsp_ros.bags import Names
 from cmpsp_ros.bags.replay.replay import replay
 
 

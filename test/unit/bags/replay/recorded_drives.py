@@ -19,18 +19,12 @@ from bag_messages import (
     raw,
 )
 
+from cmpsp_ros.bags import Bag, BagWriter
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.guidance.goals import GoalError
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.guidance.messages.odometry import OdometryError
-from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GoalError, GuidanceLaw
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, goal_of
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 DECISIONS = '/guidance/decision'
 TICK = SECOND // 50

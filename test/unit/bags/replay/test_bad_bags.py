@@ -8,8 +8,7 @@ import shutil
 import pytest
 from commands import command
 
-from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.bags.writer import BagWriter
+from cmpsp_ros.bags import Bag, BagWriter
 
 COMMANDS = {
     'replay': ['replay', 'bag'],

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from recorded_drives import dropping, editing, moving
 
+from cmpsp_ros.bags import BagError, Names
 from cmpsp_ros.bags.audit import CheckOutcome, audit
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.names import Names
 from cmpsp_ros.bags.replay.replay import replay
 
 NAMES = Names.under('')

@@ -10,13 +10,10 @@ import pytest
 from bag_messages import CLOUD, ODOMETRY, PATH, SECOND, cloud, odometry, path, raw
 from recorded_drives import TICK, Drive, altered, dropping, editing, moving
 
+from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.audit import Sources, audit
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory
-from cmpsp_ros.guidance.messages.tracks import Track, Tracks
+from cmpsp_ros.guidance.messages import PeerTrajectory, Track, Tracks
 
 OTHERS_ODOM = '/r2/odom'
 ONCOMING, RADIUS = (9.3, -4.8, -0.45, -0.45), 0.3

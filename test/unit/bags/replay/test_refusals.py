@@ -5,12 +5,9 @@ from __future__ import annotations
 import pytest
 from recorded_drives import DECISIONS, dropping, editing, setting, without
 
+from cmpsp_ros.bags import Bag, BagError, BagWriter, Names
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.bags.writer import BagWriter
 
 NAMES = Names.under('')
 

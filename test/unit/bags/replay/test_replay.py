@@ -11,12 +11,10 @@ import pytest
 from bag_messages import SECOND, odometry
 from recorded_drives import DECISIONS, TICK, dropping, editing, moving, said, setting, without
 
+from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.decision_record import status_of
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.parameters import guidance_settings
 
 NAMES = Names.under('')
 PLAN = '/guidance/predicted_path'

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.decision_record import status_of
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.names import Names
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags.replay import Change, draw_what_if, what_if
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.bags.replay.what_if import Change, what_if
-from cmpsp_ros.bags.replay.what_if_picture import draw_what_if
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import ParameterError, load_parameter_file
 
 NAMES = Names.under('')
 WEIGHT = Change(None, {'weights.road_center': 30.0})

@@ -6,8 +6,8 @@ import random
 import shutil
 import warnings
 
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.audit import read_record
-from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.report.charts import controls
 from cmpsp_ros.bags.report.tables import summary
 from cmpsp_ros.bags.report.view import view

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from bag_messages import SECOND
 
-from cmpsp_ros.bags.errors import BagError
+from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.report import write_report
 from cmpsp_ros.bags.report.view import labels
 

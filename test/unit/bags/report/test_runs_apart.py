@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from bag_messages import GRID, ODOMETRY, SECOND, TWIST, grid, odometry, raw, twist
 
+from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import Sources, read_record
 from cmpsp_ros.bags.report.charts import clearance, controls
 from cmpsp_ros.bags.report.path_chart import path
@@ -15,10 +16,8 @@ from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.slider import moving
 from cmpsp_ros.bags.report.tables import summary
 from cmpsp_ros.bags.report.view import view
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.robots.arcs import arc_ends
+from cmpsp_ros.parameters import TABLE, load_parameter_file
+from cmpsp_ros.robots import arc_ends
 
 LENGTH = 2.0
 FLOOR = {

@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.bags.runs.holes import Hole, holes, in_words, longest_interval, pieces
-from cmpsp_ros.bags.runs.run import Driven
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.bags.runs import Driven, holes, in_words, longest_interval, pieces
+from cmpsp_ros.bags.runs.holes import Hole
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 SECOND = 1_000_000_000
 

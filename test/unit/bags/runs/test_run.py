@@ -10,10 +10,9 @@ from bag_messages import JOINTS, ODOMETRY, PATH, SECOND, STATUS, joints, odometr
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.runs.run import Driven, read_run
-from cmpsp_ros.bags.writer import BagWriter
-from cmpsp_ros.robots.arcs import arc_ends, arc_from, reach_of
+from cmpsp_ros.bags import BagError, BagWriter
+from cmpsp_ros.bags.runs import Driven, read_run
+from cmpsp_ros.robots import arc_ends, arc_from, reach_of
 
 
 def driven(twists, seconds, begin=5 * SECOND):

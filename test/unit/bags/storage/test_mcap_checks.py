@@ -10,12 +10,10 @@ from bag_messages import HELLO, STRING
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from cmpsp_ros.bags.errors import BagError
-from cmpsp_ros.bags.reader import Bag
+from cmpsp_ros.bags import Bag, BagError, BagWriter
 from cmpsp_ros.bags.recover import recover
-from cmpsp_ros.bags.storage.form import Form
+from cmpsp_ros.bags.storage import Form
 from cmpsp_ros.bags.storage.mcap_records import CHUNK, MAGIC, chunk, content, records
-from cmpsp_ros.bags.writer import BagWriter
 
 
 def write(path, chunks):

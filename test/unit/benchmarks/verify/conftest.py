@@ -8,8 +8,8 @@ import pytest
 from benchmarks.verify import clarabel_reference
 from benchmarks.verify.case import Case, Origin, Program
 from benchmarks.verify.contestant import Contestant
-from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import Subproblem
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from benchmarks.verify.programs.families import FAMILIES, PROGRAMS_PER_SEED, SHA
 from benchmarks.verify.programs.general import random_program, row_values
 from benchmarks.verify.programs.loop import subproblems
 from benchmarks.verify.programs.scenario import draw_horizon, tangent
-from cmpsp_ros.mpsp.problem import Dimensions
+from cmpsp_ros.mpsp import Dimensions
 from cmpsp_ros.mpsp.qp import QPStatus
 
 

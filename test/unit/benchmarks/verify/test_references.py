@@ -13,9 +13,8 @@ from benchmarks.verify.measure import accuracy, cost, duality_gap, last_bit
 from benchmarks.verify.programs.families import cases
 from benchmarks.verify.programs.general import random_program
 from benchmarks.verify.references import Verdict, references, verdict
-from cmpsp_ros.mpsp.qp import Penalties, QPStatus
+from cmpsp_ros.mpsp.qp import Penalties, QPStatus, Subproblem
 from cmpsp_ros.mpsp.qp.dense import daqp_backend
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 
 def prices(terminal, path):

@@ -10,7 +10,7 @@ from benchmarks.errors import BenchError
 from benchmarks.verify.programs.families import SHARES
 from benchmarks.verify.report import lines, mismatches, to_json
 from benchmarks.verify.run import Batch, batches, compare_batch, verify, verify_case
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import QPStatus
 
 

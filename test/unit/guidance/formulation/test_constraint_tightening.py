@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 from scenarios import CASES, FIRST, SECOND, settings
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import (
-    goal_space,
-    path_space,
-    sample_space,
-)
-from cmpsp_ros.guidance.goals import Goal, Target
+from cmpsp_ros.guidance import Goal, Safety
+from cmpsp_ros.guidance.formulation import goal_space, sample_space
+from cmpsp_ros.guidance.formulation.constraint_tightening import path_space
+from cmpsp_ros.guidance.goals import Target
 from cmpsp_ros.guidance.mission.goal_manager import GoalManager
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.world.inter_sample_margin import inside, outside
-from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.world import outside
+from cmpsp_ros.world.inter_sample_margin import inside
+from cmpsp_ros.world.roads import Corridor
 
 TARGET = Target((10.0, 0.0))
 

@@ -5,24 +5,17 @@ import numpy as np
 import pytest
 from problems import assert_derivatives, differences
 
-from cmpsp_ros.guidance.formulation.guidance_problem import (
-    N_EDGE_CONSTRAINTS,
-    Cost,
-    GuidanceProblem,
-)
-from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem
+from cmpsp_ros.guidance.formulation.guidance_problem import N_EDGE_CONSTRAINTS
+from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.qp.curvature import nearest_positive_semidefinite
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
-from cmpsp_ros.world.roads.road_functions import FAR
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import FAR, Annulus, Corridor, OpenFloor
 
 KINDS = ('gauss_newton', 'projected', 'exact')
 BENT = Corridor(((-2.0, -9.5), (4.0, -9.0), (9.0, -5.0), (10.0, 2.0)), (2.0,) * 4, (2.0,) * 4)

@@ -6,18 +6,12 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, ROAD, SECOND, clearance, closed_loop, settings
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.formulation.constraint_tightening import path_space, sample_space
-from cmpsp_ros.guidance.formulation.ocp_formulation import (
-    OcpFormulation,
-    terminal_penalty,
-)
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.guidance.solver_settings import SolverSettings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance import FallbackLevel, Safety, SolverSettings
+from cmpsp_ros.guidance.formulation import OcpFormulation, sample_space
+from cmpsp_ros.guidance.formulation.constraint_tightening import path_space
+from cmpsp_ros.guidance.formulation.ocp_formulation import terminal_penalty
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
 TARGET = settings().target
 GUESS = np.tile([45.0, 44.0], (11, 1))

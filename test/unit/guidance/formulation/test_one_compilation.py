@@ -7,21 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.formulation import ocp_functions
-from cmpsp_ros.guidance.formulation.guidance_problem import (
-    Cost,
-    GuidanceProblem,
-    begun_at,
-    with_parameters,
-)
-from cmpsp_ros.mpsp.qp.riccati.layout import row_type, stage_type
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.twist_limits import TwistLimits
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance.formulation import Cost, GuidanceProblem, begun_at, ocp_functions
+from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
+from cmpsp_ros.mpsp.qp.riccati import row_type, stage_type
+from cmpsp_ros.robots import DifferentialDrive, TwistLimits
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus, Corridor, OpenFloor
 
 LINE = Corridor(((0.0, -9.0), (9.0, 0.0), (0.0, 9.0)), (1.0, 1.0, 1.0), (1.5, 1.5, 1.5))
 OBSTACLES = (Obstacle('a', (8.0, -6.0), 0.7),)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from nav_msgs.msg import Odometry
 from rclpy.time import Time
 
-from cmpsp_ros.guidance.messages.odometry import OdometryError, check_age, pose_of, stamp_of
+from cmpsp_ros.guidance.messages import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages.odometry import check_age
 
 SECOND = 1_000_000_000
 

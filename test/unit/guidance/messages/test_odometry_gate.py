@@ -10,12 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cmpsp_ros.guidance.messages.odometry import OdometryError
-from cmpsp_ros.guidance.messages.odometry_gate import Arrival, OdometryGate, motion_limits
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import Safety
+from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, motion_limits
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 MS = 1_000_000
 BEGIN = 100_000 * MS

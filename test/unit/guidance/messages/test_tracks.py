@@ -8,18 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.horizon import NANOSECONDS
-from cmpsp_ros.guidance.messages.tracks import (
-    Track,
-    TrackError,
-    Tracks,
-    check_age,
-    read_keys,
-    track_keys,
-    tracks_of,
-)
+from cmpsp_ros.guidance import NANOSECONDS, MovingObstacles
+from cmpsp_ros.guidance.messages import Track, TrackError, Tracks, check_age, read_keys, tracks_of
+from cmpsp_ros.guidance.messages.tracks import track_keys
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
-from cmpsp_ros.guidance.settings import MovingObstacles
 
 KINDS = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
 FIELDS = {'x': 'f8', 'y': 'f8', 'vx': 'f8', 'vy': 'f8', 'radius': 'f8', 'id': 'i4'}

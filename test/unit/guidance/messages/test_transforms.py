@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.guidance.messages.transforms import TransformError, Transforms, compose
+from cmpsp_ros.guidance.messages import TransformError, Transforms, compose
 
 SECOND = 1_000_000_000
 TF = 'tf2_msgs/msg/TFMessage'

@@ -8,9 +8,8 @@ import pytest
 from scenarios import PERIOD, ROAD, SECOND, drive, settings
 from test_command_delay import Drive
 
-from cmpsp_ros.guidance.goals import Goal
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.world.obstacles.shapes import Capsule
+from cmpsp_ros.guidance import Goal, GuidanceLaw
+from cmpsp_ros.world.obstacles import Capsule
 
 OPEN = settings(limit=51.0, guess=ROAD)
 CLOSED = 'The road is closed at obstacle wall: the robot waits before it.'

@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.goals import Follow
-from cmpsp_ros.guidance.mission.feasibility_precheck import infeasibility_warnings, shortest_time
-from cmpsp_ros.guidance.settings import GuidanceSettings, Safety
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.footprint import covered
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.corridor import Corridor
+from cmpsp_ros.guidance import Follow, GuidanceSettings, Safety
+from cmpsp_ros.guidance.mission import infeasibility_warnings, shortest_time
+from cmpsp_ros.robots import DifferentialDrive, covered
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.obstacles.shapes import Polygon
+from cmpsp_ros.world.roads import Annulus, Corridor
 
 START = (0.0, -9.25)
 ROCK = Obstacle('rock', (8.0, -6.0), 0.7)

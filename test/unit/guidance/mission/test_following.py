@@ -9,14 +9,10 @@ from endless import NOISE, drive, is_steady
 from scenarios import PERIOD
 from scenarios import drive as drive_law
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.goals import Follow, Goal, GoalError
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.settings import GuidanceSettings
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.arc_length import arc_length_to, lookahead_point
+from cmpsp_ros.guidance import FallbackLevel, Follow, Goal, GoalError, GuidanceLaw, GuidanceSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus, arc_length_to, lookahead_point
 
 
 @pytest.mark.parametrize('changes', [{}, NOISE])

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from scenarios import PERIOD, SETTLED, drive
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.goals import Goal, GoalError
-from cmpsp_ros.guidance.key_values import decision_to_key_values, severity
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.goal_pose import goal_of
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import (
+    FallbackLevel,
+    Goal,
+    GoalError,
+    GuidanceLaw,
+    decision_to_key_values,
+    severity,
+)
+from cmpsp_ros.guidance.messages import goal_of
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def preset(name, **changes):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.mission.start import reason_not_to_begin
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance.mission import reason_not_to_begin
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    guidance_settings,
+    load_parameter_file,
+    preset_names,
+)
 
 ORIGIN = np.zeros(3)
 

@@ -7,19 +7,13 @@ import pytest
 from general_iteration import improve
 from scenarios import CASES, FIRST, MS, PERIOD, ROAD, START, context_of, settings, start_of
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon import to_nanoseconds
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
-from cmpsp_ros.mpsp.jit.addresses import address_of
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
-from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, preset_names
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance import SolverSettings, Weights, remaining, shift, to_nanoseconds
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, initial_guess
+from cmpsp_ros.mpsp.jit import address_of, allocation_free
+from cmpsp_ros.mpsp.qp.riccati import ITERATION_LIMIT
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, preset_names
+from cmpsp_ros.world.obstacles import Obstacle
 
 
 def assert_alike(compiled, general):

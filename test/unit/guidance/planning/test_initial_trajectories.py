@@ -10,9 +10,9 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scenarios import CASES, ROAD, settings, start_of
 
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.solver_settings import InitialGuess, SolverSettings
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.guidance import InitialGuess, SolverSettings
+from cmpsp_ros.guidance.planning import initial_guess
+from cmpsp_ros.world.roads import Annulus
 
 unhurried = hypothesis_settings(deadline=None, max_examples=40)
 TIMES = np.full(50, 0.2)

@@ -7,12 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.planning.manoeuvres import has_to_turn, manoeuvres
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.guidance.planning import manoeuvres
+from cmpsp_ros.guidance.planning.manoeuvres import has_to_turn
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
 
 
 def course(preset, **changes):

@@ -24,19 +24,14 @@ from scenarios import (
     with_plans,
 )
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon_functions import remaining, shift
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, InitialGuess, Safety, remaining, shift
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, along_road, initial_guess
 from cmpsp_ros.guidance.planning.candidate import Candidate
 from cmpsp_ros.guidance.planning.homotopy.path_search import guide_paths
-from cmpsp_ros.guidance.planning.initial_trajectories import along_road, initial_guess
-from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Ranking
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.guidance.solver_settings import InitialGuess
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.world.obstacles import Obstacle
 
 BOTH = (FIRST, SECOND)
 

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scenarios import CASES, FIRST, PERIOD, ROAD, START, context_of, settings, start_of
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon_functions import remaining
-from cmpsp_ros.guidance.planning.initial_trajectories import initial_guess
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.guidance.solver_settings import SolverSettings, Weights
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance import SolverSettings, Weights, remaining
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner, initial_guess
+from cmpsp_ros.world.obstacles import Obstacle
 
 HORIZON = remaining(0, PERIOD, 50 * PERIOD)
 POSE = np.array(START)

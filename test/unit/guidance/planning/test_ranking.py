@@ -15,13 +15,12 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance.formulation.ocp_formulation import OcpFormulation
-from cmpsp_ros.guidance.horizon_functions import remaining
+from cmpsp_ros.guidance import Safety, remaining
+from cmpsp_ros.guidance.formulation import OcpFormulation
+from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.guidance.planning.candidate import Candidate
-from cmpsp_ros.guidance.planning.planner import Planner
 from cmpsp_ros.guidance.planning.ranking import Ranking, Score
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import Safety
+from cmpsp_ros.guidance.safety import Audit
 
 BOTH = (FIRST, SECOND)
 

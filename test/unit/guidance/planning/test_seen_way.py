@@ -7,10 +7,8 @@ import pytest
 
 from cmpsp_ros.guidance.planning.seen_way import searched_with
 from cmpsp_ros.guidance.settings import NOT_SEARCHED
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.grids.occupancy_grid import Cell, OccupancyGrid
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 CELL, SIDE = 0.05, 200
 START, GOAL = np.array([0.0, 0.0]), (8.0, 0.0)

@@ -7,15 +7,11 @@ import numpy as np
 import pytest
 from scenarios import ROAD, closed_loop, settings
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, convex
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance import FallbackLevel, Safety
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, convex
+from cmpsp_ros.world.roads import Corridor, OpenFloor
 
 START, GOAL = (0.5, 0.0, 0.0), (8.5, 0.0)
 POINTS = tuple((float(x), 0.0) for x in range(0, 10, 3))

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = np.array([0.0, -9.25, 0.0])
 

@@ -12,15 +12,11 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, settings, start_of
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track, Tracks
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shape_functions import ROUGHNESS
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, convex
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, MovingObstacles
+from cmpsp_ros.guidance.messages import Track, Tracks
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.world.obstacles import ROUGHNESS, Capsule, MovingDiscs, Obstacle, convex
+from cmpsp_ros.world.roads import OpenFloor
 
 PIECES = 200
 ROOM = MovingObstacles(capacity=4, growth=0.02)

@@ -11,14 +11,18 @@ import pytest
 from fleet import Robot, among, drive
 from scenarios import ROAD, SETTLED, settings
 
-from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import NANOSECONDS, Horizon
-from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, plan_of
-from cmpsp_ros.guidance.messages.tracks import Track, TrackError, Tracks, read_keys, track_keys
+from cmpsp_ros.guidance import NANOSECONDS, Horizon, MovingObstacles, Plan
+from cmpsp_ros.guidance.messages import (
+    PeerTrajectory,
+    Track,
+    TrackError,
+    Tracks,
+    plan_of,
+    read_keys,
+)
+from cmpsp_ros.guidance.messages.tracks import track_keys
 from cmpsp_ros.guidance.prediction.obstacle_tracker import ObstacleTracker
-from cmpsp_ros.guidance.settings import MovingObstacles
-from cmpsp_ros.world.roads.annulus import Annulus
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.roads import Annulus, OpenFloor
 
 MS = 1_000_000
 RADIUS = 0.15

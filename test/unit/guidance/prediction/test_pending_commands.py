@@ -6,8 +6,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Plant, PlantSettings
 
 MS = 1_000_000
 SECOND = 1000 * MS

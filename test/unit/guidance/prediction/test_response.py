@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 from scenarios import CASES, PERIOD, ROAD, START, assert_is, drive
 
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw, Safety
 from cmpsp_ros.guidance.prediction.pending_commands import PendingCommands
 from cmpsp_ros.guidance.prediction.response_estimate import ResponseEstimate
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.simulator.plant import Plant, PlantSettings
+from cmpsp_ros.robots import DifferentialDrive
+from cmpsp_ros.simulator import Plant, PlantSettings
 from cmpsp_ros.studies.monte_carlo.driving import drive as drive_study
 from cmpsp_ros.studies.monte_carlo.study import Study
 

@@ -9,7 +9,7 @@ from scenarios import CASES, START
 from test_command_delay import Drive
 
 from cmpsp_ros.guidance.prediction.slip import SlipEstimate
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
+from cmpsp_ros.robots import DifferentialDrive
 
 PERIOD = 200_000_000
 ROBOT = DifferentialDrive()

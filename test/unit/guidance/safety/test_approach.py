@@ -7,22 +7,17 @@ import numpy as np
 import pytest
 from scenarios import FIRST, MS, PERIOD, ROAD, closed_loop, drive, settings, start_of
 
-from cmpsp_ros.guidance.decision import FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import Horizon
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
+from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.approach import Approach
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings, plant_settings
-from cmpsp_ros.simulator.plant import Plant
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
+from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo.driving import drive as drive_study
 from cmpsp_ros.studies.monte_carlo.driving import outcome
 from cmpsp_ros.studies.monte_carlo.study import Study
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
 
 HERE = np.array([0.0, -10.0, 0.0])
 ROCK = Obstacle('rock', (1.5, -10.0), 0.3)

@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 from scenarios import FIRST, PERIOD, SECOND, clearance, settings, start_of
 
-from cmpsp_ros.guidance.decision import Plan
-from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance import Horizon, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import Safety
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.world.obstacles import MovingDiscs, Obstacle
 
 HERE = np.array([0.0, -10.0, 0.0])
 GIVEN = settings((FIRST, SECOND), 51.0)

@@ -7,16 +7,12 @@ import numpy as np
 import pytest
 from scenarios import start_of
 
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.settings import GuidanceSettings, MovingObstacles, Safety
-from cmpsp_ros.robots.ackermann import Ackermann
-from cmpsp_ros.robots.differential_drive import DifferentialDrive
-from cmpsp_ros.robots.footprint import covered, placed
-from cmpsp_ros.robots.omnidirectional import mecanum
-from cmpsp_ros.world.obstacles.moving_discs import MovingDiscs
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, Polygon
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.guidance import GuidanceSettings, MovingObstacles, Safety
+from cmpsp_ros.guidance.safety import Audit
+from cmpsp_ros.robots import Ackermann, DifferentialDrive, covered, mecanum, placed
+from cmpsp_ros.world.obstacles import Capsule, MovingDiscs, Obstacle
+from cmpsp_ros.world.obstacles.shapes import Polygon
+from cmpsp_ros.world.roads import Corridor, OpenFloor
 
 # Long, and the reference point is near its rear.
 FOOTPRINT, RADIUS = covered([(-0.3, -0.2), (1.2, -0.2), (1.2, 0.2), (-0.3, 0.2)])

@@ -19,10 +19,9 @@ from scenarios import (
     settings,
 )
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.planning.planner import Planner
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance.planning import Planner
+from cmpsp_ros.world.obstacles import Obstacle
 
 
 def test_the_levels_when_the_solver_fails(monkeypatch):

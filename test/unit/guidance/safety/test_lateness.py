@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from scenarios import CASES, MS, PERIOD, ROAD, START, clearance
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.safety.lateness import Lateness
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles import Obstacle
 
 CASE_3 = CASES['case 3']
 TOOK = 0.62

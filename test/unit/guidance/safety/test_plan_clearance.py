@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit
-from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.guidance import GuidanceLaw
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.guidance.safety import Audit, plan_clearance
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def first(preset, tracks=(), **changes):

@@ -7,13 +7,11 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.prediction.plan_start import PlanStart
-from cmpsp_ros.guidance.safety.audit import Audit
+from cmpsp_ros.guidance.prediction import PlanStart
+from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.road_braking import braking_on_road
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file, load_robot
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, load_robot
+from cmpsp_ros.world import FreeSpace
 
 PERIOD = 0.2
 

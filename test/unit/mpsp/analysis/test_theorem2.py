@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
+from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.analysis.theorem2 import Verdict, check, lagrangian_gradient, lagrangian_hessian
 from cmpsp_ros.mpsp.models.functions import from_functions
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.qp.dense.condensing import condense
+from cmpsp_ros.mpsp.qp.dense import condense
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import casadi
 import numpy as np
 
-from cmpsp_ros.mpsp.options import Options
+from cmpsp_ros.mpsp import Options
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 

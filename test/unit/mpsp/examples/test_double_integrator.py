@@ -4,7 +4,7 @@ import numpy as np
 from reference_solution import options_for
 
 from cmpsp_ros.mpsp.models.functions import from_functions
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp.sqp import CMPSP
 
 N, DT, DISTANCE = 40, 0.05, 3.0
 

@@ -8,7 +8,7 @@ import types
 
 import pytest
 
-from cmpsp_ros.mpsp.jit.folder import kernel_folder
+from cmpsp_ros.mpsp.jit import kernel_folder
 
 
 @pytest.fixture

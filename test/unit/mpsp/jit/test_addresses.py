@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from cmpsp_ros.mpsp.jit.addresses import address_of, call, call_for_float, call_for_int
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit import address_of, allocation_free, call
+from cmpsp_ros.mpsp.jit.addresses import call_for_float, call_for_int
 
 
 @allocation_free

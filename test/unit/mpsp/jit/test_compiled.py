@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cmpsp_ros.mpsp.jit.compiled import compiled, entry_for
+from cmpsp_ros.mpsp.jit import entry_for
+from cmpsp_ros.mpsp.jit.compiled import compiled
 
 
 def test_the_bits_are_those_of_python():

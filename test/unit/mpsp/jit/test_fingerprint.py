@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.jit.fingerprint import fingerprint
 
 SOURCE = """

@@ -7,10 +7,9 @@ import io
 import numba
 import pytest
 
-from cmpsp_ros.mpsp.jit import watch
+from cmpsp_ros.mpsp.jit import ProgressLine, compilations, progress, watch
 from cmpsp_ros.mpsp.jit.cache import WAITING
 from cmpsp_ros.mpsp.jit.compiled import compiled
-from cmpsp_ros.mpsp.jit.watch import ProgressLine, compilations, progress
 
 
 @pytest.fixture

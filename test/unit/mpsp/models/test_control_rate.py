@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives
 
-from cmpsp_ros.mpsp.errors import ProblemError
-from cmpsp_ros.mpsp.models.control_rate import ControlRateProblem
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.qp.dense.condensing import condense
+from cmpsp_ros.mpsp import Options, ProblemError
+from cmpsp_ros.mpsp.models import ControlRateProblem
+from cmpsp_ros.mpsp.qp.dense import condense
 from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 

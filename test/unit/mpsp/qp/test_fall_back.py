@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from programs import contradicting, penalties, program, solve_rows, staged
 
-from cmpsp_ros.mpsp.problem import Linearisation
-from cmpsp_ros.mpsp.qp import QPStatus, kkt_residual, riccati_backend, solve_qp
+from cmpsp_ros.mpsp import Linearisation
+from cmpsp_ros.mpsp.qp import (
+    QPStatus,
+    Subproblem,
+    kkt_residual,
+    no_warm_start,
+    riccati_backend,
+    solve_from,
+    solve_qp,
+)
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati.outcome import ITERATION_LIMIT
-from cmpsp_ros.mpsp.qp.riccati_backend import no_warm_start, solve_from
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.riccati import ITERATION_LIMIT
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from programs import (
     uniform,
 )
 
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import (
     Penalties,
     QPStatus,

@@ -15,11 +15,11 @@ from cmpsp_ros.mpsp.qp import (
     Penalties,
     QPSolution,
     QPStatus,
+    Subproblem,
     available,
     kkt_residual,
     solve_qp,
 )
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 
 BACKENDS = available()
 

@@ -7,20 +7,19 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
+from cmpsp_ros.mpsp import Linearisation, Options
 from cmpsp_ros.mpsp.iterate import record
-from cmpsp_ros.mpsp.options import Options
-from cmpsp_ros.mpsp.problem import Linearisation
 from cmpsp_ros.mpsp.qp import (
     RICCATI_ACTIVE_SET,
     Penalties,
     QPSolution,
     QPStatus,
+    Subproblem,
     kkt_residual,
 )
 from cmpsp_ros.mpsp.qp.curvature import convexify
 from cmpsp_ros.mpsp.qp.dense.closed_form import has_closed_form
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP
+from cmpsp_ros.mpsp.sqp import CMPSP
 
 SHAPES = [(1, 3, 2, 2, 2), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 

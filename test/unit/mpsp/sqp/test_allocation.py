@@ -11,9 +11,9 @@ import pytest
 from robot_runs import driver_for, improve, robot_options, robot_problem
 
 from cmpsp_ros.guidance.formulation import ocp_functions
-from cmpsp_ros.guidance.planning.planner import FUNCTIONS
+from cmpsp_ros.guidance.planning import FUNCTIONS
 from cmpsp_ros.mpsp import sqp
-from cmpsp_ros.mpsp.jit.compiled import allocation_free
+from cmpsp_ros.mpsp.jit import allocation_free
 from cmpsp_ros.mpsp.qp import active_set, riccati
 from cmpsp_ros.robots import (
     ackermann_functions,

@@ -13,7 +13,8 @@ from cmpsp_ros.mpsp import (
     from_functions,
     solve,
 )
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, costates
+from cmpsp_ros.mpsp.sqp import CMPSP
+from cmpsp_ros.mpsp.sqp.cmpsp import costates
 
 N, T = 12, 0.1
 

@@ -16,17 +16,13 @@ from robot_runs import (
 
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PROJECTED
-from cmpsp_ros.guidance.planning.planner import FUNCTIONS
-from cmpsp_ros.mpsp.iterate import SLACK_TOLERANCE
-from cmpsp_ros.mpsp.models.control_rate import (
-    CONTROL_RATE,
-    ControlRateData,
-    ControlRateProblem,
-)
+from cmpsp_ros.guidance.planning import FUNCTIONS
+from cmpsp_ros.mpsp import SLACK_TOLERANCE
+from cmpsp_ros.mpsp.models import CONTROL_RATE, ControlRateData, ControlRateProblem
 from cmpsp_ros.mpsp.qp import QPStatus
-from cmpsp_ros.mpsp.qp.riccati.outcome import NO_CURVATURE, SOLVED
-from cmpsp_ros.robots.acceleration import within_ramp
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.mpsp.qp.riccati import NO_CURVATURE, SOLVED
+from cmpsp_ros.robots import within_ramp
+from cmpsp_ros.world.obstacles import Obstacle
 
 # What they call takes long to compile: by one worker.
 pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group('riccati')]

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, TooFlat, VanDerPol, options_for, run, zeros
 
-from cmpsp_ros.mpsp.errors import ProblemError
+from cmpsp_ros.mpsp import ProblemError
 from cmpsp_ros.mpsp.qp import Penalties, QPStatus, solve_qp
-from cmpsp_ros.mpsp.qp.dense.condensing import condense
-from cmpsp_ros.mpsp.sqp.cmpsp import CMPSP, solve
+from cmpsp_ros.mpsp.qp.dense import condense
+from cmpsp_ros.mpsp.sqp import CMPSP
+from cmpsp_ros.mpsp.sqp.cmpsp import solve
 from cmpsp_ros.mpsp.status import Status
 
 

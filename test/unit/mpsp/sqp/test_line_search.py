@@ -7,10 +7,9 @@ import pytest
 from problems import LinearQuadratic, VanDerPol
 from reference_merit import Merit
 
-from cmpsp_ros.mpsp.problem import Evaluation
-from cmpsp_ros.mpsp.qp import QPStatus, solve_qp
+from cmpsp_ros.mpsp import Evaluation
+from cmpsp_ros.mpsp.qp import QPStatus, Subproblem, solve_qp
 from cmpsp_ros.mpsp.qp.active_set.fill import compiled_size, put_derivatives
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
 from cmpsp_ros.mpsp.sqp.line_search import (
     GOES_ON,
     WANTS_CORRECTION,

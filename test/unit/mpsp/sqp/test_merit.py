@@ -5,9 +5,9 @@ import pytest
 from reference_merit import Merit
 from stage_programs import random_program, relaxed, run, staged
 
-from cmpsp_ros.mpsp.problem import Dimensions, Evaluation
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp import Dimensions, Evaluation
+from cmpsp_ros.mpsp.qp import Subproblem
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
 from cmpsp_ros.mpsp.sqp.elastic import LEVELS, relax
 from cmpsp_ros.mpsp.sqp.merit import (
     magnitude,

@@ -7,7 +7,7 @@ import sys
 import pytest
 from nav_msgs.msg import Odometry
 
-from cmpsp_ros.bags.errors import UnknownTypeError
+from cmpsp_ros.bags import UnknownTypeError
 from cmpsp_ros.nodes.common.message_types import message_class
 
 

@@ -6,8 +6,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.parameters import declare
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters import TABLE, ParameterError
 
 OBSTACLE = ['obstacles.names:=[a]', 'obstacles.a.center:=[1.0, 2.0]', 'obstacles.a.radius:=1']
 

@@ -14,8 +14,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from cmpsp_ros.guidance.decision import Decision, FallbackLevel, Plan
-from cmpsp_ros.guidance.horizon import Horizon
+from cmpsp_ros.guidance import Decision, FallbackLevel, Horizon, Plan
 from cmpsp_ros.nodes.guidance.outputs.messages import (
     DecisionMessage,
     PathMessage,

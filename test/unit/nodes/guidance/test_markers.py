@@ -9,13 +9,11 @@ import pytest
 from rclpy.time import Time
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance.formulation.constraint_tightening import sample_space
-from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.guidance import Goal
+from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.obstacles.shapes import Capsule, convex
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world.obstacles import Capsule, convex
 
 STAMP = Time(nanoseconds=3_000_000_005).to_msg()
 

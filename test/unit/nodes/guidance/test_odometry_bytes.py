@@ -13,7 +13,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 
 from cmpsp_ros.bags.definitions import jazzy
-from cmpsp_ros.guidance.messages.odometry import OdometryError, pose_of, stamp_of
+from cmpsp_ros.guidance.messages import OdometryError, pose_of, stamp_of
 from cmpsp_ros.nodes.guidance.inputs.odometry_bytes import read_odometry
 
 TYPE = 'nav_msgs/msg/Odometry'

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from cmpsp_ros.guidance.decision import FallbackLevel
-from cmpsp_ros.guidance.law import GuidanceLaw
-from cmpsp_ros.guidance.messages.tracks import Track
-from cmpsp_ros.guidance.safety.plan_clearance import plan_clearance
+from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
+from cmpsp_ros.guidance.messages import Track
+from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import (
     FAR,
     NEAR,
@@ -19,9 +18,7 @@ from cmpsp_ros.nodes.guidance.outputs.plan_markers import (
     PlanMarkers,
     color_of,
 )
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def settings_of(preset='case3', **changes):

@@ -2,10 +2,10 @@
 
 import pytest
 
-from cmpsp_ros.guidance.messages.tracks import Track, tracks_of
+from cmpsp_ros.guidance.messages import Track, tracks_of
 from cmpsp_ros.nodes.common.clouds import cloud_of
 from cmpsp_ros.nodes.sim.moving_obstacles import Traffic
-from cmpsp_ros.parameters.catalogue import TABLE
+from cmpsp_ros.parameters import TABLE
 
 SECOND = 1_000_000_000
 VALUES = TABLE.resolve(

@@ -10,8 +10,7 @@ import threading
 import pytest
 
 from cmpsp_ros.nodes.timing.realtime import Scheduling, check_cpu
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.errors import ParameterError
+from cmpsp_ros.parameters import TABLE, ParameterError
 
 # Whoever runs the tests: without the right to a real-time priority in the child.
 POWERLESS = """

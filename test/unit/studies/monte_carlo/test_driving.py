@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.studies.monte_carlo import Study
 from cmpsp_ros.studies.monte_carlo.driving import drive, farthest, outcome
 from cmpsp_ros.studies.monte_carlo.outcome import Outcome, Verdict
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world.obstacles import Obstacle
 
 START = (0.0, -9.25, 0.0)
 
@@ -101,7 +101,7 @@ def test_what_cannot_be_reached_is_known(task):
 def test_the_farthest_way_is_what_the_plant_drives(task):
     disturbed = Study('disturbed').run(0)
     line = replace(disturbed.plant, initial_pose=(0.0, 0.0, 0.0), cmd_vel_timeout=0.0)
-    from cmpsp_ros.simulator.plant import Plant
+    from cmpsp_ros.simulator import Plant
 
     plant = Plant(line)
     plant.command(0, line.robot.max_speed, 0.0)

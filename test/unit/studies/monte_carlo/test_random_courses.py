@@ -12,7 +12,7 @@ from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.judging import judge as judges
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path
 from cmpsp_ros.studies.monte_carlo.outcome import Verdict
-from cmpsp_ros.world.free_space import FreeSpace
+from cmpsp_ros.world import FreeSpace
 
 KINDS = ('corridors', 'floor')
 

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from cmpsp_ros.studies.monte_carlo import Study, StudyError
 from cmpsp_ros.studies.monte_carlo.courses.scenario import FROM_EDGE, GAP, RADII, is_open, scenario
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.annulus import Annulus
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import Annulus
 
 ROAD = Annulus((1.0, -2.0), 9.0, 11.0)
 SETTINGS, _ = Study('nominal').setup()

@@ -14,10 +14,10 @@ from cmpsp_ros.studies.monte_carlo.driving import drive, outcome
 from cmpsp_ros.studies.monte_carlo.eyes import map_of
 from cmpsp_ros.studies.monte_carlo.judging.grid_search import grid_path, shortest_length
 from cmpsp_ros.studies.monte_carlo.outcome import Verdict
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.occupancy_grid import Cell
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.grids import Cell
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.roads import OpenFloor
 
 KINDS = ('sight', 'clutter')
 

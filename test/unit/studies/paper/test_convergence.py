@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+from cmpsp_ros.studies.paper import table1
 from cmpsp_ros.studies.paper.artefacts import conditions
 from cmpsp_ros.studies.paper.artefacts.fixed_point import Convergence, converge
 from cmpsp_ros.studies.paper.drives import guessed_path, run_law
-from cmpsp_ros.studies.paper.experiments import FIG5_GUESSES, cases, table1
+from cmpsp_ros.studies.paper.experiments import FIG5_GUESSES, cases
 
 GUESSES = [guess for guess, _ in FIG5_GUESSES]
 

@@ -5,16 +5,10 @@ from functools import cache
 import numpy as np
 import pytest
 
+from cmpsp_ros.studies.paper import table1, table2
 from cmpsp_ros.studies.paper.compare import TOUCHED, spans
 from cmpsp_ros.studies.paper.drives import drive_open, guessed_path, run_law
-from cmpsp_ros.studies.paper.experiments import (
-    case3_at_45,
-    cases,
-    few_obstacles,
-    many_obstacles,
-    table1,
-    table2,
-)
+from cmpsp_ros.studies.paper.experiments import case3_at_45, cases, few_obstacles, many_obstacles
 from cmpsp_ros.studies.paper.recipes import Recipe, follow
 
 TEN = {each.key: each for each in (*cases(), *table1(), *table2())}
@@ -109,8 +103,8 @@ def test_the_guess_of_the_obstacle_runs_is_a_straight_line():
 @pytest.mark.parametrize('each', [*few_obstacles(), *many_obstacles()], ids=lambda e: e.key)
 def test_an_independent_solver_finds_every_layout_feasible(each, between_samples):
     pytest.importorskip('casadi')
-    from cmpsp_ros.guidance.planning.initial_trajectories import along_road
-    from cmpsp_ros.guidance.prediction.plan_start import PlanStart
+    from cmpsp_ros.guidance.planning import along_road
+    from cmpsp_ros.guidance.prediction import PlanStart
     from cmpsp_ros.studies.paper.judge import judge
 
     settings, pose = each.with_bound(between_samples), np.array(each.pose)
@@ -133,7 +127,7 @@ def test_judge_says_when_there_is_no_way():
     from dataclasses import replace
 
     from cmpsp_ros.studies.paper.judge import judge
-    from cmpsp_ros.world.obstacles.shapes import Obstacle
+    from cmpsp_ros.world.obstacles import Obstacle
 
     settings = replace(cases()[0].settings, obstacles=(Obstacle('wall', (7.0, -7.0), 1.5),))
     path = guessed_path(few_obstacles()[0])

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from cmpsp_ros.studies import cpu_model
 from cmpsp_ros.studies.paper import ARTEFACTS, StudyError, run
-from cmpsp_ros.studies.processor import cpu_model
 
 # What they share takes long to make.
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group('paper_study')]

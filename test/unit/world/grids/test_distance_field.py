@@ -5,11 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.arcs import arc_from, arc_part
-from cmpsp_ros.world.grids import field_functions
-from cmpsp_ros.world.grids.distance_field import distance_field
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+from cmpsp_ros.robots import arc_from, arc_part
+from cmpsp_ros.world.grids import (
+    Cell,
+    GridError,
+    GridObstacle,
+    OccupancyGrid,
+    distance_field,
+    field_functions,
+)
 
 CELL = 0.05
 

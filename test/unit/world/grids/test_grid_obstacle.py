@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.robots.twist_limits import TwistLimits
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+from cmpsp_ros.robots import TwistLimits
+from cmpsp_ros.world import FreeSpace, outside
+from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid
 from cmpsp_ros.world.grids.outlines import loops
-from cmpsp_ros.world.inter_sample_margin import outside
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle, outlines
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world.obstacles import Capsule, Obstacle, outlines
+from cmpsp_ros.world.roads import OpenFloor
 
 RESOLUTION = 0.1
 

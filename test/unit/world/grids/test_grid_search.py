@@ -7,11 +7,9 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from cmpsp_ros.world.grids.grid_obstacle import GridObstacle
-from cmpsp_ros.world.grids.grid_search import cells_from, lengths_to
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
-from cmpsp_ros.world.map_line import MapSearch
-from cmpsp_ros.world.obstacles.shapes import Obstacle
+from cmpsp_ros.world import MapSearch
+from cmpsp_ros.world.grids import GridObstacle, OccupancyGrid, cells_from, lengths_to
+from cmpsp_ros.world.obstacles import Obstacle
 
 
 def reference(costs, goal):

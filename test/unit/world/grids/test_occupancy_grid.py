@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.world.grids.occupancy_grid import Cell, GridError, OccupancyGrid
+from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid
 
 CELLS = np.zeros((3, 4), np.uint8)
 POSES = [(0.0, 0.0, 0.0), (-2.5, 7.0, 0.6), (1e3, -1e3, -2.9)]

@@ -17,10 +17,9 @@ from cmpsp_ros.guidance.planning.homotopy.road_frame import (
     point_at,
     road_frame,
 )
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Capsule, Obstacle
-from cmpsp_ros.world.roads.corridor import Corridor
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Capsule, Obstacle
+from cmpsp_ros.world.roads import Corridor, OpenFloor
 
 START, GOAL = (0.0, -9.6, 0.0), (10.2, 0.0)
 WALL = Capsule('wall', (6.9, -6.9), (7.2, -7.2), 0.05)

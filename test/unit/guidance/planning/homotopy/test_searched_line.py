@@ -5,14 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from cmpsp_ros.guidance.law import GuidanceLaw
+from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
-from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
-from cmpsp_ros.parameters.settings import guidance_settings
-from cmpsp_ros.world.free_space import FreeSpace
-from cmpsp_ros.world.obstacles.shapes import Obstacle
-from cmpsp_ros.world.roads.open_floor import OpenFloor
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.world import FreeSpace
+from cmpsp_ros.world.obstacles import Obstacle
+from cmpsp_ros.world.roads import OpenFloor
 
 
 @pytest.mark.parametrize('distance', [10.0, 310.0, 400.0, 5e3, 1e6])

@@ -7,11 +7,11 @@ import pytest
 from problems import VanDerPol
 from stage_programs import dense, place, random_program, run
 
-from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, solve_qp
-from cmpsp_ros.mpsp.qp.active_set.correction import activate, correct
+from cmpsp_ros.mpsp.qp import RICCATI_ACTIVE_SET, QPSolution, QPStatus, Subproblem, solve_qp
+from cmpsp_ros.mpsp.qp.active_set import correct
+from cmpsp_ros.mpsp.qp.active_set.correction import activate
 from cmpsp_ros.mpsp.qp.active_set.fill import borrowed_space, fill, put_solution
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
-from cmpsp_ros.mpsp.qp.subproblem import Subproblem
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
 from cmpsp_ros.mpsp.sqp.back_end import BackEnd
 
 # What they call takes long to compile: by one worker.

@@ -15,12 +15,12 @@ from stage_programs import (
     warm_with,
 )
 
-from cmpsp_ros.mpsp.qp import riccati_backend
+from cmpsp_ros.mpsp.qp import QPStatus, riccati_backend
 from cmpsp_ros.mpsp.qp.active_set.fill import is_positive_definite
 from cmpsp_ros.mpsp.qp.active_set.state import CAPACITY
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend
-from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, SOLVED
-from cmpsp_ros.mpsp.qp.solution import Penalties, QPStatus
+from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, SOLVED
+from cmpsp_ros.mpsp.qp.solution import Penalties
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -14,10 +14,10 @@ from stage_programs import (
     warm_with,
 )
 
+from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.dense import clarabel_backend, daqp_backend
+from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
-from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
-from cmpsp_ros.mpsp.qp.solution import QPStatus
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

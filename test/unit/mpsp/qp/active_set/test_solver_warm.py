@@ -9,8 +9,8 @@ from stage_programs import (
     run,
 )
 
-from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, SOLVED
-from cmpsp_ros.mpsp.qp.solution import QPStatus
+from cmpsp_ros.mpsp.qp import QPStatus
+from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, SOLVED
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

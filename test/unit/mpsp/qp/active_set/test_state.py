@@ -5,7 +5,7 @@ import pytest
 from stage_programs import random_program, relaxed, run
 
 from cmpsp_ros.mpsp.qp.active_set.state import iterative_refinement
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step
 
 # What they call takes long to compile: by one worker.

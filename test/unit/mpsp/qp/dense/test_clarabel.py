@@ -23,9 +23,9 @@ from cmpsp_ros.mpsp.qp import (
     kkt_residual,
     solve_qp,
 )
+from cmpsp_ros.mpsp.qp.dense import sparse_qp
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows
-from cmpsp_ros.mpsp.qp.dense.sparse_qp import sparse_qp
 
 
 def solved(qp, penalties=None):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, differences
 
-from cmpsp_ros.mpsp.qp.dense import condensing
-from cmpsp_ros.mpsp.qp.dense.condensing import condense, sensitivities
+from cmpsp_ros.mpsp.qp.dense import condense, condensing
+from cmpsp_ros.mpsp.qp.dense.condensing import sensitivities
 
 SHAPES = [(1, 3, 2, 2, 2), (2, 2, 1, 1, 3), (5, 3, 2, 2, 2), (9, 1, 1, 0, 0), (7, 4, 3, 1, 1)]
 

@@ -7,8 +7,7 @@ import pytest
 from programs import residual_of, solve_rows, uniform
 
 from cmpsp_ros.mpsp import QPStatus
-from cmpsp_ros.mpsp.qp.dense import hildreth
-from cmpsp_ros.mpsp.qp.dense.condensing import CondensedQP
+from cmpsp_ros.mpsp.qp.dense import CondensedQP, hildreth
 
 
 def program(seed, q=12, m=2, p=10, t=4, feasible=True):

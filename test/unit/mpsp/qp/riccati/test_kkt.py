@@ -7,8 +7,8 @@ from stage_programs import chain, place, random_program, relaxed, run, staged
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp import kkt_residual as residual_of
 from cmpsp_ros.mpsp.qp.active_set.state import FIRST
+from cmpsp_ros.mpsp.qp.riccati import SOLVED
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
-from cmpsp_ros.mpsp.qp.riccati.outcome import SOLVED
 
 # What they call takes long to compile: by one worker.
 pytestmark = pytest.mark.xdist_group('riccati')

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from stage_programs import CONTROLS, STATES, dense, place, random_program, relaxed, staged
 
-from cmpsp_ros.mpsp.problem import Dimensions, Linearisation
+from cmpsp_ros.mpsp import Dimensions, Linearisation
+from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.active_set import fill as filling
 from cmpsp_ros.mpsp.qp.active_set.fill import (
     borrowed_space,
@@ -27,7 +28,7 @@ from cmpsp_ros.mpsp.qp.riccati.program import (
     row_number,
     row_value,
 )
-from cmpsp_ros.mpsp.qp.solution import QPSolution, QPStatus
+from cmpsp_ros.mpsp.qp.solution import QPSolution
 
 KINDS = {PATH: 'path', BOUND: 'bound', TRUST: 'trust'}
 

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cmpsp_ros.mpsp.problem import Array
+from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.qp.solution import Penalties, QPSolution, QPStatus
 from cmpsp_ros.mpsp.qp.subproblem import Row, Subproblem
 

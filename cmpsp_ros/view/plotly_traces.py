@@ -8,13 +8,12 @@ from html import escape
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from cmpsp_ros.guidance.goals import Goal
+from cmpsp_ros.arrays import Array
+from cmpsp_ros.guidance import Goal
 from cmpsp_ros.view.palette import GOAL
 from cmpsp_ros.view.scene import Lines, Part
 
-Array = NDArray[np.float64]
 Trace = dict[str, Any]
 
 _DIGITS: Final = 6

@@ -20,12 +20,12 @@ from cmpsp_ros.demo.errors import DemoError
 from cmpsp_ros.demo.guiding import START_TIMEOUT, guide
 from cmpsp_ros.demo.processes import Child, check_all, stop_all, use_free_domain
 from cmpsp_ros.demo.scenario import Scenario
-from cmpsp_ros.nodes.recording.written import Written
-from cmpsp_ros.parameters.presets import write_parameter_file
+from cmpsp_ros.nodes.recording import Written
+from cmpsp_ros.parameters import write_parameter_file
 
 if TYPE_CHECKING:
     from cmpsp_ros.demo.summary import Summary
-    from cmpsp_ros.nodes.lifecycle_client import Observer, Seen
+    from cmpsp_ros.nodes import Observer, Seen
 
 _DELIVERY_TIMEOUT, _ASK_AGAIN = 15.0, 0.1
 
@@ -122,7 +122,7 @@ def started(
         domain = use_free_domain()
         for name, arguments, namespace in _nodes(robots, folder, view_port, record=record):
             children.append(Child.start(name, arguments, folder, namespace))
-        from cmpsp_ros.nodes.lifecycle_client import Observer  # noqa: PLC0415 (the nodes need longer)
+        from cmpsp_ros.nodes import Observer  # noqa: PLC0415 (the nodes need longer)
 
         with Observer(domain, [each.namespace for each in robots]) as observer:
             if record:

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from cmpsp_ros.view.palette import SEEN, UNSEEN
-from cmpsp_ros.world.grids.occupancy_grid import OccupancyGrid
+from cmpsp_ros.world.grids import OccupancyGrid
 
 _MOST: Final = 256
 """Pixels along a side at most."""

@@ -58,12 +58,7 @@ EXTRAS_REQUIRE = {
         'setuptools<80',  # colcon-core drives `setup.py` in ways that 80 took away
         'wheel',
     ],
-    'lint': [
-        'ruff',
-        'mypy',
-        'types-PyYAML',
-        'import-linter',
-    ],
+    'lint': ['ruff', 'mypy', 'types-PyYAML', 'import-linter'],
 }
 
 
@@ -115,6 +110,6 @@ setup(
             'sim_node = cmpsp_ros.nodes.sim.node:main',
             'recorder = cmpsp_ros.nodes.recording.recorder:main',
             'viewer = cmpsp_ros.nodes.viewer:main',
-        ],
+        ]
     },
 )

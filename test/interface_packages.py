@@ -23,7 +23,7 @@ string instance_id
 bool active
 float32 heartbeat_timeout
 float32 heartbeat_period
-""",
+"""
     },
     'map_msgs': {
         'msg/OccupancyGridUpdate.msg': """
@@ -33,7 +33,7 @@ int32 y
 uint32 width
 uint32 height
 int8[] data
-""",
+"""
     },
     'nav2_msgs': {
         'action/NavigateToPose.action': """

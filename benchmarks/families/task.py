@@ -73,11 +73,7 @@ class Task:
         solver = replace(given, candidates=1, initial_iterations=given.iterations_per_step)
         settings = replace(preset.settings, solver=solver)
         weights = settings.weights
-        cost = Cost(
-            weights.road_center,
-            weights.control_change,
-            weights.control_effort,
-        )
+        cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
         return cls(settings, preset.pose, sample_space(settings), cost)
 
     @property

@@ -159,7 +159,4 @@ class Converged(_CasadiSolver):
         gap = rows[2 * STATES : 3 * STATES]
         # What the next stage had of constraints of its own, it has to be where the robot is now.
         rest = rows[3 * STATES + 1 + len(self._task.space.centers) :]
-        return {
-            'lam_x0': bounds[STAGE:],
-            'lam_g0': np.concatenate([gap, np.zeros(STATES), rest]),
-        }
+        return {'lam_x0': bounds[STAGE:], 'lam_g0': np.concatenate([gap, np.zeros(STATES), rest])}

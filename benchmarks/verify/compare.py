@@ -12,12 +12,7 @@ from benchmarks.verify.case import Case, Origin, Program
 from benchmarks.verify.contestant import Contestant
 from benchmarks.verify.feasibility import ROUNDING, contradict, nearly_feasible, nearly_infeasible
 from benchmarks.verify.measure import Accuracy, accuracy, cost, last_bit
-from benchmarks.verify.references import (
-    Reference,
-    Verdict,
-    references,
-    verdict,
-)
+from benchmarks.verify.references import Reference, Verdict, references, verdict
 from cmpsp_ros.mpsp.qp import QPSolution, QPStatus
 
 RESIDUAL = 1e-8

@@ -7,11 +7,7 @@ from collections.abc import Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from rosbags.interfaces import (
-    Connection,
-    ConnectionExtRosbag2,
-    MessageDefinition,
-)
+from rosbags.interfaces import Connection, ConnectionExtRosbag2, MessageDefinition
 
 from cmpsp_ros.bags.custom_data import (
     PARAMETERS_KEY,

@@ -122,12 +122,7 @@ def _drive_fleet(
 @contextmanager
 def _progress(name: str, total: float, view_port: int | None) -> Iterator[Callable[[float], None]]:
     """Show the progress of a run of `total` seconds."""
-    from rich.progress import (  # noqa: PLC0415 (`--help` is quicker without)
-        BarColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-    )
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: PLC0415 (`--help` is quicker without)
 
     signal.signal(signal.SIGTERM, _interrupt)
     if view_port is not None:

@@ -117,8 +117,7 @@ def play(
         str, typer.Option(metavar='TOPIC', help='Recorded odometry: played as <namespace>/odom.')
     ] = '',
     cmd_vel: Annotated[
-        str,
-        typer.Option(metavar='TOPIC', help='Recorded commands: played as <namespace>/cmd_vel.'),
+        str, typer.Option(metavar='TOPIC', help='Recorded commands: played as <namespace>/cmd_vel.')
     ] = '',
 ) -> None:
     """Publish recorded topics to live nodes, with /clock.

@@ -57,11 +57,7 @@ def _what_if(
     bag: Path, names: Names, assignments: list[str], params_file: str | None, output: Path | None
 ) -> None:
     """Show what a changed guidance law decides."""
-    from cmpsp_ros.bags.replay import (  # noqa: PLC0415 (loads kernels)
-        Change,
-        draw_what_if,
-        what_if,
-    )
+    from cmpsp_ros.bags.replay import Change, draw_what_if, what_if  # noqa: PLC0415 (loads kernels)
     from cmpsp_ros.parameters import load_parameter_file, parse_assignment  # noqa: PLC0415 (starts faster without)
 
     base = None if params_file is None else load_parameter_file(params_file)

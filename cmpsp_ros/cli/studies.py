@@ -12,15 +12,7 @@ from typing import Annotated
 import typer
 
 from cmpsp_ros.cli.options import Assignments
-from cmpsp_ros.cli.terminal import (
-    complain,
-    console,
-    errors,
-    exit_on,
-    progress_bar,
-    say,
-    writing_to,
-)
+from cmpsp_ros.cli.terminal import complain, console, errors, exit_on, progress_bar, say, writing_to
 from cmpsp_ros.parameters import ParameterError
 
 
@@ -55,8 +47,7 @@ def paper(
         bool, typer.Option('--judge', help='Also find the optima with IPOPT (CasADi).')
     ] = False,
     starts: Annotated[
-        bool,
-        typer.Option('--starts', help='Instead, drive its starts with the default settings.'),
+        bool, typer.Option('--starts', help='Instead, drive its starts with the default settings.')
     ] = False,
 ) -> None:
     """Draw every figure and check every claim of the paper.
@@ -96,8 +87,7 @@ def study(
         typer.Option(metavar='ADDRESS', help='Dask scheduler whose workers share them instead.'),
     ] = '',
     output: Annotated[
-        Path | None,
-        typer.Option(help='New folder, or one to continue; study_NAME when absent.'),
+        Path | None, typer.Option(help='New folder, or one to continue; study_NAME when absent.')
     ] = None,
     judge: Annotated[
         bool, typer.Option('--judge', help='Solve each failed run with IPOPT (CasADi).')
@@ -112,8 +102,7 @@ def study(
     ] = None,
     obstacles: Annotated[int, typer.Option(min=0, max=6, help='Maximum number in one run.')] = 4,
     robot: Annotated[
-        str,
-        typer.Option(metavar='NAME', help='Robot, or its file: nominal courses made for it.'),
+        str, typer.Option(metavar='NAME', help='Robot, or its file: nominal courses made for it.')
     ] = '',
     assignments: Assignments = None,
 ) -> None:

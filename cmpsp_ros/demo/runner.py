@@ -151,11 +151,7 @@ def _nodes(
 
 
 def _get_ready(
-    observer: Observer,
-    children: Sequence[Child],
-    robots: Sequence[Scenario],
-    *,
-    record: bool,
+    observer: Observer, children: Sequence[Child], robots: Sequence[Scenario], *, record: bool
 ) -> None:
     """Configure the guidance nodes, and wait until nothing of the run can be missed."""
     timeout = START_TIMEOUT * len(robots)

@@ -36,11 +36,7 @@ _BOTH_WHEELS: Final = Paced(np.eye(2), 2)
 
 
 def within_ramp(
-    plan: Array,
-    durations: Array,
-    previous: Array,
-    max_change: float,
-    paced: Paced = _BOTH_WHEELS,
+    plan: Array, durations: Array, previous: Array, max_change: float, paced: Paced = _BOTH_WHEELS
 ) -> Array:
     """A plan that the wheels can follow: the same path, driven more slowly where they cannot.
 

@@ -53,13 +53,7 @@ def put_gradients(
 
 @allocation_free
 def arc_of(
-    x: float,
-    y: float,
-    heading: float,
-    controls: Array,
-    k: int,
-    duration: float,
-    robot: Kinematics,
+    x: float, y: float, heading: float, controls: Array, k: int, duration: float, robot: Kinematics
 ) -> Arc:
     """The arc that a control leads along from a pose."""
     if robot.model == OMNIDIRECTIONAL:

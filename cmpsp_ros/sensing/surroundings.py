@@ -56,10 +56,7 @@ class Surroundings:
     """
 
     def __init__(
-        self,
-        settings: SightSettings,
-        robot_radius: float,
-        footprint: Footprint = DISC,
+        self, settings: SightSettings, robot_radius: float, footprint: Footprint = DISC
     ) -> None:
         """Know nothing.
 

@@ -17,11 +17,7 @@ EXECUTABLES = ('cmpsp', 'guidance_node', 'sim_node', 'recorder')
 IGNORED = {'build', 'install', 'log', 'runs', 'dist', '__pycache__'}
 
 # One build for all: the group keeps these tests on one worker.
-pytestmark = [
-    pytest.mark.integration,
-    pytest.mark.xdist_group('colcon'),
-    pytest.mark.timeout(900),
-]
+pytestmark = [pytest.mark.integration, pytest.mark.xdist_group('colcon'), pytest.mark.timeout(900)]
 
 
 def source_files() -> list[Path]:
@@ -154,10 +150,7 @@ def test_python_package_is_typed_and_alone(colcon_install: Path) -> None:
 
 
 def test_installed_nodes_complete_a_run(
-    colcon_install: Path,
-    share: Path,
-    ros: Any,
-    spawn: Callable[..., Any],
+    colcon_install: Path, share: Path, ros: Any, spawn: Callable[..., Any]
 ) -> None:
     programs = colcon_install / PACKAGE / 'lib' / PACKAGE
     [packages] = (colcon_install / PACKAGE / 'lib').glob('python*/site-packages')

@@ -105,11 +105,7 @@ def _visits(scenario: Scenario, rng: Rng) -> Iterator[Visit]:
 
 
 def _iterations(
-    about: str,
-    problem: OptimalControlProblem,
-    settings: GuidanceSettings,
-    guess: Array,
-    rng: Rng,
+    about: str, problem: OptimalControlProblem, settings: GuidanceSettings, guess: Array, rng: Rng
 ) -> Generator[Visit, None, Array]:
     """The iterations of one control step; returns its controls."""
     U = np.clip(guess, problem.control_lower, problem.control_upper)
@@ -126,11 +122,7 @@ def _pose_problem(
     settings: GuidanceSettings, pose: Array, held: Array, horizon: Horizon
 ) -> OptimalControlProblem:
     weights, durations = settings.weights, horizon.durations
-    cost = Cost(
-        weights.road_center,
-        weights.control_change,
-        weights.control_effort,
-    )
+    cost = Cost(weights.road_center, weights.control_change, weights.control_effort)
     space = sample_space(settings, float(durations.max()))
     problem = GuidanceProblem(settings.robot, space, cost, pose, np.array(settings.goal), durations)
     if weights.control_rate > 0.0:

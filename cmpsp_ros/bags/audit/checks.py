@@ -51,19 +51,11 @@ CHECKS: Final = (
     ),
     _Check('steering', 'Commands: steering', change_checks.steering, ('control_period',)),
     _Check(
-        'commanded',
-        'Commands: safe to drive',
-        path_checks.commanded,
-        (*_ROAD, 'control_period'),
+        'commanded', 'Commands: safe to drive', path_checks.commanded, (*_ROAD, 'control_period')
     ),
     _Check('as_decided', 'Commands: as decided', command_checks.as_decided, _WHEELS[:2], True),
     _Check('obeyed', 'Commands: obeyed', command_checks.obeyed, (*_WHEELS, 'control_period')),
-    _Check(
-        'rate',
-        'Commands: in time',
-        command_checks.rate,
-        ('control_period', 'final_time'),
-    ),
+    _Check('rate', 'Commands: in time', command_checks.rate, ('control_period', 'final_time')),
     _Check('age', 'Commands: fresh odometry', command_checks.age, ('odom_timeout',)),
     _Check('silence', 'Stop: without odometry', command_checks.silence, ('odom_timeout',)),
     _Check('stop_at_end', 'Stop: at the end', fallback_checks.stop_at_end, ('control_period',)),

@@ -156,10 +156,7 @@ def split(
 
 
 def _runs(
-    commands: Commands,
-    decisions: Sequence[DecisionRecord],
-    end: int,
-    settings: GuidanceSettings,
+    commands: Commands, decisions: Sequence[DecisionRecord], end: int, settings: GuidanceSettings
 ) -> tuple[RunSpan, ...]:
     """Time 0 of a run is the stamp of its first odometry, which is decided on at once."""
     answers = [each for each in decisions if not each.halted]

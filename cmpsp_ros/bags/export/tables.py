@@ -111,13 +111,7 @@ def tables(bag: Bag) -> list[Table]:
             _COMMANDS,
             _commands,
         ),
-        (
-            'wheel_speeds',
-            ('sensor_msgs/msg/JointState',),
-            '/wheel_speeds',
-            _wheel_columns,
-            _wheels,
-        ),
+        ('wheel_speeds', ('sensor_msgs/msg/JointState',), '/wheel_speeds', _wheel_columns, _wheels),
         ('decisions', _OF_DECISIONS, '/decision', _decision_columns, _decisions),
         ('plan', ('nav_msgs/msg/Path',), '/predicted_path', _PLAN, _plan),
         ('goals', ('geometry_msgs/msg/PoseStamped',), '/goal_pose', _GOALS, _goals),
@@ -158,12 +152,7 @@ def _reading(
 
 def _odometry(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:
     twist = message.twist.twist
-    yield (
-        stamp_of(message),
-        message.header.frame_id,
-        *_pose(message.pose.pose),
-        *_twist(twist),
-    )
+    yield (stamp_of(message), message.header.frame_id, *_pose(message.pose.pose), *_twist(twist))
 
 
 def _commands(message: Any, _columns: tuple[Column, ...]) -> Iterator[Row]:

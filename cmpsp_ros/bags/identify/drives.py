@@ -190,11 +190,7 @@ def _answered(
 
 
 def _drives(
-    label: str,
-    stamped: bool,
-    odometry: OdometrySeries,
-    commands: Commands,
-    answered: Stamps | None,
+    label: str, stamped: bool, odometry: OdometrySeries, commands: Commands, answered: Stamps | None
 ) -> Iterator[Drive]:
     legs = odometry.legs(_BACKWARDS)
     begins = [0, *(int(leg.received[0]) for leg in legs[1:])]

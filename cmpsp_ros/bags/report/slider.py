@@ -39,10 +39,7 @@ def moving(views: Sequence[View]) -> list[dict[str, Any]]:
             'body': coordinates(body(view.settings)),
             'others': [_of_robot(view, each) for each in view.others.values()],
             'disc': coordinates(disc(view.settings.moving_obstacles.others_radius)),
-            'clearance': {
-                't': numbers(view.clearance[0]),
-                'value': numbers(_least(view)),
-            },
+            'clearance': {'t': numbers(view.clearance[0]), 'value': numbers(_least(view))},
             'decisions': [
                 [round(view.record.seconds(each.stamp), 6), each.level, each.reason]
                 for each in view.record.decisions

@@ -39,10 +39,7 @@ class Encounter:
 
 
 def encounters(
-    path: Driven,
-    tracks: Sequence[Track],
-    bodies: Bodies,
-    timeout: float,
+    path: Driven, tracks: Sequence[Track], bodies: Bodies, timeout: float
 ) -> Iterator[Encounter]:
     """Every part of a path with the moving obstacles of that time, at constant velocity.
 
@@ -95,11 +92,7 @@ def _is_recorded(bag: Bag, namespace: str) -> bool:
 
 
 def robot_encounters(
-    path: Driven,
-    others: Mapping[str, Driven],
-    radius: float,
-    bodies: Bodies,
-    timeout: float,
+    path: Driven, others: Mapping[str, Driven], radius: float, bodies: Bodies, timeout: float
 ) -> Iterator[Encounter]:
     """Every part of a path with the positions of each other robot at that time.
 

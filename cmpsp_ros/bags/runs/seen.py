@@ -229,11 +229,7 @@ def _from_polygon(footprint: Footprint, points: Array, pose: Array) -> Array:
 
 
 def _scans(
-    bag: Bag,
-    topic: str,
-    settings: GuidanceSettings,
-    paths: Sequence[Driven],
-    window: Window,
+    bag: Bag, topic: str, settings: GuidanceSettings, paths: Sequence[Driven], window: Window
 ) -> Iterator[Beams]:
     """All scans that were made while the path is known, as it says where the sensors were."""
     namespace = topic.rpartition('/')[0].rpartition('/')[0]

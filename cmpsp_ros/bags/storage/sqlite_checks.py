@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING
 
 from rosbags.rosbag2 import ReaderError
 
-from cmpsp_ros.bags.storage.limits import (
-    MAX_CHUNK,
-    MAX_METADATA,
-    MAX_TOPICS,
-    check_yaml,
-)
+from cmpsp_ros.bags.storage.limits import MAX_CHUNK, MAX_METADATA, MAX_TOPICS, check_yaml
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -228,10 +228,7 @@ class PlanSelector:
         return f' {verb} the best of {count} plans{sides}.'
 
     def _fresh(
-        self,
-        known: list[Alternative],
-        context: PlanningContext,
-        guesses: list[Array] | None,
+        self, known: list[Alternative], context: PlanningContext, guesses: list[Array] | None
     ) -> list[Alternative]:
         """New plans; without guesses, of homotopy classes that no flawless plan has yet."""
         if guesses is None:
@@ -265,11 +262,7 @@ class PlanSelector:
         return self._scored(known.planner, candidate, context, known.bad_steps)
 
     def _scored(
-        self,
-        planner: Planner,
-        candidate: Candidate,
-        context: PlanningContext,
-        bad_steps: int = 0,
+        self, planner: Planner, candidate: Candidate, context: PlanningContext, bad_steps: int = 0
     ) -> Alternative:
         began = self._timer()
         sides = class_of(context.road_frame, self._places, candidate.plan.poses)

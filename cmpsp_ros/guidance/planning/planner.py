@@ -10,11 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.guidance.decision import Plan
 from cmpsp_ros.guidance.formulation import ocp_functions
-from cmpsp_ros.guidance.formulation.guidance_problem import (
-    begun_at,
-    guidance_data,
-    target_of,
-)
+from cmpsp_ros.guidance.formulation.guidance_problem import begun_at, guidance_data, target_of
 from cmpsp_ros.guidance.formulation.ocp_formulation import (
     OcpFormulation,
     terminal_constraint,

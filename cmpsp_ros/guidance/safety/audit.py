@@ -114,11 +114,7 @@ class Audit:
         self._space = settings.space(self._margin)
 
     def check(
-        self,
-        start: PlanStart,
-        controls: Array,
-        durations: Array,
-        pending: Verdict | None = None,
+        self, start: PlanStart, controls: Array, durations: Array, pending: Verdict | None = None
     ) -> Verdict:
         """Roll a plan out afresh and say whether its first command may be sent.
 

@@ -61,12 +61,7 @@ class Lateness:
 
 
 def clear_fraction(
-    audit: Audit,
-    here: PlanStart,
-    previous: Array,
-    control: Array,
-    next_step: float,
-    latest: float,
+    audit: Audit, here: PlanStart, previous: Array, control: Array, next_step: float, latest: float
 ) -> float:
     """Largest tried fraction of a command that is clear whenever it comes into effect.
 

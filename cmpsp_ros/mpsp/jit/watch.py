@@ -45,8 +45,7 @@ def _name(event: Any) -> str | None:
 
 @contextmanager
 def compilations(
-    begin: Callable[[str], None] = lambda _: None,
-    wait: Callable[[str], None] = lambda _: None,
+    begin: Callable[[str], None] = lambda _: None, wait: Callable[[str], None] = lambda _: None
 ) -> Iterator[list[str]]:
     """The names of all kernels that are compiled within; those loaded from files are not.
 

@@ -10,12 +10,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.errors import ProblemError
 from cmpsp_ros.mpsp.models.differences import STEP, central_differences
-from cmpsp_ros.mpsp.problem import (
-    Hessian,
-    Linearisation,
-    OptimalControlProblem,
-    check_hessian,
-)
+from cmpsp_ros.mpsp.problem import Hessian, Linearisation, OptimalControlProblem, check_hessian
 
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
 # Directions of the state that controls reach by less than this, next to the one they reach most,

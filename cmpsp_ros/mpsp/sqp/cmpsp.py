@@ -193,12 +193,7 @@ def _functions(problem: OptimalControlProblem) -> Functions:
         return found.cost
 
     def linearise(
-        data: Linearisation,
-        _X: Array,
-        _U: Array,
-        stages: Records,
-        path: Records,
-        terminal: Records,
+        data: Linearisation, _X: Array, _U: Array, stages: Records, path: Records, terminal: Records
     ) -> None:
         put_derivatives(stages, path, terminal, data)
 

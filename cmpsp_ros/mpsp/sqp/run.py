@@ -7,13 +7,7 @@ from typing import Any
 from cmpsp_ros.mpsp.jit.addresses import call, call_for_float, call_for_int
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.active_set.state import ActiveSet, Indices
-from cmpsp_ros.mpsp.sqp.workspace import (
-    CORRECT,
-    EVALUATE,
-    LINEARISE,
-    SOLVE_QP,
-    Workspace,
-)
+from cmpsp_ros.mpsp.sqp.workspace import CORRECT, EVALUATE, LINEARISE, SOLVE_QP, Workspace
 
 
 @allocation_free

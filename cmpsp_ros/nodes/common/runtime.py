@@ -87,10 +87,7 @@ def run(
 
 
 def _live(
-    make_node: Callable[[], Node],
-    stopping: threading.Event,
-    logger: RcutilsLogger,
-    outlasts: float,
+    make_node: Callable[[], Node], stopping: threading.Event, logger: RcutilsLogger, outlasts: float
 ) -> int:
     """Construct, spin, stop and destroy the node; returns the exit code."""
     try:

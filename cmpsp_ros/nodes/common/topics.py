@@ -185,11 +185,7 @@ OWN_ODOM = Topic(
     depth=OF_A_RUN,
 )
 OWN_GOAL_POSE = Topic(
-    'guidance',
-    'out',
-    '~/goal_pose',
-    PoseStamped,
-    'every goal received, in the frame `frame_id`',
+    'guidance', 'out', '~/goal_pose', PoseStamped, 'every goal received, in the frame `frame_id`'
 )
 OWN_MOVING = Topic(
     'guidance',

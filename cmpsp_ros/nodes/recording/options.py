@@ -88,10 +88,7 @@ def read_options(node: Node) -> Options:
         'Record those of guidance and sim in the namespace of this node, and plans of all robots.',
     )
     excluded = _declare(
-        node,
-        'exclude_topics',
-        _NAMES,
-        'Topics not to record; all others are, if none is chosen.',
+        node, 'exclude_topics', _NAMES, 'Topics not to record; all others are, if none is chosen.'
     )
     form = _form(node)
     if not output:

@@ -45,10 +45,7 @@ def map_of(values: Values) -> GridObstacle | None:
 # It takes much longer than all other parameters, which are read several times over.
 @lru_cache(maxsize=4)
 def _map_of(
-    origin: tuple[float, float, float],
-    resolution: float,
-    text: str,
-    unknown_is_free: bool,
+    origin: tuple[float, float, float], resolution: float, text: str, unknown_is_free: bool
 ) -> GridObstacle:
     try:
         grid = OccupancyGrid(origin, resolution, _cells_of(text))

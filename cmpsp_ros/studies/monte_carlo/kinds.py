@@ -12,11 +12,7 @@ from cmpsp_ros.guidance import GuidanceSettings
 from cmpsp_ros.studies.monte_carlo.courses.cylinders import field_scenario
 from cmpsp_ros.studies.monte_carlo.courses.random_courses import corridor_scenario, floor_scenario
 from cmpsp_ros.studies.monte_carlo.courses.rooms import room_scenario
-from cmpsp_ros.studies.monte_carlo.courses.scenario import (
-    Scenario,
-    paper_scenario,
-    scenario,
-)
+from cmpsp_ros.studies.monte_carlo.courses.scenario import Scenario, paper_scenario, scenario
 
 PRESET: Final = 'case3'
 _SEEING: Final = {
@@ -115,11 +111,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
         ),
         # The law is told how much the wheels lag at most, and estimates by how much they do.
         'heavy': Kind(
-            {
-                'robot.max_wheel_acceleration': 60.0,
-                'max_wheel_lag': 0.3,
-                'safety.margin': 0.05,
-            },
+            {'robot.max_wheel_acceleration': 60.0, 'max_wheel_lag': 0.3, 'safety.margin': 0.05},
             0.05,
             lag=(0.1, 0.3),
         ),
@@ -134,13 +126,7 @@ KINDS: Final[Mapping[str, Kind]] = MappingProxyType(
         'corridors': Kind(_WITH_A_BODY, 1e-3, corridor_scenario),
         'floor': Kind(_WITH_A_BODY, 1e-3, floor_scenario),
         'sight': Kind(_SEEING, 0.05, room_scenario, preset='unknown', sees=True),
-        'mapped': Kind(
-            _SEEING,
-            0.05,
-            room_scenario,
-            preset='unknown',
-            has_map=True,
-        ),
+        'mapped': Kind(_SEEING, 0.05, room_scenario, preset='unknown', has_map=True),
         'clutter': Kind(
             _CLUTTERED, 0.1, field_scenario, preset='unknown', sees=True, score_speed=2.0
         ),

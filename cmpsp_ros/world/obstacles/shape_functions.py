@@ -65,12 +65,7 @@ def away_from(
     for i in range(begin, end if end - begin > 2 else begin + 1):
         after = i + 1 if i + 1 < end else begin
         to_x, to_y, squared = _to_edge(
-            x,
-            y,
-            corners[k, i, 0],
-            corners[k, i, 1],
-            corners[k, after, 0],
-            corners[k, after, 1],
+            x, y, corners[k, i, 0], corners[k, i, 1], corners[k, after, 0], corners[k, after, 1]
         )
         if squared < least:
             least, near_x, near_y = squared, to_x, to_y
@@ -234,14 +229,7 @@ def _depth_on_chord(
 
 @allocation_free
 def _steepest(
-    corners: Array,
-    begin: int,
-    end: int,
-    x: float,
-    y: float,
-    to_x: float,
-    to_y: float,
-    part: float,
+    corners: Array, begin: int, end: int, x: float, y: float, to_x: float, to_y: float, part: float
 ) -> Any:
     """Greatest of the distances from a polygon's edges after a part of a way, and its slope."""
     here_x, here_y = x + part * (to_x - x), y + part * (to_y - y)

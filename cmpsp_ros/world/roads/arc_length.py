@@ -161,12 +161,7 @@ def _ahead(road: RoadSpace, x: float, y: float, heading: float, way: float, prog
 
 @allocation_free
 def _fill_points(
-    points: Array,
-    road: RoadSpace,
-    pose: Array,
-    lengths: Array,
-    goal: Point,
-    progress: float,
+    points: Array, road: RoadSpace, pose: Array, lengths: Array, goal: Point, progress: float
 ) -> None:
     x, y = pose[0], pose[1]
     here = road_functions.project(road, x, y, pose[2], progress)

@@ -37,13 +37,7 @@ X, Y, LEFT, RIGHT = 0, 1, 2, 3
 
 @allocation_free
 def project(
-    shape: Any,
-    pieces: Records,
-    stations: Array,
-    x: float,
-    y: float,
-    heading: float,
-    near: float,
+    shape: Any, pieces: Records, stations: Array, x: float, y: float, heading: float, near: float
 ) -> float:
     """Progress of the nearest place that leads the same way.
 
@@ -195,13 +189,7 @@ def _lowest(here: float, slope: float, there: float, slope_there: float, bound: 
 
 @allocation_free
 def _on_arc(
-    shape: Any,
-    pieces: Records,
-    kept: float,
-    other_kept: float,
-    arc: Arc,
-    t: float,
-    progress: float,
+    shape: Any, pieces: Records, kept: float, other_kept: float, arc: Arc, t: float, progress: float
 ) -> Any:
     """A point of an arc: progress, both clearances, and their slopes by ``t`` from 0 to 1."""
     if t == 0.0:

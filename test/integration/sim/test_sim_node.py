@@ -173,8 +173,7 @@ def test_integers_for_doubles_empty_lists_and_keys_of_the_guidance_are_taken(
     client.connect()
     names = ['odom_rate', 'obstacles.names']
     got = client.call(
-        client.parameter_client(GetParameters, 'get_parameters'),
-        GetParameters.Request(names=names),
+        client.parameter_client(GetParameters, 'get_parameters'), GetParameters.Request(names=names)
     )
     assert got.values[0].type == 3  # a double
     assert got.values[0].double_value == 25.0

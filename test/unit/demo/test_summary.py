@@ -110,9 +110,7 @@ def test_the_miss_is_that_at_the_final_time_between_two_samples(summary_of):
     assert 'missed by 0.1 m' in summary.failure
 
 
-def test_what_happens_before_the_first_decision_and_after_the_final_time_does_not_count(
-    summary_of,
-):
+def test_what_happens_before_the_first_decision_and_after_the_final_time_does_not_count(summary_of):
     x, y, _ = on_circle(0.5)
     far = on_circle(9.5)[:2]
     wheels = [(0, (99.0, 0.0)), (SECOND, (1.0, -7.5)), (5 * SECOND, (3.0, 2.0))]

@@ -104,10 +104,7 @@ def test_every_parameter_reaches_its_place():
             'goal.position: found 0.5 m from the centre of obstacle a, wanted 0.6 m or more '
             '(obstacles.a.radius + robot.radius)',
         ),
-        (
-            {'final_time': 0.1},
-            'final_time: found 0.1 s, wanted at least control_period = 0.2 s',
-        ),
+        ({'final_time': 0.1}, 'final_time: found 0.1 s, wanted at least control_period = 0.2 s'),
         (
             {'final_time': 1e9},
             'final_time: found 1000000000.0 s, wanted at most 10000 times control_period = 0.2 s',
@@ -116,10 +113,7 @@ def test_every_parameter_reaches_its_place():
             {'goal.position': [1e300, 0.0]},
             'goal.position: found [1e+300, 0.0], wanted no number beyond 1e+09',
         ),
-        (
-            {'robot.half_track': 1e-300},
-            'robot.half_track: found 1e-300, wanted 1e-06 or more',
-        ),
+        ({'robot.half_track': 1e-300}, 'robot.half_track: found 1e-300, wanted 1e-06 or more'),
         (
             {'robot.max_wheel_speed': 1e-9},
             'robot.max_wheel_speed: found 1e-09 rad/s, wanted 1e-06 rad/s or more, or 0',

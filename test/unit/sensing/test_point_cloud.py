@@ -119,10 +119,7 @@ def test_where_no_point_is_nothing_is_known(height):
         (cloud(point_step=8), 'depth: data: found 72 bytes'),
         (cloud(row_step=70), 'depth: data: found 72 bytes'),
         (cloud(data=b''), 'depth: data: found 0 bytes'),
-        (
-            cloud(width=2**31),
-            'width, height: found 2147483648 points, wanted',
-        ),
+        (cloud(width=2**31), 'width, height: found 2147483648 points, wanted'),
         (cloud([(math.nan, 1.0, 1.0), (1.0, math.inf, 0.0)]), 'data: found 2 points, none finite'),
     ],
 )

@@ -73,10 +73,7 @@ def test_an_open_line_goes_on_straight():
     assert (line.pieces[0, 8], line.pieces[-1, 8]) == pytest.approx((1.0, 0.5))
 
 
-@given(
-    widths=st.lists(st.floats(0.1, 3.0), min_size=5, max_size=5),
-    closed=st.booleans(),
-)
+@given(widths=st.lists(st.floats(0.1, 3.0), min_size=5, max_size=5), closed=st.booleans())
 def test_widths_stay_between_those_of_the_neighbours(widths, closed):
     line = fit(BEND, np.array(widths), np.array(widths), closed=closed)
     samples = sample(line, closed=closed)

@@ -145,11 +145,7 @@ def test_sweep_past_what_moves(wheels, period, start, heading, point, velocity, 
 
 
 @hypothesis_settings(max_examples=300)
-@given(
-    **drives,
-    shape=shapes,
-    further=st.floats(0.0, 0.2),
-)
+@given(**drives, shape=shapes, further=st.floats(0.0, 0.2))
 def test_samples_clear_of_a_shape_keep_arcs_clear(shape, wheels, period, start, heading, further):
     _, path, error = driven(wheels, period, start, heading)
     space = clear_of(shape, 0.05).tightened(ROBOT.twist_limits(), period)

@@ -131,11 +131,7 @@ def _in_field(frame: RoadFrame, field: DistanceField, radius: float) -> Iterator
 
 @allocation_free
 def fill_blocked(
-    blocked: BoolArray,
-    field: DistanceField,
-    radius: float,
-    frame: RoadFrame,
-    lateral: Array,
+    blocked: BoolArray, field: DistanceField, radius: float, frame: RoadFrame, lateral: Array
 ) -> None:
     """Find where a grid is nearer than a radius, anywhere from one station to the next.
 

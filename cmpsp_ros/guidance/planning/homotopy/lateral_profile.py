@@ -7,12 +7,7 @@ import math
 import numpy as np
 
 from cmpsp_ros.arrays import Array
-from cmpsp_ros.guidance.planning.homotopy.road_frame import (
-    RoadFrame,
-    locate,
-    point_at,
-    stretch_at,
-)
+from cmpsp_ros.guidance.planning.homotopy.road_frame import RoadFrame, locate, point_at, stretch_at
 from cmpsp_ros.guidance.planning.initial_trajectories import (
     SHORTEST_LOOKAHEAD,
     guess_arrays,

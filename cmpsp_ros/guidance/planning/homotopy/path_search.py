@@ -170,21 +170,13 @@ def searched_paths(
     poses = np.column_stack([points, np.zeros(len(points))])
     homotopy_class = class_of(frame, frame.coordinates(space.landmarks), poses)
     guess = follow_profile(
-        settings,
-        start,
-        durations,
-        line,
-        profile,
-        free_turn_rate(start, target, durations),
+        settings, start, durations, line, profile, free_turn_rate(start, target, durations)
     )
     return [GuidePath(homotopy_class, guess, line, profile, line.length)]
 
 
 def turning_first(
-    settings: GuidanceSettings,
-    path: GuidePath,
-    start: PlanStart,
-    durations: Array,
+    settings: GuidanceSettings, path: GuidePath, start: PlanStart, durations: Array
 ) -> Array:
     """A guess that turns on the spot towards where a path leads, and follows it from there.
 

@@ -6,13 +6,7 @@ from cmpsp_ros.arrays import Array
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
 from cmpsp_ros.mpsp.qp.active_set.basis import append, solve_transposed, split
 from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import free_all
-from cmpsp_ros.mpsp.qp.active_set.state import (
-    IS_ACTIVE,
-    IS_OFF,
-    ActiveSet,
-    on_horizon,
-    row_in_v,
-)
+from cmpsp_ros.mpsp.qp.active_set.state import IS_ACTIVE, IS_OFF, ActiveSet, on_horizon, row_in_v
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.program import PATH, Program, locate, multiplier_of, row_number
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step

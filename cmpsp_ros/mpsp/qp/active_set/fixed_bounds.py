@@ -15,12 +15,7 @@ import math
 from typing import Final
 
 from cmpsp_ros.mpsp.jit.compiled import allocation_free, inner
-from cmpsp_ros.mpsp.qp.active_set.state import (
-    FIRST,
-    ActiveSet,
-    Indices,
-    saturated_multiplier,
-)
+from cmpsp_ros.mpsp.qp.active_set.state import FIRST, ActiveSet, Indices, saturated_multiplier
 from cmpsp_ros.mpsp.qp.active_set.warm_start import leave_warm_start
 from cmpsp_ros.mpsp.qp.riccati.intrinsics import room_for
 from cmpsp_ros.mpsp.qp.riccati.program import (

@@ -14,22 +14,12 @@ from cmpsp_ros.mpsp.qp.active_set.fixed_bounds import (
     release_wrong,
     restart_from,
 )
-from cmpsp_ros.mpsp.qp.active_set.state import (
-    IS_OFF,
-    ActiveSet,
-    Indices,
-    on_horizon,
-)
+from cmpsp_ros.mpsp.qp.active_set.state import IS_OFF, ActiveSet, Indices, on_horizon
 from cmpsp_ros.mpsp.qp.active_set.step import CONTRADICTION, CROWDED, DONE, FULL, RELEASED
 from cmpsp_ros.mpsp.qp.active_set.warm_start import begin, leave_warm_start, shift_warm_start
 from cmpsp_ros.mpsp.qp.riccati.factorisation import factorise
 from cmpsp_ros.mpsp.qp.riccati.kkt import kkt_residual
-from cmpsp_ros.mpsp.qp.riccati.outcome import (
-    INFEASIBLE,
-    ITERATION_LIMIT,
-    NO_CURVATURE,
-    SOLVED,
-)
+from cmpsp_ros.mpsp.qp.riccati.outcome import INFEASIBLE, ITERATION_LIMIT, NO_CURVATURE, SOLVED
 from cmpsp_ros.mpsp.qp.riccati.program import Program, product
 from cmpsp_ros.mpsp.qp.riccati.sweeps import keep_origin
 

@@ -9,13 +9,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array, IntArray
 from cmpsp_ros.mpsp.jit.compiled import allocation_free
 from cmpsp_ros.mpsp.qp.active_set.basis import Basis, append, remove, solve, solve_transposed
-from cmpsp_ros.mpsp.qp.riccati.program import (
-    Program,
-    count_rows,
-    limit,
-    load_row,
-    row_value,
-)
+from cmpsp_ros.mpsp.qp.riccati.program import Program, count_rows, limit, load_row, row_value
 from cmpsp_ros.mpsp.qp.riccati.sweeps import recover_step, transform_row
 
 Indices = IntArray

@@ -69,10 +69,7 @@ def sensitivities(A: Array, B: Array) -> Array:
 
 
 def condense(
-    linearisation: Linearisation,
-    lower: Array,
-    upper: Array,
-    trust_radius: Array | None = None,
+    linearisation: Linearisation, lower: Array, upper: Array, trust_radius: Array | None = None
 ) -> CondensedQP:
     """Eliminate the states: the quadratic program (45) (54) (57) of one iteration.
 

@@ -21,11 +21,7 @@ from cmpsp_ros.nodes.common.topics import (
     WHEELS,
     Topic,
 )
-from cmpsp_ros.nodes.guidance.outputs.command_bytes import (
-    frame_bytes,
-    stamped_bytes,
-    twist_bytes,
-)
+from cmpsp_ros.nodes.guidance.outputs.command_bytes import frame_bytes, stamped_bytes, twist_bytes
 from cmpsp_ros.nodes.guidance.outputs.listeners import Listeners
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
 from cmpsp_ros.nodes.guidance.outputs.messages import (

@@ -114,11 +114,7 @@ def _way_through(settings: GuidanceSettings, drawn: Scenario) -> Array:
 
 
 def _scenario(
-    settings: GuidanceSettings,
-    number: int,
-    random: _Random,
-    plant_seed: int,
-    course: _Course,
+    settings: GuidanceSettings, number: int, random: _Random, plant_seed: int, course: _Course
 ) -> Scenario:
     pace, period = random.uniform(*_PACE) * settings.robot.max_speed, settings.control_period
     time = round(math.ceil(course.length / pace / period) * period, 6)

@@ -33,10 +33,7 @@ _BEYOND: Final = 0.5
 
 _ATTEMPTS: Final = 1000
 
-_PAPER_OBSTACLES: Final = (
-    Obstacle('a', (8.0, -6.0), 0.7),
-    Obstacle('b', (10.0, -2.0), 0.5),
-)
+_PAPER_OBSTACLES: Final = (Obstacle('a', (8.0, -6.0), 0.7), Obstacle('b', (10.0, -2.0), 0.5))
 """Those of case 3."""
 
 _STARTS: Final = -9.6, -9.1

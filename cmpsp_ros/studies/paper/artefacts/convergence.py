@@ -39,11 +39,7 @@ def fig5(lab: Laboratory) -> Artefact:
     }
     crude = table1()[1]
     measured['table1_2, first guess'] = conditions.measure(guessed_path(crude))
-    claims = [
-        *_rates(law, full, road),
-        _crude_guesses(law),
-        *_theorem(*measured.values()),
-    ]
+    claims = [*_rates(law, full, road), _crude_guesses(law), *_theorem(*measured.values())]
     return Artefact(
         'Convergence without constraints: q = 0 and, beside it, q = 15',
         {

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from drives import SECOND, START, drive_case, failed
@@ -140,104 +138,6 @@ def test_a_recording_that_ends_early_says_nothing_about_the_end(drive, outcomes)
     assert findings['goal'].outcome is findings['stop_at_end'].outcome is NOT_JUDGED
     assert overall(findings.values()) is NOT_JUDGED
     assert '5.9 s before' in findings['goal'].sentence
-
-
-def lost(drive, begin, end):
-    """A recording without what was sent in between."""
-    low, high = START + round(begin * SECOND), START + round(end * SECOND)
-    for key in ('odometry', 'truth', 'commands', 'decisions'):
-        kept = [each for each in getattr(drive, key) if not low < each.stamp < high]
-        setattr(drive, key, kept)
-    return drive
-
-
-def silent(drive, begin, end):
-    """Odometry drops out, and the recording says so: nothing else is missing."""
-    truth, count = drive.odometry, len(drive.decisions)
-    drive = lost(drive, begin, end)
-    drive.truth, missing = truth, count - len(drive.decisions)
-    drive.decisions = [
-        each._replace(step=each.step - missing) if each.stamp > START + begin * SECOND else each
-        for each in drive.decisions
-    ]
-    return drive
-
-
-def test_a_robot_left_moving_without_odometry_is_caught(drive, outcomes):
-    findings = outcomes(silent(drive, 3.0, 4.5))
-    assert 'silence' in failed(findings)
-    assert findings['silence'].worst == pytest.approx(1.5, abs=0.05)
-
-
-def test_a_stop_in_time_is_all_that_is_asked_when_odometry_is_silent(drive, outcomes):
-    drive = silent(drive, 3.0, 4.5)
-    stop = drive.copy().decisions[-1]
-    when = START + round(3.52 * SECOND)
-    at = drive.at(3.5)
-    said = stop._replace(stamp=when, step=16, finished=False, halted=True, reason='No odometry.')
-    drive.decisions.insert(at, said)
-    command = drive.copy().commands[-1]
-    command.stamp, command.received = when, when + 1_000_000
-    drive.commands.insert(at, command)
-    findings = outcomes(drive)
-    assert findings['silence'].outcome is PASSED
-    assert 'stopped in time' in findings['silence'].sentence
-    assert findings['rate'].outcome is PASSED
-
-
-def test_what_lies_in_a_hole_of_the_recording_is_not_judged(drive, outcomes):
-    findings = outcomes(lost(drive, 3.0, 6.0))
-    assert failed(findings) == set()
-    of_the_path = ('road', 'obstacles', 'nominal', 'obeyed')
-    for check in (*of_the_path, 'rate', 'age', 'silence'):
-        assert findings[check].outcome is NOT_JUDGED, check
-        assert 'not recorded from 3.00 to 6.00 s (3.00 s)' in findings[check].sentence
-    assert findings['goal'].outcome is PASSED
-    assert findings['road'].worst == pytest.approx(0.4, abs=0.4)
-
-
-def test_a_contact_beside_a_hole_is_one(drive, outcomes):
-    drive.parameters[CENTER] = drive.odometry[100].pose[:2].tolist()
-    findings = outcomes(lost(drive, 3.0, 6.0))
-    assert 'obstacles' in failed(findings)
-    assert findings['obstacles'].at == pytest.approx(2.0, abs=0.5)
-
-
-def test_a_hole_in_odometry_is_none_where_the_true_path_is_known(drive, outcomes):
-    drive.truth = list(drive.odometry)
-    low, high = START + 3 * SECOND, START + 3.5 * SECOND
-    drive.odometry = [each for each in drive.odometry if not low < each.stamp < high]
-    findings = outcomes(drive)
-    assert findings['road'].outcome is findings['obstacles'].outcome is PASSED
-    # What was commanded there cannot be judged all the same.
-    assert findings['commanded'].outcome is NOT_JUDGED
-
-
-def test_a_robot_is_judged_by_where_it_really_was(drive, outcomes):
-    aside = np.array([0.1, 0.0, 0.0])
-    drive.truth = [replace(each, pose=each.pose + aside) for each in drive.odometry]
-    findings = outcomes(drive)
-    assert {'obstacles', 'goal'} <= failed(findings)
-    assert 'by the true path' in findings['obstacles'].sentence
-    assert findings['goal'].worst == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize('is_known', [True, False])
-def test_the_stated_error_of_odometry_is_no_contact_where_the_true_path_is_known(
-    drive, outcomes, is_known
-):
-    drive.truth = [replace(each) for each in drive.odometry] if is_known else []
-    for each in drive.odometry:
-        each.pose, each.spread = np.add(each.pose, [0.08, 0.0, 0.0]), 0.03
-    assert ('obstacles' in failed(outcomes(drive))) != is_known
-
-
-def test_a_recording_that_begins_late_is_not_judged_by_another_time_0(drive, outcomes):
-    findings = outcomes(lost(drive, -1.0, 2.1))
-    assert failed(findings) == set()
-    assert findings['goal'].outcome is PASSED
-    assert findings['goal'].at == pytest.approx(10.0)
-    assert 'not recorded from 0.00 to 2.1' in findings['road'].sentence
 
 
 def test_nothing_within_reach_is_said_in_words(drive, outcomes):

@@ -9,15 +9,7 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from courses import (
-    PATH,
-    SIGHTING,
-    drive,
-    moved_into,
-    narrowed,
-    random_course,
-    seen_course,
-)
+from courses import PATH, SIGHTING, drive, moved_into, narrowed, random_course, seen_course
 
 from cmpsp_ros.bags.audit import CheckOutcome, audit, overall
 

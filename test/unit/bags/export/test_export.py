@@ -67,10 +67,7 @@ def bag(write):
             '/guidance/decision',
             decision(stamp='6', finished='true', miss='nan', step='4', step_ms='1.5'),
         ),
-        (
-            '/guidance/predicted_path',
-            path(8, [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)], stamps=(9, 9)),
-        ),
+        ('/guidance/predicted_path', path(8, [(0.0, 0.0, 0.0), (1.0, 2.0, -0.5)], stamps=(9, 9))),
         ('/battery', decision(level='low')),
     )
 
@@ -112,12 +109,7 @@ def test_csv(bag, tmp_path):
         first['reason'],
         first['terminal_error [m]'],
         first['own'],
-    ) == (
-        'stop',
-        'All is "well", so far.',
-        '0.25',
-        'x',
-    )
+    ) == ('stop', 'All is "well", so far.', '0.25', 'x')
     assert (first['finished'], second['finished'], second['step_time [ms]']) == ('', 'True', '1.5')
     points = rows(folder / 'plan.csv')
     assert [(each['point'], each['x [m]'], each['at [ns]']) for each in points] == [
@@ -131,10 +123,7 @@ def test_goals_obstacles_that_move_and_roads(write, tmp_path):
     bag = write(
         ('/guidance/decision', decision(stamp='5', **known)),
         ('/goal_pose', pose_stamped(3, (THIRD, 2.0, 0.5), 'map')),
-        (
-            '/moving_obstacles',
-            cloud(4, [(7, 1, 2, 0.1, -0.2, 0.3), (8, 3, 4, 0, 0, 0.5)]),
-        ),
+        ('/moving_obstacles', cloud(4, [(7, 1, 2, 0.1, -0.2, 0.3), (8, 3, 4, 0, 0, 0.5)])),
         # What the nodes refuse, a radius below 0, is in no table.
         ('/moving_obstacles', cloud(4, [(9, 1.0, 2.0, 0.1, -0.2, -0.3)])),
         ('/road', path(8, [(0.0, 0.0, 0.0), (1.0, THIRD, 0.0)])),

@@ -22,12 +22,7 @@ def settings(**changes):
 
 @pytest.mark.parametrize(
     ('interval', 'changes', 'longest'),
-    [
-        (0.02, {}, 0.21),
-        (0.02, {'odom_timeout': 0.1}, 0.11),
-        (0.1, {}, 0.3),
-        (1.0, {}, 3.0),
-    ],
+    [(0.02, {}, 0.21), (0.02, {'odom_timeout': 0.1}, 0.11), (0.1, {}, 0.3), (1.0, {}, 3.0)],
 )
 def test_a_hole_is_longer_than_messages_and_commands_are_apart(interval, changes, longest):
     regular = stamps(*np.arange(0.0, 10.0, interval))

@@ -80,9 +80,7 @@ def test_not_all_at_once(tmp_path, monkeypatch):
     with Bag(write(tmp_path / 'apart', apart)) as bag:
         assert len(list(bag.raw('/a'))) == 50
     over = [[('/a', number), ('/a', 1000)] for number in range(1, 20)]
-    with (
-        pytest.raises(BagError, match=r'not a readable bag: more than \d+ bytes .* overlap'),
-    ):
+    with pytest.raises(BagError, match=r'not a readable bag: more than \d+ bytes .* overlap'):
         Bag(write(tmp_path / 'over', over))
 
 

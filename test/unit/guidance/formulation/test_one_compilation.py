@@ -118,11 +118,7 @@ def problem(space, outputs=2):
 
 @pytest.mark.parametrize('outputs', [1, 2, 3])
 def test_one_compilation_serves_every_road(outputs):
-    kernels = (
-        ocp_functions.predict,
-        ocp_functions.evaluate,
-        ocp_functions.linearise,
-    )
+    kernels = (ocp_functions.predict, ocp_functions.evaluate, ocp_functions.linearise)
     U, counts = np.full((STEPS + 1, 2), 45.0), []
     for road in (Annulus(), LINE, OpenFloor()):
         for space in spaces(road):

@@ -5,15 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenarios import (
-    FIRST,
-    PERIOD,
-    ROAD,
-    SECOND,
-    START,
-    context_of,
-    settings,
-)
+from scenarios import FIRST, PERIOD, ROAD, SECOND, START, context_of, settings
 
 from cmpsp_ros.guidance import Safety, remaining
 from cmpsp_ros.guidance.formulation import OcpFormulation

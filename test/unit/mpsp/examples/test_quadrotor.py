@@ -20,10 +20,7 @@ def flight(wall=True):
     def rate(s):
         thrust, torque = u[0] + u[1], ARM * (u[0] - u[1])
         return casadi.vertcat(
-            s[3:],
-            -thrust * casadi.sin(s[2]),
-            thrust * casadi.cos(s[2]) - GRAVITY,
-            20.0 * torque,
+            s[3:], -thrust * casadi.sin(s[2]), thrust * casadi.cos(s[2]) - GRAVITY, 20.0 * torque
         )
 
     middle = x + 0.5 * DT * rate(x)

@@ -7,14 +7,7 @@ import numpy as np
 import pytest
 from problems import LinearQuadratic, VanDerPol, assert_derivatives, assert_same_problem
 
-from cmpsp_ros.mpsp import (
-    Options,
-    ProblemError,
-    Status,
-    from_casadi,
-    from_functions,
-    solve,
-)
+from cmpsp_ros.mpsp import Options, ProblemError, Status, from_casadi, from_functions, solve
 
 KINDS = ('exact', 'projected', 'gauss_newton')
 

@@ -17,13 +17,7 @@ from programs import (
 )
 
 from cmpsp_ros.mpsp import ProblemError
-from cmpsp_ros.mpsp.qp import (
-    Penalties,
-    QPStatus,
-    available,
-    backend,
-    solve_qp,
-)
+from cmpsp_ros.mpsp.qp import Penalties, QPStatus, available, backend, solve_qp
 from cmpsp_ros.mpsp.qp.dense import qpsolvers_backend
 
 BACKENDS = available()

@@ -5,10 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from problems import LinearQuadratic
-from programs import (
-    program,
-    staged,
-)
+from programs import program, staged
 
 from cmpsp_ros.mpsp import qp as room
 from cmpsp_ros.mpsp.qp import (

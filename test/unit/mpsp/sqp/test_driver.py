@@ -5,14 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from robot_runs import (
-    assert_same,
-    driver_for,
-    improve,
-    iterates,
-    robot_options,
-    robot_problem,
-)
+from robot_runs import assert_same, driver_for, improve, iterates, robot_options, robot_problem
 
 from cmpsp_ros.guidance.formulation.guidance_problem import with_parameters
 from cmpsp_ros.guidance.formulation.ocp_functions import EXACT, GAUSS_NEWTON, PROJECTED

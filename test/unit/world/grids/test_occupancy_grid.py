@@ -56,10 +56,7 @@ def test_outside_the_grid_nothing_is_known() -> None:
     ],
 )
 def test_what_is_no_grid_is_refused(
-    origin: tuple[float, float, float],
-    resolution: float,
-    cells: np.ndarray,
-    where: str,
+    origin: tuple[float, float, float], resolution: float, cells: np.ndarray, where: str
 ) -> None:
     with pytest.raises(GridError) as error:
         OccupancyGrid(origin, resolution, cells)

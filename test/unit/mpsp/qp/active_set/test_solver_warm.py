@@ -2,12 +2,7 @@
 
 import numpy as np
 import pytest
-from stage_programs import (
-    chain,
-    random_program,
-    relaxed,
-    run,
-)
+from stage_programs import chain, random_program, relaxed, run
 
 from cmpsp_ros.mpsp.qp import QPStatus
 from cmpsp_ros.mpsp.qp.riccati import INFEASIBLE, SOLVED

@@ -3,26 +3,9 @@
 import numpy as np
 import pytest
 from scipy.optimize import linprog
-from stage_programs import (
-    CONTROLS,
-    STATES,
-    chain,
-    cost,
-    dense,
-    random_program,
-    relaxed,
-    staged,
-)
+from stage_programs import CONTROLS, STATES, chain, cost, dense, random_program, relaxed, staged
 
-from cmpsp_ros.mpsp.qp import (
-    CLARABEL,
-    QPStatus,
-    Row,
-    available,
-    backend,
-    kkt_residual,
-    solve_qp,
-)
+from cmpsp_ros.mpsp.qp import CLARABEL, QPStatus, Row, available, backend, kkt_residual, solve_qp
 from cmpsp_ros.mpsp.qp.dense import sparse_qp
 from cmpsp_ros.mpsp.qp.dense.clarabel_backend import TOLERANCE, solve
 from cmpsp_ros.mpsp.qp.dense.infeasibility import contradicting_rows

@@ -129,10 +129,7 @@ def test_curvature_is_wanted_along_the_terminal_constraint_alone():
 def test_terminal_rows_may_depend_on_each_other():
     qp = program(5, output=2).condensed
     S_N, twice = np.vstack([qp.S_N, qp.S_N[:1]]), np.append(qp.output_error, qp.output_error[0])
-    found, plain = (
-        solve_dense(replace(qp, S_N=S_N, output_error=twice)),
-        solve_dense(qp),
-    )
+    found, plain = (solve_dense(replace(qp, S_N=S_N, output_error=twice)), solve_dense(qp))
     assert found.status is QPStatus.SOLVED
     np.testing.assert_allclose(found.dU, plain.dU, atol=1e-8)
     assert found.terminal[0] == pytest.approx(found.terminal[2])

@@ -31,6 +31,7 @@ from cmpsp_ros.parameters.courses.goals import (
 from cmpsp_ros.parameters.courses.obstacles import obstacle_problems, obstacles_of
 from cmpsp_ros.parameters.courses.roads import road_of, road_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
+from cmpsp_ros.parameters.parameter import fields_of
 from cmpsp_ros.parameters.robots.footprints import footprint_of, footprint_problems
 from cmpsp_ros.parameters.robots.models import robot_of, robot_problems
 from cmpsp_ros.parameters.robots.sensors import sight_of, sight_problems
@@ -96,22 +97,14 @@ def guidance_settings(values: Values) -> GuidanceSettings:
         max_slip=values['max_wheel_slip'],
         max_lag=values['max_wheel_lag'],
         obstacles=obstacles_of(values),
-        moving_obstacles=MovingObstacles(
-            values['moving_obstacles.capacity'],
-            values['moving_obstacles.timeout'],
-            values['moving_obstacles.growth'],
-            tuple(values['others.namespaces']),
-            values['others.radius'],
-        ),
+        moving_obstacles=MovingObstacles(**fields_of(MovingObstacles, values, 'moving_obstacles.')),
         sight=sight_of(values),
         robot_radius=radius,
         footprint=footprint,
-        weights=Weights(**_section(values, 'weights')),
-        solver=SolverSettings(**_section(values, 'solver')),
-        initial_guess=InitialGuess(
-            values['initial_guess.type'], tuple(values['initial_guess.wheel_speeds'])
-        ),
-        safety=Safety(**_section(values, 'safety')),
+        weights=Weights(**fields_of(Weights, values, 'weights.')),
+        solver=SolverSettings(**fields_of(SolverSettings, values, 'solver.')),
+        initial_guess=InitialGuess(**fields_of(InitialGuess, values, 'initial_guess.')),
+        safety=Safety(**fields_of(Safety, values, 'safety.')),
         frame_id=values['frame_id'],
         odom_timeout=values['odom_timeout'],
         failure_tolerance=values['failure_tolerance'],
@@ -129,26 +122,11 @@ def plant_settings(values: Values) -> PlantSettings:
     """
     return PlantSettings(
         robot=robot_of(values),
-        initial_pose=tuple(values['initial_pose']),
-        odom_rate=values['odom_rate'],
-        odom_jitter=values['odom_jitter'],
-        cmd_vel_timeout=values['cmd_vel_timeout'],
-        actuation_delay=values['actuation_delay'],
-        actuation_jitter=values['actuation_jitter'],
-        actuation_period=values['actuation_period'],
-        wheel_lag=values['wheel_lag'],
-        wheel_slip=tuple(values['wheel_slip']),
-        wheel_slip_stddev=values['wheel_slip_stddev'],
         odometry=OdometryErrors(
-            position_stddev=values['noise.position_stddev'],
-            heading_stddev=values['noise.heading_stddev'],
-            bias=tuple(values['noise.bias']),
-            drift=tuple(values['noise.drift']),
-            dropout=values['noise.dropout'],
-            dropout_windows=_dropout_windows(values),
+            **fields_of(OdometryErrors, values, 'noise.'), dropout_windows=_dropout_windows(values)
         ),
-        seed=values['noise.seed'],
         physics=_physics(values),
+        **fields_of(PlantSettings, values),
     )
 
 
@@ -233,21 +211,11 @@ def _physics(values: Values) -> Physics | None:
             if np.any(values[key])
         ]
     )
-    return Physics(
-        mass=values['physics.mass'],
-        friction=values['physics.friction'],
-        torque=values['physics.torque'],
-        encoders=values['physics.odometry'] == 'encoders',
-    )
+    return Physics(**fields_of(Physics, values, 'physics.'))
 
 
 def _whole(seconds: float) -> int:
     return round(seconds * 1_000_000_000)
-
-
-def _section(values: Values, name: str) -> dict[str, Any]:
-    prefix = f'{name}.'
-    return {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)}
 
 
 def _size_problems(values: Values) -> Iterator[Problem]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray, IntArray
+from cmpsp_ros.setting import NOT_NEGATIVE, POSITIVE, Range, setting
 
 Indices = IntArray
 Pose = tuple[float, float, float]
@@ -31,27 +31,26 @@ class ScanError(ValueError):
         self.where, self.found, self.wanted = where, found, wanted
 
 
+# fmt: off
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor on the robot.
-
-    Attributes:
-        name: What messages call it.
-        frame_id: Frame that its messages must be in.
-        pose: Where it is on the robot (x, y, heading) [m, m, rad].
-        reach: Length of beam beyond which nothing is used [m].
-        heights: Least and greatest z of points that count, in its frame [m].
-        topic: Where its messages come.
-        type: Of its messages: ``scan`` for LaserScan, ``cloud`` for PointCloud2.
-    """
+    """A sensor on the robot."""
 
     name: str
-    frame_id: str
-    pose: Pose = (0.0, 0.0, 0.0)
-    reach: float = math.inf
-    heights: tuple[float, float] = (-math.inf, math.inf)
-    topic: str = 'scan'
-    type: str = 'scan'
+    frame_id: str = setting('base_scan', '', 'Frame of its messages; others are refused.',
+        live=False)
+    pose: Pose = setting((0.0, 0.0, 0.0), 'm, m, rad',
+        'Pose of this sensor on the robot (x, y, heading).', live=False)
+    reach: float = setting(8.0, 'm',
+        'Distance from this sensor beyond which its measurements are ignored.', POSITIVE,
+        live=False)
+    heights: tuple[float, float] = setting((-1e3, 1e3), 'm',
+        'Least and greatest z of the points of a `cloud` that are obstacles, in its frame.',
+        live=False)
+    topic: str = setting('scan', '', 'Topic of this sensor.', live=False)
+    type: Literal['scan', 'cloud'] = setting('scan', '',
+        'Messages of this sensor: `scan` for LaserScan, `cloud` for PointCloud2.', live=False)
+    # fmt: on
 
     def check_frame(self, message: Any) -> None:
         """Refuse a message in another frame.
@@ -63,6 +62,25 @@ class Sensor:
         if found != self.frame_id:
             wanted = f'{self.frame_id!r} (sensors.{self.name}.frame_id)'
             raise ScanError(f'{self.name}: frame_id', repr(found), wanted)
+
+
+# fmt: off
+@dataclass(frozen=True)
+class SightSettings:
+    """Sensors, and the memory of what they have seen."""
+
+    sensors: tuple[Sensor, ...] = ()
+    size: float = setting(10.0, 'm',
+        'Side of the square grid around the robot in which obstacles are remembered.',
+        Range(1.0, 100.0), live=False)
+    resolution: float = setting(0.05, 'm', 'Side length of its cells.', Range(0.01, 1.0),
+        live=False)
+    memory: float = setting(10.0, 's', 'Time for which cells out of sight are remembered.',
+        NOT_NEGATIVE, live=False)
+    timeout: float = setting(0.5, 's',
+        "Age of a sensor's last message at which the sensor counts as lost and the robot is "
+        'stopped.', POSITIVE, live=False)
+# fmt: on
 
 
 @dataclass(frozen=True, eq=False)

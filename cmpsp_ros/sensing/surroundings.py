@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots import DISC, Footprint, placed
-from cmpsp_ros.sensing.beams import Sensor, Sight, project
+from cmpsp_ros.sensing.beams import Sight, SightSettings, project
 from cmpsp_ros.sensing.local_grid import LocalGrid
 from cmpsp_ros.sensing.pose_history import PoseHistory
 from cmpsp_ros.world.grids import OccupancyGrid
@@ -14,25 +14,6 @@ from cmpsp_ros.world.grids import OccupancyGrid
 _NS = 1_000_000_000
 _SPAN = 10 * _NS
 _MOST_PENDING = 100
-
-
-@dataclass(frozen=True)
-class SightSettings:
-    """How what sensors show is remembered.
-
-    Attributes:
-        sensors: The sensors.
-        size: Side of the square around the robot that is remembered [m].
-        resolution: Side of a cell [m].
-        memory: For how long what is out of sight is remembered [s].
-        timeout: Age at which what a sensor has shown last counts as lost [s].
-    """
-
-    sensors: tuple[Sensor, ...] = ()
-    size: float = 10.0
-    resolution: float = 0.05
-    memory: float = 10.0
-    timeout: float = 0.5
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance.horizon import NANOSECONDS
 from cmpsp_ros.guidance.messages.peer_trajectories import PeerTrajectory, Seen
-from cmpsp_ros.guidance.settings import MovingObstacles
+from cmpsp_ros.guidance.solver_settings import MovingObstacles
 from cmpsp_ros.world.obstacles import NOTHING_MOVES, MovingDiscs
 
 

@@ -10,19 +10,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from cmpsp_ros.parameters.errors import ParameterError, Problem, describe
-from cmpsp_ros.parameters.parameter import Group, Parameter, ParameterType, Range
 from cmpsp_ros.parameters.table import Values
 
 if TYPE_CHECKING:
     from cmpsp_ros.robots import Robot
-
-_DOUBLE, _DOUBLES = ParameterType.DOUBLE, ParameterType.DOUBLE_ARRAY
-_STRING, _STRINGS = ParameterType.STRING, ParameterType.STRING_ARRAY
-
-_POSITIVE: Final = Range(low=0.0, low_open=True)
-_NOT_NEGATIVE: Final = Range(low=0.0)
-
-_FIXED: Final = {'reconfigurable': False}
 
 _FEWEST_WHEELS: Final = 3
 _SINGULAR: Final = 1e-6
@@ -146,55 +137,3 @@ MODELS: Final[Mapping[str, Callable[[Values], Robot]]] = MappingProxyType(
     }
 )
 """All models of robots by their names in `robot.model`."""
-
-
-# fmt: off
-def robot_parameters() -> Iterator[Parameter]:
-    """Rows of the table, in the order of the documentation."""
-    guidance_only = {'nodes': ('guidance',)}
-    robot = Group('Robot', 'guidance', 'sim')
-    yield robot('robot.model', _STRING, 'differential_drive', '',
-        'How the robot moves: `differential_drive` on two driven wheels, `mecanum` on four, '
-        '`omni_wheels` on three or more, `ackermann` steered like a car; or a class of your own, '
-        '`my_package.my_module:MyRobot`.', **_FIXED)
-    yield robot('robot.wheel_radius', _DOUBLE, 0.035, 'm',
-        'Radius of each wheel: `r` = 35 mm in the paper.', range=_POSITIVE)
-    yield robot('robot.half_track', _DOUBLE, 0.055, 'm',
-        "Distance from a wheel to the robot's centre: `L` = 55 mm in the paper. Of a `mecanum` "
-        'robot to the side; of one on `omni_wheels` in the direction of the wheel.',
-        range=_POSITIVE)
-    yield robot('robot.half_wheel_base', _DOUBLE, 0.0, 'm',
-        "Distance from the robot's centre to a wheel of a `mecanum` robot, ahead or behind.",
-        range=_NOT_NEGATIVE)
-    yield robot('robot.wheel_base', _DOUBLE, 0.0, 'm',
-        "Distance of an `ackermann` robot's axles; odometry is that of the middle of the rear one.",
-        range=_NOT_NEGATIVE)
-    yield robot('robot.max_steering_angle', _DOUBLE, 0.0, 'rad',
-        'Limit of the steering angle of an `ackermann` robot, of one front wheel in the middle.',
-        range=Range(0.0, 1.5))
-    yield robot('robot.max_steering_rate', _DOUBLE, 0.0, 'rad/s',
-        'Limit of its change, from one command to the next; needs `robot.max_wheel_acceleration`. '
-        '0: no limit.', range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
-    yield robot('robot.wheel_bearings', _DOUBLES, [], 'rad',
-        'Directions from the centre to the `omni_wheels`, 0 ahead and counterclockwise.')
-    yield robot('robot.max_wheel_speed', _DOUBLE, 51.0, 'rad/s',
-        'Limit of each wheel, in both directions: 51 rad/s in the paper; 0: no limit.',
-        range=_NOT_NEGATIVE)
-    yield robot('robot.max_wheel_acceleration', _DOUBLE, 0.0, 'rad/s^2',
-        "Limit of each wheel's acceleration, from one command to the next and in a stop; the "
-        'braking path must be clear, too. 0: no limit, and immediate stops. A value above 0 '
-        'compiles its own kernels.',
-        range=_NOT_NEGATIVE, **_FIXED, **guidance_only)
-    yield robot('robot.radius', _DOUBLE, 0.0, 'm',
-        "Radius of the robot's footprint. Obstacles are enlarged and the road is narrowed by it.",
-        range=_NOT_NEGATIVE)
-    yield robot('robot.footprint', _STRING, '', 'm',
-        'Corners of the footprint as Nav2 writes them, `"[[x1, y1], [x2, y2], ...]"`: ahead and to '
-        'the left of the place that odometry is of. Five discs at most cover it. `robot.radius` '
-        'does not count with it. Empty: a disc of that radius.')
-    yield robot('robot.joint_names', _STRINGS, ['wheel_right_joint', 'wheel_left_joint'], '',
-        'Names of the wheel joints in the wheel-speed message: right, left; of a `mecanum` robot '
-        'front left, front right, rear right, rear left; of an `ackermann` robot that of the rear '
-        'axle; else in the order of `robot.wheel_bearings`.',
-        **_FIXED, **guidance_only)
-# fmt: on

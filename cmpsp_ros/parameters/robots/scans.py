@@ -8,6 +8,7 @@ from typing import Final
 
 from cmpsp_ros.parameters.courses.obstacles import shape_problems
 from cmpsp_ros.parameters.errors import ParameterError, Problem
+from cmpsp_ros.parameters.parameter import fields_of
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.simulator import LaserSettings
 
@@ -25,20 +26,8 @@ def laser_settings(values: Values) -> LaserSettings:
     problems = [*_scan_problems(values), *shape_problems(values, OWN_OBSTACLES)]
     if problems:
         raise ParameterError(*problems)
-    return LaserSettings(
-        rate=values['sim.scan.rate'],
-        pose=tuple(values['sim.scan.pose']),
-        angle_min=values['sim.scan.angle_min'],
-        angle_max=values['sim.scan.angle_max'],
-        count=values['sim.scan.count'],
-        time_increment=values['sim.scan.time_increment'],
-        range_min=values['sim.scan.range_min'],
-        range_max=values['sim.scan.range_max'],
-        stddev=values['sim.scan.stddev'],
-        dropout=values['sim.scan.dropout'],
-        missed_return=values['sim.scan.missed_return'],
-        seed=values['noise.seed'],
-    )
+    scan = fields_of(LaserSettings, values, 'sim.scan.')
+    return LaserSettings(**scan, seed=values['noise.seed'])
 
 
 def _scan_problems(values: Values) -> Iterator[Problem]:

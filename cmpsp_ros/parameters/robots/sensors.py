@@ -6,19 +6,18 @@ from collections.abc import Iterator
 
 from cmpsp_ros.guidance import SEEN
 from cmpsp_ros.parameters.errors import Problem, describe
+from cmpsp_ros.parameters.parameter import fields_of
 from cmpsp_ros.parameters.table import Values
 from cmpsp_ros.sensing import Sensor, SightSettings
 
 
 def sight_of(values: Values) -> SightSettings:
     """What sees obstacles, and how that is remembered."""
-    return SightSettings(
-        tuple(_sensor(values, name) for name in values['sensors.names']),
-        values['sight.size'],
-        values['sight.resolution'],
-        values['sight.memory'],
-        values['sight.timeout'],
+    sensors = tuple(
+        Sensor(name, **fields_of(Sensor, values, f'sensors.{name}.'))
+        for name in values['sensors.names']
     )
+    return SightSettings(sensors, **fields_of(SightSettings, values, 'sight.'))
 
 
 def sight_problems(values: Values) -> Iterator[Problem]:
@@ -30,16 +29,3 @@ def sight_problems(values: Values) -> Iterator[Problem]:
             yield Problem(key, describe([low, high]), 'the least z before the greatest')
     if values['sensors.names'] and SEEN in values['obstacles.names']:
         yield Problem('obstacles.names', repr(SEEN), 'another name: it is that of what is seen')
-
-
-def _sensor(values: Values, name: str) -> Sensor:
-    low, high = values[f'sensors.{name}.heights']
-    return Sensor(
-        name,
-        values[f'sensors.{name}.frame_id'],
-        tuple(values[f'sensors.{name}.pose']),
-        values[f'sensors.{name}.reach'],
-        (low, high),
-        values[f'sensors.{name}.topic'],
-        values[f'sensors.{name}.type'],
-    )

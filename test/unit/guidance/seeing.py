@@ -17,7 +17,7 @@ from cmpsp_ros.parameters import (
     shapes_of,
 )
 from cmpsp_ros.parameters.obstacles import obstacles_of
-from cmpsp_ros.sensing import Surroundings, laser_scan, point_cloud
+from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.map_line import _lengths
@@ -119,12 +119,11 @@ class Drive:
                 scan = laser.scan(*(there if is_there else none))
                 if sensor.type == 'cloud':
                     message = cloud_of(scan, lidar, sensor.frame_id, sees_floor)
-                    surroundings.hear(point_cloud.sight_of(message, sensor))
                 else:
                     message = message_of(scan, lidar, sensor.frame_id)
-                    surroundings.hear(laser_scan.sight_of(message, sensor))
+                surroundings.add(sight_of(message, sensor))
             pose = plant.measure()
-            surroundings.note(stamp, pose)
+            surroundings.update(stamp, pose)
             assert surroundings.blindness(stamp) == ''
             if self.law.is_due(stamp):
                 sighting = surroundings.at(stamp, pose)

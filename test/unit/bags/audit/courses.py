@@ -192,8 +192,8 @@ class _Eyes:
             scan = self.laser.scan(*self.around)
             message = self._message(scan)
             recorder.write('/scan', stamp, 0.5, message)
-            self.surroundings.hear(sight_of(message, self.sensor))
-        self.surroundings.note(START + stamp, pose)
+            self.surroundings.add(sight_of(message, self.sensor))
+        self.surroundings.update(START + stamp, pose)
         return self.surroundings.at(START + stamp, pose)
 
     def publish(self, sighting, recorder):

@@ -16,9 +16,8 @@ from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.bags.runs.holes import Hole, holes, longest_interval
 from cmpsp_ros.bags.runs.run import Driven
 from cmpsp_ros.guidance import GuidanceSettings, to_nanoseconds
-from cmpsp_ros.guidance.messages import stamp_of
 from cmpsp_ros.robots import Footprint, contains, placed
-from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of
+from cmpsp_ros.sensing import Beams, LocalGrid, ScanError, Sensor, grid_of, sight_of, stamp_of
 from cmpsp_ros.world.grids import Cell, GridError, OccupancyGrid
 
 Stamps = IntArray

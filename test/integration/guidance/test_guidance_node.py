@@ -13,8 +13,9 @@ from rclpy.time import Time
 from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.guidance.messages import pose_of
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.guidance.messages import OdometryReading
+from cmpsp_ros.parameters import TABLE, guidance_settings
+from cmpsp_ros.parameters.files import load_parameter_file
 
 pytestmark = pytest.mark.integration
 
@@ -116,7 +117,7 @@ def test_one_command_at_each_control_instant_as_the_law_says(
     for step, stamp in enumerate(stamps):
         message = make_odometry(stamp, pose)
         decision, command = client.decide(message)
-        wanted = law.update(stamp, pose_of(message, 'odom'))
+        wanted = law.update(stamp, OdometryReading.of(message).pose_in('odom'))
         assert command == tuple(wanted.twist.tolist())
         assert len(client.commands) == len(client.decisions) == step + 1
         assert decision['reason'] == wanted.reason

@@ -46,11 +46,7 @@ def test_a_file_is_named_by_its_stem(tmp_path):
         ('case3', ['weights.road_centre=1.0'], r'found an unknown .*mean weights.road_center\?'),
         ('case3', ['final_time'], 'found no key=value'),
         ('case3', ['final_time=soon'], "final_time: found 'soon', wanted a number >= 0"),
-        (
-            'case3',
-            ['initial_pose=[8.0,-6.0,0.0]'],
-            'initial_pose: found 0.7 m inside .* obstacle a',
-        ),
+        ('case3', ['initial_pose=[8.0,-6.0,0.0]'], 'initial_pose: found 0.7 m inside or'),
         ('case3', ['initial_pose=[0.0,0.0,0.0]'], 'initial_pose: found 9 m inside or'),
         ('case3', ['goal.position=[5.0,0.0]'], 'goal.position: found 4 m inside or'),
         ('case3', ['road.inner_radius=11.0'], 'road.inner_radius: found 11.0 m, wanted less'),
@@ -107,5 +103,5 @@ def test_the_presets_raise_no_warnings():
 
 
 def test_a_robot_too_large_for_its_course_is_refused():
-    with pytest.raises(ParameterError, match='initial_pose: found 0.083 m inside'):
+    with pytest.raises(ParameterError, match=r'initial_pose: found 0\.083 m inside'):
         load_scenario('case3', [], lockstep=False, robot='jackal')

@@ -10,7 +10,8 @@ from dataclasses import replace
 import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings
+from cmpsp_ros.parameters.files import load_parameter_file
 
 PERIOD = 200_000_000
 

@@ -15,7 +15,8 @@ from PIL import Image
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.film import film
 from cmpsp_ros.bags.film.scene import scene
-from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings
+from cmpsp_ros.parameters.files import load_parameter_file
 from cmpsp_ros.view import bodies, body
 from cmpsp_ros.world.obstacles import Obstacle
 

@@ -12,8 +12,14 @@ from benchmarks.families.spread import Spread
 from benchmarks.quiet import collector_off
 from benchmarks.table import Table
 from cmpsp_ros.guidance import GuidanceLaw, to_nanoseconds
-from cmpsp_ros.parameters import TABLE, guidance_settings, laser_settings, plant_settings, shapes_of
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    laser_settings,
+    load_parameter_file,
+    plant_settings,
+    shapes_of,
+)
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo import Eyes
 from cmpsp_ros.world.grids import distance_field

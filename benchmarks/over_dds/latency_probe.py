@@ -18,8 +18,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.time import Time
 
 from cmpsp_ros.nodes.common import SIM_ODOM, SIM_STAMPED_COMMAND, StartupError, run
-from cmpsp_ros.parameters import TABLE, check_start, plant_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, check_start, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 
 _NS = 1_000_000_000

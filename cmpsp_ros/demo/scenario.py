@@ -18,10 +18,11 @@ from cmpsp_ros.parameters import (
     check_pace,
     check_start,
     guidance_settings,
+    load_parameter_file,
     plausibility_warnings,
     shapes_of,
 )
-from cmpsp_ros.parameters.files import load_parameter_file, load_robot, parse_assignment, with_files
+from cmpsp_ros.parameters.files import load_robot, parse_assignment, with_files
 from cmpsp_ros.world.obstacles import Shape
 
 _PACE: Final = 0.8

@@ -13,8 +13,7 @@ import yaml
 
 from cmpsp_ros.nodes import MODULES
 from cmpsp_ros.nodes.common.topics import DECISION
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
 
 pytestmark = pytest.mark.integration

@@ -16,8 +16,7 @@ from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.nodes.common.topics import GOAL_POSE, TOPICS
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import PlanMarkers
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 COMMANDS = (Twist, TwistStamped)
 CONFIG = Path(__file__).parents[2] / 'config'

@@ -14,8 +14,7 @@ import numpy as np
 from benchmarks.verify.case import Rng
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.guidance import GuidanceSettings, InitialGuess
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import config_directory, load_parameter_file
+from cmpsp_ros.parameters import TABLE, config_directory, guidance_settings, load_parameter_file
 from cmpsp_ros.world.obstacles import Obstacle
 
 # By name: another preset must not make other programs of the same seeds.

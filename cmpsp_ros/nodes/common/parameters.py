@@ -8,8 +8,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.parameter import Parameter
 
 from cmpsp_ros.nodes.common.runtime import overrides
-from cmpsp_ros.parameters import TABLE, ParameterType
-from cmpsp_ros.parameters.files import config_directory, with_files
+from cmpsp_ros.parameters import TABLE, ParameterType, config_directory
+from cmpsp_ros.parameters.files import with_files
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from cmpsp_ros.guidance import GuidanceSettings, InitialGuess
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import config_directory, load_parameter_file
+from cmpsp_ros.parameters import TABLE, config_directory, guidance_settings, load_parameter_file
 
 FIG5_GUESSES: Final = (
     ((30.0, 29.5), 'red'),

@@ -14,8 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.messages import OdometryReading
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 pytestmark = pytest.mark.integration
 

@@ -9,7 +9,7 @@ from rclpy.executors import SingleThreadedExecutor
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning import Planner
 from cmpsp_ros.nodes.guidance.node import GuidanceNode
-from cmpsp_ros.parameters.files import config_directory
+from cmpsp_ros.parameters import config_directory
 
 pytestmark = pytest.mark.integration
 

@@ -8,8 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.parameters import TABLE, guidance_settings, laser_settings, plant_settings, shapes_of
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import (
+    TABLE,
+    guidance_settings,
+    laser_settings,
+    load_parameter_file,
+    plant_settings,
+    shapes_of,
+)
 from cmpsp_ros.parameters.obstacles import obstacles_of
 from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of

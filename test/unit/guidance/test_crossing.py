@@ -7,8 +7,7 @@ import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.messages import Track
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.roads import Annulus, project_on_path
 
 PERIOD = 200_000_000

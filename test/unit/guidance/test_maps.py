@@ -21,8 +21,7 @@ from cmpsp_ros.guidance.mission import infeasibility_warnings
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.mpsp.jit import compilations
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import DifferentialDrive
 from cmpsp_ros.world.grids import Cell, GridObstacle, OccupancyGrid
 from cmpsp_ros.world.roads import OpenFloor

@@ -22,8 +22,7 @@ from cmpsp_ros.nodes.viewer_messages import (
     speeds_of,
     step_of,
 )
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.view import SharedState
 from cmpsp_ros.view.shared_state import ClientState
 

@@ -20,8 +20,7 @@ from hypothesis import HealthCheck, Phase, given
 from hypothesis import strategies as st
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
-from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 
 PRESETS = [
     (Path(__file__).parents[3] / 'config' / f'{name}.yaml').read_text(encoding='utf-8')

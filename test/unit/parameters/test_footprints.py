@@ -10,9 +10,10 @@ from cmpsp_ros.parameters import (
     ParameterError,
     check_start,
     guidance_settings,
+    load_parameter_file,
     plausibility_warnings,
 )
-from cmpsp_ros.parameters.files import load_parameter_file, parse_assignment
+from cmpsp_ros.parameters.files import parse_assignment
 
 BOX = '[[-0.2, -0.15], [0.1, -0.15], [0.1, 0.15], [-0.2, 0.15]]'
 

@@ -9,8 +9,15 @@ import pytest
 from PIL import Image
 
 from cmpsp_ros.guidance import MAP
-from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, text_of
-from cmpsp_ros.parameters.files import config_directory, load_parameter_file, with_files
+from cmpsp_ros.parameters import (
+    TABLE,
+    ParameterError,
+    config_directory,
+    guidance_settings,
+    load_parameter_file,
+    text_of,
+)
+from cmpsp_ros.parameters.files import with_files
 from cmpsp_ros.parameters.files.map_files import read_map
 from cmpsp_ros.parameters.obstacles import map_of
 from cmpsp_ros.world.grids import Cell, OccupancyGrid

@@ -12,13 +12,13 @@ from cmpsp_ros.parameters import (
     TABLE,
     ParameterError,
     check_start,
+    config_directory,
     guidance_settings,
+    load_parameter_file,
     plant_settings,
     road_keys,
 )
 from cmpsp_ros.parameters.files import (
-    config_directory,
-    load_parameter_file,
     parse_assignment,
     preset_names,
     presets,

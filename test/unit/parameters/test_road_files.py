@@ -4,8 +4,7 @@ import json
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, ParameterError, load_parameter_file
 from cmpsp_ros.parameters.files.road_files import with_road_file
 from cmpsp_ros.parameters.roads import road_of
 

@@ -4,8 +4,14 @@ import math
 
 import pytest
 
-from cmpsp_ros.parameters import MODELS, TABLE, ParameterError, guidance_settings, plant_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import (
+    MODELS,
+    TABLE,
+    ParameterError,
+    guidance_settings,
+    load_parameter_file,
+    plant_settings,
+)
 from cmpsp_ros.robots import DifferentialDrive
 
 MECANUM = {

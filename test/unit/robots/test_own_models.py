@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, ParameterError, guidance_settings, load_parameter_file
 from cmpsp_ros.robots import Ackermann, arc_part, arc_under, mecanum
 
 ROOT = Path(__file__).parents[3]

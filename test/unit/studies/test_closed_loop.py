@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.studies.closed_loop import drive
 
 VALUES = TABLE.resolve(load_parameter_file('case3'))

@@ -20,9 +20,9 @@ from cmpsp_ros.parameters import (
     ParameterError,
     guidance_settings,
     laser_settings,
+    load_parameter_file,
     plant_settings,
 )
-from cmpsp_ros.parameters.files import load_parameter_file
 from cmpsp_ros.robots import arc_ends
 from cmpsp_ros.sensing import Surroundings, sight_of
 from cmpsp_ros.simulator import Laser, Plant, discs_of, edges_of

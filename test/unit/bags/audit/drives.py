@@ -28,8 +28,7 @@ from cmpsp_ros.bags import BagWriter
 from cmpsp_ros.bags.audit import CheckOutcome
 from cmpsp_ros.bags.messages import DECISION, decision_message, path_message
 from cmpsp_ros.guidance import GuidanceLaw
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = 1_700_000_000 * SECOND
 ODOM_PERIOD = SECOND // 50

@@ -15,8 +15,7 @@ from PIL import Image
 from cmpsp_ros.bags import BagError
 from cmpsp_ros.bags.film import film
 from cmpsp_ros.bags.film.scene import scene
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.view import bodies, body
 from cmpsp_ros.world.obstacles import Obstacle
 
@@ -103,7 +102,7 @@ FRAME = """
 import numpy as np
 from cmpsp_ros.bags.film import render
 from cmpsp_ros.parameters.catalogue import TABLE
-from cmpsp_ros.parameters.presets import load_parameter_file
+from cmpsp_ros.parameters import load_parameter_file
 from cmpsp_ros.parameters.settings import guidance_settings
 
 settings = guidance_settings(TABLE.resolve(load_parameter_file('parking')))

@@ -24,8 +24,7 @@ from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.messages import DECISION, command_message, decision_message, path_message
 from cmpsp_ros.guidance import GoalError, GuidanceLaw
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, goal_of
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 DECISIONS = '/guidance/decision'
 TICK = SECOND // 50

@@ -8,8 +8,7 @@ from cmpsp_ros.bags import Bag, BagError, Names
 from cmpsp_ros.bags.decision_record import status_of
 from cmpsp_ros.bags.replay import Change, draw_what_if, what_if
 from cmpsp_ros.bags.replay.replay import replay
-from cmpsp_ros.parameters import ParameterError
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import ParameterError, load_parameter_file
 
 NAMES = Names.under('')
 WEIGHT = Change(None, {'weights.road_center': 30.0})

@@ -16,8 +16,7 @@ from cmpsp_ros.bags.report.picture import draw_report
 from cmpsp_ros.bags.report.slider import moving
 from cmpsp_ros.bags.report.tables import summary
 from cmpsp_ros.bags.report.view import view
-from cmpsp_ros.parameters import TABLE
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, load_parameter_file
 from cmpsp_ros.robots import arc_ends
 
 LENGTH = 2.0

@@ -7,8 +7,7 @@ import pytest
 
 from cmpsp_ros.bags.runs import Driven, holes, in_words, longest_interval, pieces
 from cmpsp_ros.bags.runs.holes import Hole
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 SECOND = 1_000_000_000
 

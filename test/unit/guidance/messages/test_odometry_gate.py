@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from cmpsp_ros.guidance import Safety
 from cmpsp_ros.guidance.messages import Arrival, OdometryError, OdometryGate, motion_limits
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 MS = 1_000_000
 BEGIN = 100_000 * MS

@@ -17,8 +17,7 @@ from cmpsp_ros.guidance import (
     severity,
 )
 from cmpsp_ros.guidance.messages import goal_of
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def preset(name, **changes):

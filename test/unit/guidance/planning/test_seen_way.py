@@ -7,8 +7,7 @@ import pytest
 
 from cmpsp_ros.guidance.planning.seen_way import searched_with
 from cmpsp_ros.guidance.settings import NOT_SEARCHED
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.grids import Cell, OccupancyGrid
 
 CELL, SIDE = 0.05, 200

@@ -8,8 +8,7 @@ import pytest
 from scenarios import ROAD, closed_loop, settings
 
 from cmpsp_ros.guidance import FallbackLevel, Safety
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Capsule, Obstacle, convex
 from cmpsp_ros.world.roads import Corridor, OpenFloor

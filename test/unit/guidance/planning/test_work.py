@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 START = np.array([0.0, -9.25, 0.0])
 

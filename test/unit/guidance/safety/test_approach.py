@@ -11,8 +11,7 @@ from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw, Horizon, Plan, Safety
 from cmpsp_ros.guidance.prediction.response import Response, Risk
 from cmpsp_ros.guidance.safety import Audit
 from cmpsp_ros.guidance.safety.approach import Approach
-from cmpsp_ros.parameters import TABLE, guidance_settings, plant_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file, plant_settings
 from cmpsp_ros.simulator import Plant
 from cmpsp_ros.studies.monte_carlo.driving import drive as drive_study
 from cmpsp_ros.studies.monte_carlo.driving import outcome

@@ -9,8 +9,7 @@ from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.prediction import PlanStart
 from cmpsp_ros.guidance.safety import Audit, plan_clearance
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def first(preset, tracks=(), **changes):

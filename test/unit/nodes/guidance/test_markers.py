@@ -12,8 +12,7 @@ from visualization_msgs.msg import Marker
 from cmpsp_ros.guidance import Goal
 from cmpsp_ros.guidance.formulation import sample_space
 from cmpsp_ros.nodes.guidance.outputs.markers import marker_array
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world.obstacles import Capsule, convex
 
 STAMP = Time(nanoseconds=3_000_000_005).to_msg()

@@ -12,8 +12,7 @@ from cmpsp_ros.guidance import FallbackLevel, GuidanceLaw
 from cmpsp_ros.guidance.messages import Track
 from cmpsp_ros.guidance.safety import plan_clearance
 from cmpsp_ros.nodes.guidance.outputs.plan_markers import FAR, NEAR, PLENTY, PlanMarkers, color_of
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 
 
 def settings_of(preset='case3', **changes):

@@ -7,8 +7,7 @@ import pytest
 
 from cmpsp_ros.guidance import GuidanceLaw
 from cmpsp_ros.guidance.planning.homotopy.searched_line import searched_line
-from cmpsp_ros.parameters import TABLE, guidance_settings
-from cmpsp_ros.parameters.files import load_parameter_file
+from cmpsp_ros.parameters import TABLE, guidance_settings, load_parameter_file
 from cmpsp_ros.world import FreeSpace
 from cmpsp_ros.world.obstacles import Obstacle
 from cmpsp_ros.world.roads import OpenFloor

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from cmpsp_ros.parameters import TABLE
-from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.parameters import TABLE, is_of_ros
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / 'launch').glob('*.launch.py'))

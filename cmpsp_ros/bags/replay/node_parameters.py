@@ -8,8 +8,7 @@ from typing import Any
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.parameter_values import plain_values
 from cmpsp_ros.bags.reader import Bag
-from cmpsp_ros.parameters import TABLE, ParameterError, Values, shapes_of
-from cmpsp_ros.parameters.table import is_of_ros
+from cmpsp_ros.parameters import TABLE, ParameterError, Values, is_of_ros, shapes_of
 from cmpsp_ros.world.obstacles import Shape
 
 EVENTS = '/parameter_events'

@@ -5,13 +5,13 @@ import math
 import pytest
 
 from cmpsp_ros.parameters import (
-    MODELS,
     TABLE,
     ParameterError,
     guidance_settings,
     load_parameter_file,
     plant_settings,
 )
+from cmpsp_ros.parameters.robots import MODELS
 from cmpsp_ros.robots import DifferentialDrive
 
 MECANUM = {

@@ -20,7 +20,7 @@ from visualization_msgs.msg import MarkerArray
 
 from cmpsp_ros.guidance.messages import PeerTrajectory
 from cmpsp_ros.nodes.common.topic import Topic
-from cmpsp_ros.parameters import with_section
+from cmpsp_ros.parameters.files import with_section
 
 OF_A_RUN = 1000
 """Depth for topics that are recorded.

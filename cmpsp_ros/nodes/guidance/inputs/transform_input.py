@@ -27,10 +27,10 @@ from cmpsp_ros.guidance.messages import (
     tracks_of,
 )
 from cmpsp_ros.nodes.common.clouds import cloud_of
+from cmpsp_ros.nodes.common.road_messages import road_in
 from cmpsp_ros.nodes.common.topics import OWN_GOAL_POSE, OWN_MOVING, OWN_ODOM
 from cmpsp_ros.nodes.timing.drain_queue import drain_queue
 from cmpsp_ros.parameters import ParameterError, Problem
-from cmpsp_ros.parameters.courses import road_in
 from cmpsp_ros.sensing import stamp_of
 
 try:

@@ -14,7 +14,7 @@ from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.identify.drives import Drive, Series
 from cmpsp_ros.bags.identify.estimates import AXES, Identification
 from cmpsp_ros.bags.identify.model import Response
-from cmpsp_ros.parameters import dump
+from cmpsp_ros.parameters.files import dump
 from cmpsp_ros.view import BAGS, EDGE, GRID, TEXT
 
 

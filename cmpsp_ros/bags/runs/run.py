@@ -13,8 +13,9 @@ from cmpsp_ros.bags.decision_record import DecisionRecord, read_decisions
 from cmpsp_ros.bags.errors import BagError
 from cmpsp_ros.bags.reader import Bag
 from cmpsp_ros.guidance import NANOSECONDS
-from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, stamp_of, tracks_of
+from cmpsp_ros.guidance.messages import Track, TrackError, heading_of, tracks_of
 from cmpsp_ros.robots import arc_ends, plain
+from cmpsp_ros.sensing import stamp_of
 
 
 def read_tracks(bag: Bag, topic: str, frame_id: str | None) -> tuple[Track, ...]:

@@ -1,4 +1,4 @@
-"""What of the floor a robot takes up: a disc, or a polygon that a few discs cover."""
+"""Footprints: a disc, or a polygon that a few discs cover."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array, BoolArray
 from cmpsp_ros.robots.arcs import speeds_and_turns, with_side
-from cmpsp_ros.robots.robot import Robot
-from cmpsp_ros.robots.twist_limits import TwistLimits
+from cmpsp_ros.robots.robot import Robot, TwistLimits
 
 Point = tuple[float, float]
 Bodies = Sequence[tuple[Array, float]]

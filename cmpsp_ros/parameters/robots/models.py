@@ -32,15 +32,15 @@ def robot_of(values: Values) -> Robot:
     """The robot, of the model that `robot.model` names.
 
     Raises:
-        ParameterError: It is a class of one's own that cannot be used.
+        ParameterError: It is a custom model that cannot be used.
     """
     model = values['robot.model']
     if model in MODELS:
         return MODELS[model](values)
-    from cmpsp_ros.robots.own import ModelError, own_robot  # noqa: PLC0415 (loads numba)
+    from cmpsp_ros.robots import ModelError, custom_robot  # noqa: PLC0415 (loads numba)
 
     try:
-        return own_robot(model, values)
+        return custom_robot(model, values)
     except ModelError as error:
         raise ParameterError(Problem('robot.model', *error.args)) from error
 
@@ -71,9 +71,9 @@ def robot_problems(values: Values) -> Iterator[Problem]:
 def _n_wheels(values: Values) -> int:
     bearings = values['robot.wheel_bearings']
     if values['robot.model'] not in MODELS:
-        from cmpsp_ros.robots.own import own_model  # noqa: PLC0415 (loads numba)
+        from cmpsp_ros.robots import custom_model  # noqa: PLC0415 (loads numba)
 
-        return own_model(values['robot.model']).n_controls
+        return custom_model(values['robot.model']).n_controls
     others = {'mecanum': 4, 'omni_wheels': len(bearings), 'ackermann': 1}
     return others.get(values['robot.model'], 2)
 

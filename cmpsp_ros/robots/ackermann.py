@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from cmpsp_ros.arrays import Array
+from cmpsp_ros.arrays import Array, IntArray
+from cmpsp_ros.mpsp.jit import inner
 from cmpsp_ros.robots.acceleration import TimeScaling
+from cmpsp_ros.robots.kinematics import addresses
 from cmpsp_ros.robots.robot import Robot, Signal, TwistLimits
 
 
@@ -39,20 +41,19 @@ class Ackermann(Robot):
         """The wheel base."""
         return (self.wheel_base,)
 
-    @staticmethod
-    def motion(constants: Any, speed: Any, angle: Any) -> tuple[Any, Any, Any]:
-        """Twist of the rear axle."""
-        return speed, 0.0, speed * np.tan(angle) / constants[0]
-
-    @staticmethod
-    def steer(constants: Any, forward: float, _left: float, turn_rate: float) -> tuple[float, ...]:
-        """Speed and angle; at rest straight ahead."""
-        return forward, math.atan(constants[0] * turn_rate / forward) if forward != 0.0 else 0.0
+    def functions(self) -> IntArray:
+        """Addresses of the functions below."""
+        return addresses(_displace, _differentiate, _steer)
 
     @property
     def half_track(self) -> float:
         """Smallest radius that the robot turns with [m]."""
         return self.wheel_base / math.tan(self.max_steering_angle)
+
+    @property
+    def max_curvature(self) -> float:
+        """Curvature at the largest steering angle [1/m]."""
+        return math.tan(self.max_steering_angle) / self.wheel_base
 
     @property
     def wheels(self) -> Array:
@@ -80,6 +81,19 @@ class Ackermann(Robot):
     def steering_limits(self) -> tuple[float, float]:
         """Limits of steering angle and rate [rad, rad/s]."""
         return self.max_steering_angle, self.max_steering_rate
+
+    def twist(self, controls: Array) -> Array:
+        """Twists ``(..., 2)`` [m/s, rad/s] of controls."""
+        speed = controls[..., 0] * self.wheel_radius
+        return np.stack([speed, speed * np.tan(controls[..., 1]) / self.wheel_base], axis=-1)
+
+    def controls(self, twist: Array) -> Array:
+        """Controls of twists; at rest it steers straight ahead."""
+        speed, turn_rate = twist[..., 0], twist[..., -1]
+        moves = speed != 0.0
+        curvature = np.where(moves, turn_rate / np.where(moves, speed, 1.0), 0.0)
+        steering = np.arctan(curvature * self.wheel_base)
+        return np.stack([speed / self.wheel_radius, steering], axis=-1)
 
     def speeds_of(self, controls: Array) -> Array:
         """Speed of the rear wheels, ``(..., 1)`` [rad/s]."""
@@ -110,3 +124,32 @@ class Ackermann(Robot):
     def steering_of(self, control: Array) -> float:
         """Steering angle of a control [rad]."""
         return float(control[1])
+
+
+# Written out, not derived from a twist: in this order of operations recorded drives replay bit for
+# bit.
+@inner
+def _displace(
+    values: Array, out: Array, speed: float, angle: float, _w: float, time: float
+) -> None:
+    length = speed * values[0] * time
+    out[0, 0], out[0, 1], out[0, 2] = length, 0.0, length * math.tan(angle) / values[1]
+
+
+@inner
+def _differentiate(
+    values: Array, out: Array, speed: float, angle: float, _w: float, time: float
+) -> None:
+    per_speed, wheel_base, bend = values[0] * time, values[1], math.tan(angle) / values[1]
+    length = speed * per_speed
+    out[0, 0], out[0, 1], out[0, 2] = length, 0.0, length * bend
+    out[1, 0], out[1, 1] = per_speed, 0.0
+    out[2, 0], out[2, 1] = 0.0, 0.0
+    out[3, 0], out[3, 1] = per_speed * bend, length * (1.0 / wheel_base + wheel_base * bend * bend)
+
+
+@inner
+def _steer(
+    values: Array, out: Array, forward: float, _left: float, _turn_rate: float, curvature: float
+) -> None:
+    out[0, 0], out[0, 1] = forward / values[0], math.atan(curvature * values[1])

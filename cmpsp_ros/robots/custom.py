@@ -15,7 +15,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.acceleration import TimeScaling
-from cmpsp_ros.robots.robot import Robot, Signal, TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, Signal, TwistLimits
 
 _SAMPLES: Final = 21
 _ALL: Final = 1.01
@@ -25,7 +25,7 @@ _STOPPED: Final = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class CustomRobot(Robot):
+class CustomRobot(DerivedRobot):
     """A robot whose controls, while they are held, give it a twist that depends on them alone.
 
     Its "wheels" are its controls as parts of their limits, in messages too, and its wheel radius is

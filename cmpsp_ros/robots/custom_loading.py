@@ -34,11 +34,7 @@ class ModelError(ValueError):
 
 
 def custom_model(name: str) -> type[CustomRobot]:
-    """The class of a name such as `my_package.my_module:MyRobot`.
-
-    Raises:
-        ModelError: There is no such class, or it is not derived from `CustomRobot`.
-    """
+    """The class of a name such as `my_package.my_module:MyRobot`, or a `ModelError`."""
     module, colon, wanted = name.partition(':')
     if not colon or not module or not wanted:
         raise ModelError(repr(name), _MODELS)
@@ -54,10 +50,10 @@ def custom_model(name: str) -> type[CustomRobot]:
 
 
 def custom_robot(name: str, parameters: Mapping[str, Any]) -> CustomRobot:
-    """The robot of a custom class.
+    """The robot of a custom class, once its parts are known to fit together.
 
     Raises:
-        ModelError: There is no such class, or what it says cannot be or does not fit together.
+        ModelError: They do not, or there is no such class.
     """
     try:
         robot = custom_model(name).of(parameters)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -27,16 +26,6 @@ class DifferentialDrive(Robot):
     def constants(self) -> tuple[float, ...]:
         """The half track."""
         return (self.half_track,)
-
-    @staticmethod
-    def motion(constants: Any, right: Any, left: Any) -> tuple[Any, Any, Any]:
-        """Mean and difference of the wheels, by (91)."""
-        return (right + left) / 2.0, 0.0, (right - left) / (2.0 * constants[0])
-
-    @staticmethod
-    def steer(constants: Any, forward: float, _left: float, turn_rate: float) -> tuple[float, ...]:
-        """Wheel speeds; a speed to the side is left out."""
-        return forward + turn_rate * constants[0], forward - turn_rate * constants[0]
 
     def functions(self) -> IntArray:
         """Addresses of the functions below."""
@@ -81,8 +70,8 @@ class DifferentialDrive(Robot):
         return speeds
 
 
-# The order of operations is that of (91) with its constants first: recorded drives replay bit for
-# bit, which the general derivation from `motion` does not give.
+# Written out, not derived from a twist: in this order of operations recorded drives replay bit for
+# bit.
 @inner
 def _displace(values: Array, out: Array, right: float, left: float, _w: float, time: float) -> None:
     out[0, 0] = (right + left) * values[0] / 2.0 * time
@@ -103,7 +92,7 @@ def _differentiate(
 
 @inner
 def _steer(
-    values: Array, out: Array, forward: float, _left: float, turn_rate: float, _time: float
+    values: Array, out: Array, forward: float, _left: float, turn_rate: float, _curvature: float
 ) -> None:
     rim = turn_rate * values[1]
     out[0, 0], out[0, 1] = (forward + rim) / values[0], (forward - rim) / values[0]

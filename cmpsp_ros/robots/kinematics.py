@@ -38,7 +38,7 @@ class Kinematics(NamedTuple):
         n_speeds: How many of the controls, the first, are 0 at rest; the others are angles.
         max_wheel_speed: Limit of each wheel [rad/s].
         max_speed: Largest speed along the path [m/s].
-        min_radius: Smallest radius of a turn; 0 for a robot that turns on the spot [m].
+        max_curvature: Largest curvature of its path; infinite if it turns on the spot [1/m].
         drives_sideways: Whether it moves in every direction without turning first.
     """
 
@@ -50,7 +50,7 @@ class Kinematics(NamedTuple):
     n_speeds: int
     max_wheel_speed: float
     max_speed: float
-    min_radius: float
+    max_curvature: float
     drives_sideways: bool
 
 
@@ -104,10 +104,20 @@ def arc_of(
 
 @allocation_free
 def steer(
-    controls: Array, k: int, forward: float, left: float, turn_rate: float, robot: Kinematics
+    controls: Array,
+    k: int,
+    forward: float,
+    left: float,
+    turn_rate: float,
+    curvature: float,
+    robot: Kinematics,
 ) -> None:
-    """Fill control ``k`` with that of a twist; see `within_limits`."""
-    call(robot.functions[_STEER], (robot.values, robot.scratch, forward, left, turn_rate, 0.0))
+    """Fill control ``k`` with that of a twist [m/s, m/s, rad/s]; see `within_limits`.
+
+    The curvature [1/m] is that of the path, for robots that are steered and not turned.
+    """
+    given = robot.values, robot.scratch, forward, left, turn_rate, curvature
+    call(robot.functions[_STEER], given)
     for a in range(controls.shape[1]):
         controls[k, a] = robot.scratch[0, a]
 
@@ -217,7 +227,7 @@ def steering(steer: Callable[..., Any], count: int) -> Any:
 
     @inner
     def put_controls(
-        values: Array, out: Array, forward: float, left: float, turn_rate: float, _time: float
+        values: Array, out: Array, forward: float, left: float, turn_rate: float, _curvature: float
     ) -> None:
         found = controls_of(
             values[1:], forward / values[0], left / values[0], turn_rate / values[0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from cmpsp_ros.arrays import Array
 from cmpsp_ros.robots.arcs import with_side
-from cmpsp_ros.robots.robot import Robot, TwistLimits
+from cmpsp_ros.robots.robot import DerivedRobot, TwistLimits
 
 Rim = tuple[float, float, float]
 
@@ -27,7 +27,7 @@ _ALL: Final = 1.0 + 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Omnidirectional(Robot):
+class Omnidirectional(DerivedRobot):
     """A robot whose controls are the speeds of three of its wheels.
 
     They are the three that depend on each other least; limits of all others are constraints.
@@ -182,13 +182,8 @@ class Omnidirectional(Robot):
 def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Omnidirectional:
     """A robot on four mecanum wheels with rollers at 45 degrees, as `mecanum_drive_controller`.
 
-    Args:
-        half_track: Half the distance between right and left wheels [m].
-        half_wheel_base: Half the distance between front and rear wheels [m].
-        of_wheels: Radius and limits, as of a `Robot`.
-
-    Returns:
-        Its wheels are front left, front right, rear right, rear left.
+    Its wheels are front left, front right, rear right, rear left: `half_track` [m] to the side and
+    `half_wheel_base` [m] ahead or behind. `of_wheels` are radius and limits, as of a `Robot`.
     """
     arm = half_track + half_wheel_base
     rims = ((1.0, -1.0, -arm), (1.0, 1.0, arm), (1.0, -1.0, arm), (1.0, 1.0, -arm))
@@ -198,12 +193,10 @@ def mecanum(half_track: float, half_wheel_base: float, **of_wheels: float) -> Om
 def on_omni_wheels(
     distance: float, bearings: Iterable[float], **of_wheels: float
 ) -> Omnidirectional:
-    """A robot on omni wheels, each of which rolls around the robot's centre.
+    """A robot on three or more omni wheels, each of which rolls around the robot's centre.
 
-    Args:
-        distance: Of every wheel from the robot's centre [m].
-        bearings: Where the wheels are, from ahead to the left, three or more [rad].
-        of_wheels: Radius and limits, as of a `Robot`.
+    They are at one distance [m] from it, at bearings from ahead to the left [rad]. `of_wheels` are
+    radius and limits, as of a `Robot`.
     """
     rims = tuple((-math.sin(each), math.cos(each), distance) for each in bearings)
     return Omnidirectional(rims=rims, **of_wheels)

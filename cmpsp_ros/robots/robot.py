@@ -20,11 +20,8 @@ from cmpsp_ros.robots.kinematics import Kinematics, addresses, displacement, ste
 class Signal(NamedTuple):
     """A wheel speed or another control over time, as pictures show it.
 
-    Attributes:
-        name: Its name, as in `right wheel`.
-        axis: Quantity with its unit, as in `wheel speed [rad/s]`.
-        values: Shape ``(N,)``.
-        limit: Limit of its magnitude; infinite for none.
+    `axis` is the quantity with its unit, as in `wheel speed [rad/s]`; `values` have the shape
+    ``(N,)``; `limit` is that of their magnitude, infinite for none.
     """
 
     name: str
@@ -70,9 +67,8 @@ class TwistLimits:
 class Robot(ABC):
     """A robot on wheels that drives an arc of a circle under a control that is held.
 
-    A model says by `motion` which twist a control gives, and by `steer` which control gives a
-    twist, both for a wheel radius of 1. Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot
-    whose reference point also moves sideways ``(forward, to the left, turn rate)``.
+    Twists are ``(speed, turn rate)`` [m/s, rad/s]; of a robot whose reference point also moves
+    sideways ``(forward, to the left, turn rate)``.
 
     Attributes:
         n_controls: Number of controls, ``r``.
@@ -96,17 +92,11 @@ class Robot(ABC):
     @property
     @abstractmethod
     def constants(self) -> tuple[float, ...]:
-        """Numbers that `motion` and `steer` are given first."""
+        """Numbers that the model's functions are given, after the wheel radius."""
 
-    @staticmethod
     @abstractmethod
-    def motion(constants: Any, *controls: Any) -> tuple[Any, Any, Any]:
-        """Speed forward and to the left, and turn rate [m/s, m/s, rad/s]; by numpy's functions."""
-
-    @staticmethod
-    @abstractmethod
-    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
-        """The controls of a twist, or those that come near to it."""
+    def functions(self) -> IntArray:
+        """Addresses, in this process, of the model's functions; see `kinematics.addresses`."""
 
     @property
     def twist_parts(self) -> int:
@@ -117,6 +107,11 @@ class Robot(ABC):
     @abstractmethod
     def half_track(self) -> float:
         """Speed at the wheels of a unit turn rate, or the smallest radius of a turn [m]."""
+
+    @property
+    def max_curvature(self) -> float:
+        """Largest curvature of its path; infinite for a robot that turns on the spot [1/m]."""
+        return math.inf if self.turns_on_the_spot else 1.0 / self.half_track
 
     @property
     def max_speed(self) -> float:
@@ -145,14 +140,9 @@ class Robot(ABC):
             n_speeds=self.n_speeds,
             max_wheel_speed=float(self.max_wheel_speed),
             max_speed=float(self.max_speed),
-            min_radius=0.0 if self.turns_on_the_spot else float(self.half_track),
+            max_curvature=self.max_curvature,
             drives_sideways=self.drives_sideways,
         )
-
-    def functions(self) -> IntArray:
-        """Addresses of the model's compiled functions, of this process."""
-        moves = displacement(self.motion, self.n_controls)
-        return addresses(*moves, steering(self.steer, self.n_controls))
 
     def __getstate__(self) -> dict[str, Any]:
         """Without addresses, which another process does not have."""
@@ -214,20 +204,13 @@ class Robot(ABC):
             ValueError: There is no wheel-speed limit.
         """
 
+    @abstractmethod
     def twist(self, controls: Array) -> Array:
         """Twists ``(..., 2)`` or ``(..., 3)`` of controls ``(..., r)``."""
-        twists = self._twists(controls)
-        return twists if self.twist_parts > 2 else twists[..., ::2]
 
-    def _twists(self, controls: Array) -> Array:
-        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
-        return self.wheel_radius * np.stack(np.broadcast_arrays(*found), axis=-1)
-
+    @abstractmethod
     def controls(self, twist: Array) -> Array:
         """Controls ``(..., r)`` of twists, of either form."""
-        rows = with_side(twist / self.wheel_radius).reshape(-1, 3).tolist()
-        found = np.array([self.steer(self.constants, *row) for row in rows], dtype=float)
-        return found.reshape(*twist.shape[:-1], self.n_controls)
 
     def speeds_of(self, controls: Array) -> Array:
         """Wheel speeds ``(..., W)`` [rad/s] of controls ``(..., r)``."""
@@ -258,17 +241,12 @@ class Robot(ABC):
     def with_slip(self, controls: Array, grip: Array) -> Array:
         """Controls that move a robot without slip as these ``(..., r)`` move it with slip.
 
-        Args:
-            controls: Shape ``(..., r)``.
-            grip: Fraction of its turning by which a wheel moves the robot, right and left.
+        `grip` is the fraction of its turning by which a wheel moves the robot, right and left.
         """
         return self.slowed(controls, float(np.mean(grip)))
 
     def straight_or_turning(self, length: float, turn: float, time: float) -> Array:
-        """Control, shape ``(r,)``, that drives a length [m], or turns on the spot [rad], in a time.
-
-        One of `length` and `turn` is 0; `time` is in [s].
-        """
+        """Control ``(r,)`` that drives a length [m], or turns on the spot [rad], in a time [s]."""
         return self.controls(np.array([length, turn]) / time)
 
     def steering_of(self, control: Array) -> float | None:  # noqa: ARG002
@@ -291,17 +269,14 @@ class Robot(ABC):
 
     def limited(self, controls: Array) -> Array:
         """A control, shape ``(r,)``, slowed down along its arc to what the wheels can do."""
-        speeds, limited = self.n_speeds, controls
-        fastest = float(np.abs(self.wheels[:, :speeds] @ controls[:speeds]).max())
+        limited, speeds = controls.copy(), slice(self.n_speeds)
+        fastest = float(np.abs(self.wheels[:, speeds] @ controls[speeds]).max())
         if fastest > self.max_wheel_speed:
             # Divided first: the fastest wheel of a differential drive then has exactly the limit,
             # and rounding cannot lift the other above it.
-            slowed = controls[:speeds] / fastest * self.max_wheel_speed
-            limited = np.concatenate([slowed, controls[speeds:]])
-        if speeds < self.n_controls:
-            limited = np.concatenate(
-                [limited[:speeds], np.clip(limited, -self.bounds, self.bounds)[speeds:]]
-            )
+            limited[speeds] = controls[speeds] / fastest * self.max_wheel_speed
+        angles = slice(self.n_speeds, None)
+        limited[angles] = np.clip(controls[angles], -self.bounds[angles], self.bounds[angles])
         return limited
 
     def all_limited(self, controls: Array, spare: float) -> Array:
@@ -312,15 +287,10 @@ class Robot(ABC):
         return slowed
 
     def roll_out(self, pose: Array, controls: Array, durations: Array) -> Array:
-        """Poses along the path driven, exactly, each control held for its duration.
+        """Poses ``(N + 1, 3)`` [m, m, rad] along the path driven, exactly, from a pose on.
 
-        Args:
-            pose: First pose, shape ``(3,)`` [m, m, rad].
-            controls: Shape ``(N, r)``.
-            durations: Shape ``(N,)`` [s].
-
-        Returns:
-            Poses ``(N + 1, 3)`` [m, m, rad]; the heading is not wrapped.
+        Each of the controls ``(N, r)`` is held for its duration ``(N,)`` [s]. The heading is not
+        wrapped.
         """
         poses = np.empty((len(durations) + 1, 3))
         poses[0] = pose
@@ -330,16 +300,47 @@ class Robot(ABC):
     def jacobians(self, poses: Array, controls: Array, durations: Array) -> tuple[Array, Array]:
         """Derivatives of every step of `roll_out` by its pose and by its control.
 
-        Args:
-            poses: Shape ``(N + 1, 3)``, as returned by `roll_out`.
-            controls: Shape ``(N, r)``.
-            durations: Shape ``(N,)`` [s].
-
-        Returns:
-            ``A (N, 3, 3)`` and ``B (N, 3, r)``: the transposes of the paper's ``dF_k/dX_k`` and
-            ``dF_k/dU_k``, which it writes with the derivative along rows.
+        They are ``A (N, 3, 3)`` and ``B (N, 3, r)``: the transposes of the paper's ``dF_k/dX_k``
+        and ``dF_k/dU_k``, which it writes with the derivative along rows.
         """
         A = np.zeros((len(durations), 3, 3))
         B = np.zeros((len(durations), 3, self.n_controls))
         kinematics.put_jacobians(A, B, poses, controls, durations, self.kinematics)
         return A, B
+
+
+class DerivedRobot(Robot):
+    """A model that is its motion and its steering, from which all else is derived.
+
+    Both are for a wheel radius of 1, and are given `constants` first.
+    """
+
+    @staticmethod
+    @abstractmethod
+    def motion(constants: Any, *controls: Any) -> tuple[Any, Any, Any]:
+        """Speed forward and to the left, and turn rate [m/s, m/s, rad/s]; by numpy's functions."""
+
+    @staticmethod
+    @abstractmethod
+    def steer(constants: Any, forward: float, left: float, turn_rate: float) -> tuple[float, ...]:
+        """The controls of a twist, or those that come near to it."""
+
+    def functions(self) -> IntArray:
+        """Addresses of what is compiled from `motion` and `steer`."""
+        moves = displacement(self.motion, self.n_controls)
+        return addresses(*moves, steering(self.steer, self.n_controls))
+
+    def twist(self, controls: Array) -> Array:
+        """Twists ``(..., 2)``, or ``(..., 3)`` of a robot that moves sideways, of controls."""
+        twists = self._twists(controls)
+        return twists if self.twist_parts > 2 else twists[..., ::2]
+
+    def _twists(self, controls: Array) -> Array:
+        found = self.motion(self.constants, *np.moveaxis(controls, -1, 0))
+        return self.wheel_radius * np.stack(np.broadcast_arrays(*found), axis=-1)
+
+    def controls(self, twist: Array) -> Array:
+        """Controls ``(..., r)`` of twists, of either form."""
+        rows = with_side(twist / self.wheel_radius).reshape(-1, 3).tolist()
+        found = np.array([self.steer(self.constants, *row) for row in rows], dtype=float)
+        return found.reshape(*twist.shape[:-1], self.n_controls)

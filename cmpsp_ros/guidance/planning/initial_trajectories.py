@@ -194,14 +194,18 @@ def steer(
             turn_rate = min(max(angle / duration, -trusted), trusted)
             _drive_sideways(controls, k, duration, angle, speed, robot, turn_rate)
     else:
-        bend = math.sin(angle) if abs(angle) < math.pi / 2.0 else math.copysign(1.0, angle)
-        if robot.min_radius > 0.0:
-            if abs(angle) >= math.pi / 2.0:
-                # As far as it goes towards what is beside or behind.
-                bend = math.copysign(distance / robot.min_radius, angle)
-            trusted = min(trusted, speed / robot.min_radius)
-        turn_rate = 2.0 * speed * bend / distance
-        steer_by(controls, k, speed, 0.0, min(max(turn_rate, -trusted), trusted), robot)
+        is_ahead = abs(angle) < math.pi / 2.0
+        if robot.max_curvature == math.inf:
+            bend = math.sin(angle) if is_ahead else math.copysign(1.0, angle)
+            turn_rate = min(max(2.0 * speed * bend / distance, -trusted), trusted)
+            curvature = 0.0
+        else:
+            # As far as it goes towards what is beside or behind.
+            wanted = 2.0 * math.sin(abs(angle)) / distance if is_ahead else math.inf
+            tightest = min(robot.max_curvature, trusted / max(speed, 1e-12))
+            curvature = math.copysign(min(wanted, tightest), angle)
+            turn_rate = speed * curvature
+        steer_by(controls, k, speed, 0.0, turn_rate, curvature, robot)
     within_limits(controls, k, robot)
     drive(poses, controls, k, duration, robot)
 
@@ -218,7 +222,8 @@ def _drive_sideways(
 ) -> None:
     """Fill the control of a robot that goes at an angle while it turns."""
     course = angle - turn_rate * duration / 2.0
-    steer_by(controls, k, speed * math.cos(course), speed * math.sin(course), turn_rate, robot)
+    forward, left = speed * math.cos(course), speed * math.sin(course)
+    steer_by(controls, k, forward, left, turn_rate, 0.0, robot)
 
 
 @allocation_free

@@ -197,7 +197,7 @@ def _follow(
             # The wheels brake as they have set out: by half of the angle each.
             most = math.sqrt(max_turn_change * durations[k] * abs(angle))
             turn = math.copysign(min(abs(angle), max_turn, most), angle)
-            steer_by(controls, k, 0.0, 0.0, turn / durations[k], robot)
+            steer_by(controls, k, 0.0, 0.0, turn / durations[k], 0.0, robot)
         if max_change < math.inf:
             for side in range(2):
                 before = previous[side] if k == 0 else controls[k - 1, side]
